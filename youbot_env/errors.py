@@ -1,0 +1,9 @@
+"""The one exception that a user's mistake raises."""
+
+
+class InputError(ValueError):
+    """Input that cannot be used.
+
+    ``str(error)`` is one line that says what is wrong, where (file, row, column) and what to do
+    about it; the command line prints it and exits with status 2.
+    """

@@ -1,0 +1,99 @@
+"""Geometry of a four-wheel mecanum platform and its no-slip kinematics."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, fields
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from youbot_env.errors import InputError
+
+WHEELS = ("fl", "fr", "bl", "br")
+"""Wheel order everywhere: front left, front right, back left, back right."""
+
+SIGN_X = (+1.0, +1.0, -1.0, -1.0)
+"""x_i = SIGN_X[i] h: front wheels lie ahead of O."""
+
+SIGN_Y = (+1.0, -1.0, +1.0, -1.0)
+"""y_i = SIGN_Y[i] l: left wheels lie at positive Y."""
+
+SIGN_LATERAL = (-1.0, +1.0, +1.0, -1.0)
+"""Sign of VY in R phi_i' (tangent of the roller angle, d = -45, +45, +45, -45 degrees)."""
+
+COS_ROLLER = float(np.sqrt(0.5))
+"""Cosine of the 45 degree angle between a roller's axis and X."""
+
+
+@dataclass(frozen=True)
+class Geometry:
+    """Lengths and wheel mass that are known beforehand. The defaults are the KUKA youBot's.
+
+    Attributes
+    ----------
+    l, h : half the track width and half the wheel base [m]
+    R, r : wheel and roller radius [m]
+    m1 : mass of one wheel [kg]
+
+    Raises
+    ------
+    InputError
+        If a length is not positive and finite, or the mass is negative.
+    """
+
+    l: float = 0.15  # noqa: E741 - the paper's name, and the model file's
+    h: float = 0.2355
+    R: float = 0.0475
+    r: float = 0.014
+    m1: float = 1.4
+
+    def __post_init__(self) -> None:
+        for field in fields(self):
+            value = getattr(self, field.name)
+            if not isinstance(value, (int, float)) or not np.isfinite(value):
+                raise InputError(f"geometry {field.name}: {value!r} is not a finite number")
+            if value < 0 or (value == 0 and field.name != "m1"):
+                raise InputError(f"geometry {field.name}: {value!r} must be positive")
+            object.__setattr__(self, field.name, float(value))
+
+    @property
+    def L(self) -> float:  # noqa: N802 - the paper's name
+        """L = l + h [m], the lever arm of a wheel's rolling in the yaw equation."""
+        return self.l + self.h
+
+    @property
+    def wheel_jacobian(self) -> NDArray[np.float64]:
+        """(4, 3): wheel rates [rad/s] per body twist (VX, VY, W); no slip."""
+        yaw = [-sign * self.L for sign in SIGN_Y]
+        return np.column_stack([np.ones(4), SIGN_LATERAL, yaw]) / self.R
+
+    @property
+    def roller_jacobian(self) -> NDArray[np.float64]:
+        """(4, 3): rates [rad/s] of the rollers on the floor per body twist; no slip."""
+        lateral = -np.ones(4) / (self.r * COS_ROLLER)
+        return np.column_stack([np.zeros(4), lateral, lateral * np.array(SIGN_X) * self.h])
+
+    def wheel_speeds(self, twist: ArrayLike) -> NDArray[np.float64]:
+        """Wheel rates (..., 4) [rad/s] of the body twist (..., 3) (VX, VY, W) without slip."""
+        return np.asarray(twist, float) @ self.wheel_jacobian.T
+
+    def body_twist(self, wheel_speeds: ArrayLike) -> NDArray[np.float64]:
+        """Least-squares twist (..., 3) of four wheel rates (..., 4) [rad/s].
+
+        The columns of the wheel Jacobian are orthogonal, so the projection is a mean with signs.
+        """
+        jacobian = self.wheel_jacobian
+        return np.asarray(wheel_speeds, float) @ (jacobian / (jacobian**2).sum(axis=0))
+
+    def slip(self, wheel_speeds: ArrayLike) -> NDArray[np.float64]:
+        """phi_1' + phi_2' - phi_3' - phi_4' (...) [rad/s]: zero as long as no wheel slips."""
+        return np.asarray(wheel_speeds, float) @ np.array([1.0, 1.0, -1.0, -1.0])
+
+    def body_force(self, wheel_torque: ArrayLike) -> NDArray[np.float64]:
+        """(F_X, F_Y, M_W) (..., 3) [N, N, N m] about O of four wheel torques (..., 4) [N m]."""
+        return np.asarray(wheel_torque, float) @ self.wheel_jacobian
+
+    def wheel_torque(self, body_force: ArrayLike) -> NDArray[np.float64]:
+        """Least-norm wheel torques (..., 4) [N m] that exert the body force (..., 3)."""
+        jacobian = self.wheel_jacobian
+        return np.asarray(body_force, float) @ (jacobian / (jacobian**2).sum(axis=0)).T
