@@ -1,0 +1,1 @@
+"""Controllers that track a body twist with wheel torques."""

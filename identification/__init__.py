@@ -1,0 +1,1 @@
+"""Identification of the dynamic model from logs, and its comparison with measurements."""

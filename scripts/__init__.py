@@ -1,0 +1,1 @@
+"""The `youbot` command: one short program per job."""
