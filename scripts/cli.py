@@ -1,0 +1,174 @@
+"""The `youbot` command.
+
+To add a command, write `scripts/NAME.py` and add its name to `COMMANDS`: one file, one line.
+The file holds
+
+- a module docstring whose first line is the summary in `youbot --help`;
+- `main`, a plain function with Typer annotations whose docstring is the text of
+  `youbot NAME --help`. It raises `youbot_env.errors.InputError` for input that cannot be used;
+- `EXAMPLES`, a tuple of command lines that the help shows;
+- a last line `if __name__ == "__main__": sys.exit(run_script(__file__))`, so that
+  `python scripts/NAME.py ...` and `youbot NAME ...` are the same program.
+
+Options that several commands take are defined once, in `common`.
+"""
+
+from __future__ import annotations
+
+import importlib
+import importlib.util
+import os
+import sys
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+PACKAGE = "youbot_scripts"
+
+COMMANDS = ("record", "doctor", "identify", "compare", "effects", "demo")
+"""Names of the commands, in the order of the help; a module of `PACKAGE` each."""
+
+OK, USAGE, INTERRUPTED, BROKEN_PIPE = 0, 2, 130, 141
+"""Exit statuses; the last two are what a shell reports for SIGINT and SIGPIPE."""
+
+
+def main(arguments: Sequence[str] | None = None) -> int:
+    """Run the command line `arguments` (default: the process's own) and return the exit status.
+
+    What a user can cause ends in one line on standard error; any other exception is a bug and
+    keeps its traceback.
+    """
+    arguments = list(sys.argv[1:] if arguments is None else arguments)
+    for stream in (sys.stdout, sys.stderr):
+        if hasattr(stream, "reconfigure"):
+            stream.reconfigure(errors="replace")  # pyright: ignore[reportAttributeAccessIssue]
+    try:
+        status = _invoke(arguments)
+        print(end="", flush=True)  # a full disk or a closed pipe shows here, not at exit
+        return status
+    except KeyboardInterrupt:
+        return _complain("interrupted", INTERRUPTED)
+    except ValueError as error:
+        from youbot_env.errors import InputError  # the package is too much for `youbot --help`
+
+        if not isinstance(error, InputError):
+            raise
+        return _complain(f"error: {error}", USAGE)
+    except BrokenPipeError:
+        _abandon_stdout()
+        return BROKEN_PIPE
+    except OSError as error:
+        _abandon_stdout()
+        where = f"{error.filename}: " if error.filename else ""
+        return _complain(f"error: {where}{error.strerror or error}", USAGE)
+
+
+def run_script(path: str) -> int:
+    """Run the command whose script is the file `path`, with the process's arguments."""
+    return main([Path(path).stem, *sys.argv[1:]])
+
+
+def available() -> dict[str, str]:
+    """Name and one-line summary of each command, read without importing its module."""
+    found = ((name, importlib.util.find_spec(f"{PACKAGE}.{name}")) for name in COMMANDS)
+    return {name: _summary(spec.origin) for name, spec in found if spec and spec.origin}
+
+
+def build_app(wanted: str | None = None) -> typer.Typer:
+    """The Typer application, with only the command `wanted` imported.
+
+    The other commands are there by name and summary alone: importing them all would make each
+    start pay for numpy, scipy and numba.
+    """
+    # Rich would take units such as [m/s] in a help text for markup.
+    app = typer.Typer(
+        name="youbot", add_completion=False, rich_markup_mode=None, help=_HELP, epilog=_EPILOG
+    )
+    app.callback()(_global_options)
+    for name, summary in available().items():
+        if name == wanted:
+            module = importlib.import_module(f"{PACKAGE}.{name}")
+            epilog = _examples(module.EXAMPLES)
+            app.command(name, short_help=summary, epilog=epilog)(module.main)
+        else:
+            app.command(name, help=summary)(_not_imported)
+    return app
+
+
+_HELP = """Identify, extend and use the dynamic model of a mecanum platform (KUKA youBot).
+
+Units are SI throughout: m, s, rad, kg, N m. Exit status: 0 success, 2 input that cannot be
+used (one line says what and where), 130 interrupted."""
+
+_EPILOG = "`youbot COMMAND --help` shows a command's options and examples."
+
+
+def _invoke(arguments: list[str]) -> int:
+    wanted = next((argument for argument in arguments if not argument.startswith("-")), None)
+    command = typer.main.get_command(build_app(wanted))
+    try:
+        with command.make_context("youbot", list(arguments) or ["--help"]) as context:
+            command.invoke(context)
+    except typer.Exit as stop:
+        return stop.exit_code if arguments else USAGE
+    except typer.Abort:
+        return _complain("interrupted", INTERRUPTED)
+    except typer.TyperException as error:
+        context = getattr(error, "ctx", None)
+        path = context.command_path if context else "youbot"
+        return _complain(f"error: {error.format_message()} (see `{path} --help`)", USAGE)
+    return OK
+
+
+def _show_version(wanted: bool) -> None:
+    if wanted:
+        from importlib.metadata import version
+
+        print(f"youbot {version('youbot')}")
+        raise typer.Exit
+
+
+def _global_options(
+    version: Annotated[
+        bool,
+        typer.Option("--version", callback=_show_version, is_eager=True, help="Show the version."),
+    ] = False,
+) -> None:
+    """Options before the command's name; each acts in its own callback."""
+
+
+def _not_imported() -> None:
+    raise AssertionError("a command that was not asked for has no body")
+
+
+def _summary(path: str) -> str:
+    """First line of the module docstring of the file `path`."""
+    with open(path, encoding="utf-8") as file:
+        return file.readline().strip().strip('"')
+
+
+def _examples(lines: Sequence[str]) -> str:
+    """An epilog that Typer does not rewrap (that is what the backspace asks of it)."""
+    return "\n".join(("\b", "Examples:", *(f"  {line}" for line in lines)))
+
+
+def _abandon_stdout() -> None:
+    """Let what standard output still holds go nowhere, if it can't be written any more.
+
+    Otherwise the interpreter's own attempt at exit would print a second, cryptic error.
+    """
+    try:
+        sys.stdout.flush()
+    except OSError:
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+
+
+def _complain(message: str, status: int) -> int:
+    print(f"youbot: {' '.join(message.split())}", file=sys.stderr)
+    return status
+
+
+if __name__ == "__main__":
+    sys.exit(main())
