@@ -1,0 +1,401 @@
+"""Inverse dynamics, the only statement of physics, and everything that is derived from it.
+
+All functions take the namespace ``xp`` first (numpy, floats, symbols, tensors; see
+:mod:`youbot_env.backends`) and work on components: a twist is a tuple of three numbers, arrays of
+one shape, or symbols. Frames: twist, acceleration and generalised force belong to the body frame at
+O; the acceleration is the time derivative (VX', VY', W') of the twist's components. Pose is
+(x, y, yaw) in the world. Sources: the paper's model (README, Equations).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from functools import cached_property
+from typing import Any, NamedTuple
+
+from youbot_env.backends import floats
+from youbot_env.effects import (
+    ACTUATOR,
+    BASE,
+    BODY,
+    CATALOGUE,
+    CHANNEL,
+    ROLLER,
+    WHEEL,
+    WORLD,
+    Actuator,
+    Body,
+    Channel,
+    Effect,
+    Place,
+    Roller,
+    Wheel,
+    World,
+)
+import youbot_env.catalogue  # noqa: F401 - fills the registries
+from youbot_env.errors import InputError
+from youbot_env.geometry import COS_ROLLER, SIGN_LATERAL, SIGN_X, SIGN_Y
+
+STATE = (
+    *("velocity_x", "velocity_y", "yaw_rate"),
+    *("x", "y", "yaw"),
+    *("angle_fl", "angle_fr", "angle_bl", "angle_br"),
+    "time",
+)
+"""Components of a platform's state, before those of its drives."""
+
+DRIVE_STATE = ("torque_fl", "torque_fr", "torque_bl", "torque_br")
+"""The state that an actuator effect adds: the torques that act."""
+
+Triple = tuple[Any, Any, Any]
+
+
+class Base(NamedTuple):
+    """The base parameters in their linear form: m_aX = m aX and m_aY = m aY [kg m]."""
+
+    m0: Any
+    I0: Any
+    m_aX: Any
+    m_aY: Any
+    I1: Any
+    mu1: Any
+    mu2: Any
+
+
+@dataclass(frozen=True)
+class Instant:
+    """What a motion is at one instant (or at many: components may be arrays of one shape).
+
+    ``torque`` holds the four torques that truly act [N m]; only effects that depend on the load
+    read them. ``torque_rate`` [N m/s] matters to actuators alone.
+    """
+
+    twist: Triple
+    acceleration: Triple = (0.0, 0.0, 0.0)
+    pose: Triple = (0.0, 0.0, 0.0)
+    wheel_angle: tuple[Any, ...] = (0.0, 0.0, 0.0, 0.0)
+    torque: tuple[Any, ...] = (0.0, 0.0, 0.0, 0.0)
+    torque_rate: tuple[Any, ...] = (0.0, 0.0, 0.0, 0.0)
+    time: Any = 0.0
+
+
+@dataclass(frozen=True)
+class Structure:
+    """Which effects a model holds beside the base: fixes the order of its parameters."""
+
+    effects: tuple[str, ...] = ()
+
+    def __post_init__(self) -> None:
+        if len(set(self.effects)) < len(self.effects):
+            raise InputError(f"an effect is named twice: {', '.join(self.effects)}")
+        if sum(item.acts_at is ACTUATOR for item in self.components) > 1:
+            raise InputError("a model holds one actuator effect at most")
+
+    @cached_property
+    def components(self) -> tuple[Effect, ...]:
+        """Base components, then the effects by name."""
+        return (*BASE, *(CATALOGUE[name] for name in self.effects))
+
+    @cached_property
+    def parameter_names(self) -> tuple[str, ...]:
+        """Order of ``theta``: the base parameters, then ``effect.parameter``."""
+        names = [name for item in BASE for name in item.parameter_names]
+        for effect in self.components[len(BASE) :]:
+            names += [f"{effect.name}.{name}" for name in effect.parameter_names]
+        return tuple(names)
+
+    @cached_property
+    def state_names(self) -> tuple[str, ...]:
+        """Components of the state of a platform with these effects."""
+        return STATE + (DRIVE_STATE if self.has_actuator else ())
+
+    @cached_property
+    def has_actuator(self) -> bool:
+        """Whether the torques that act are a state of their own."""
+        return any(item.acts_at is ACTUATOR for item in self.components)
+
+    @cached_property
+    def depends_on_load(self) -> bool:
+        """Whether a wheel effect reads the torque: probed, so that no effect has to declare it."""
+        light, heavy = (Wheel(0.7, 0.7, 0.7, t, 0.7, Base(*[1.0] * 7)) for t in (0.3, 1.9))
+        return any(
+            item.evaluate(floats, light, [0.5] * (where.stop - where.start))
+            != item.evaluate(floats, heavy, [0.5] * (where.stop - where.start))
+            for item, where in self.at(WHEEL)
+        )
+
+    @cached_property
+    def slices(self) -> tuple[tuple[Effect, slice], ...]:
+        """Each component with its place in ``theta``."""
+        found, start = [], 0
+        for item in self.components:
+            found.append((item, slice(start, start + len(item.parameter_names))))
+            start = found[-1][1].stop
+        return tuple(found)
+
+    def at(self, place: Place) -> list[tuple[Effect, slice]]:
+        """The components that act at a place."""
+        return [(item, where) for item, where in self.slices if item.acts_at is place]
+
+
+def wheel_rates(geometry: Any, twist: Triple) -> tuple[Any, ...]:
+    """No slip: the four wheel rates [rad/s] of a body twist."""
+    vx, vy, wz = twist
+    lever = geometry.l + geometry.h
+    return tuple(
+        (vx + SIGN_LATERAL[i] * vy - SIGN_Y[i] * lever * wz) / geometry.R for i in range(4)
+    )
+
+
+def roller_rates(geometry: Any, twist: Triple) -> tuple[Any, ...]:
+    """No slip: rates [rad/s] of the four rollers on the floor."""
+    _, vy, wz = twist
+    return tuple(
+        -(vy + SIGN_X[i] * geometry.h * wz) / (geometry.r * COS_ROLLER) for i in range(4)
+    )
+
+
+def body_force(geometry: Any, torque: Sequence[Any]) -> Triple:
+    """Generalised force (F_X, F_Y, M_W) of four wheel torques: the transpose of the rates."""
+    t1, t2, t3, t4 = torque
+    lever = geometry.l + geometry.h
+    return (
+        (t1 + t2 + t3 + t4) / geometry.R,
+        (-t1 + t2 + t3 - t4) / geometry.R,
+        lever * (-t1 + t2 - t3 + t4) / geometry.R,
+    )
+
+
+def allocate(geometry: Any, force: Triple) -> tuple[Any, ...]:
+    """Least-norm wheel torques [N m] that exert a generalised force."""
+    fx, fy, mz = force
+    lever = geometry.l + geometry.h
+    return tuple(
+        geometry.R / 4 * (fx + SIGN_LATERAL[i] * fy - SIGN_Y[i] * mz / lever) for i in range(4)
+    )
+
+
+def _roller_force(geometry: Any, torque: Sequence[Any]) -> Triple:
+    scaled = [-value / (geometry.r * COS_ROLLER) for value in torque]
+    yaw = sum(SIGN_X[i] * geometry.h * scaled[i] for i in range(4))
+    return 0.0, sum(scaled), yaw
+
+
+def _world_force(xp: Any, yaw: Any, force: Triple) -> Triple:
+    fx, fy, mz = force
+    c, s = xp.cos(yaw), xp.sin(yaw)
+    return c * fx + s * fy, c * fy - s * fx, mz
+
+
+def _sum(*forces: Triple) -> Triple:
+    first, second, third = zip(*forces, strict=True)
+    return sum(first), sum(second), sum(third)
+
+
+def wrench(xp: Any, structure: Structure, geometry: Any, theta: Any, at: Instant) -> Triple:
+    """Inverse dynamics: the generalised force (F_X, F_Y, M_W) that a motion demands.
+
+    Parameters
+    ----------
+    xp : namespace of the arithmetic
+    structure : which effects are at work
+    geometry : object with l, h, R, r [m]
+    theta : parameters in the order of ``structure.parameter_names``
+    at : the motion; ``at.torque`` are the torques that truly act
+
+    Returns
+    -------
+    F_X, F_Y [N], M_W [N m] about O in the body frame, as the paper defines them.
+    """
+    base = _base(theta)
+    forces = [
+        item.evaluate(xp, Body(at.twist, at.acceleration, at.time, base), theta[where])
+        for item, where in structure.at(BODY)
+    ]
+    forces.append(body_force(geometry, _wheel_torques(xp, structure, geometry, theta, at, base)))
+    rates = roller_rates(geometry, at.twist)
+    accelerations = roller_rates(geometry, at.acceleration)
+    for item, where in structure.at(ROLLER):
+        points = [Roller(rates[i], accelerations[i], at.time, base) for i in range(4)]
+        torques = [item.evaluate(xp, points[i], theta[where], i) for i in range(4)]
+        forces.append(_roller_force(geometry, torques))
+    for item, where in structure.at(WORLD):
+        point = _world_point(xp, at, base)
+        force = item.evaluate(xp, point, theta[where])
+        forces.append(_world_force(xp, at.pose[2], force))
+    return _sum(*forces)
+
+
+def _base(theta: Any) -> Base:
+    m0, inertia, m_ax, m_ay, wheel_inertia, mu1, mu2 = theta[:7]
+    return Base(m0, inertia, m_ax, m_ay, wheel_inertia, mu1, mu2)
+
+
+def _wheel_torques(
+    xp: Any, structure: Structure, geometry: Any, theta: Any, at: Instant, base: Base
+) -> list[Any]:
+    rates = wheel_rates(geometry, at.twist)
+    accelerations = wheel_rates(geometry, at.acceleration)
+    totals: list[Any] = [0.0] * 4
+    for i in range(4):
+        point = Wheel(
+            rates[i], accelerations[i], at.wheel_angle[i], at.torque[i], at.time, base
+        )
+        for item, where in structure.at(WHEEL):
+            totals[i] = totals[i] + item.evaluate(xp, point, theta[where], i)
+    return totals
+
+
+def _world_point(xp: Any, at: Instant, base: Base) -> World:
+    x, y, yaw = at.pose
+    vx, vy, _ = at.twist
+    c, s = xp.cos(yaw), xp.sin(yaw)
+    com_x, com_y = base.m_aX / base.m0, base.m_aY / base.m0
+    return World(
+        *(x, y, yaw),
+        *(c * vx - s * vy, s * vx + c * vy),
+        *(c * com_x - s * com_y, s * com_x + c * com_y),
+        at.time,
+        base,
+    )
+
+
+def actuator_command(xp: Any, structure: Structure, theta: Any, at: Instant) -> tuple[Any, ...]:
+    """Commands [N m] behind the drives that ``at.torque`` and ``at.torque_rate`` demand."""
+    command = at.torque
+    for item, where in structure.at(ACTUATOR):
+        points = [Actuator(at.torque[i], at.torque_rate[i], at.time) for i in range(4)]
+        command = tuple(item.evaluate(xp, points[i], theta[where], i) for i in range(4))
+    return command
+
+
+def channel_torque(
+    xp: Any, structure: Structure, theta: Any, torque: Sequence[Any], time: Any
+) -> tuple[Any, ...]:
+    """True torque [N m] (behind a drive: its true command) that an interface torque stands for."""
+    true = tuple(torque)
+    for item, where in structure.at(CHANNEL):
+        true = tuple(item.evaluate(xp, Channel(true[i], time), theta[where], i) for i in range(4))
+    return true
+
+
+def interface_torque(
+    xp: Any, structure: Structure, theta: Any, at: Instant
+) -> tuple[Any, ...]:
+    """Torque [N m] at the interface (command, log) where ``at.torque`` acts on the wheels.
+
+    Inverts the channels, which are affine in the torque, and asks the actuator for its command.
+    """
+    wanted = actuator_command(xp, structure, theta, at)
+    zero = channel_torque(xp, structure, theta, [0.0 * value for value in wanted], at.time)
+    one = channel_torque(xp, structure, theta, [0.0 * value + 1.0 for value in wanted], at.time)
+    return tuple((wanted[i] - zero[i]) / (one[i] - zero[i]) for i in range(4))
+
+
+def acting_torque(
+    xp: Any, structure: Structure, geometry: Any, theta: Any, at: Instant, *, tolerance: float = 0.0
+) -> tuple[Any, ...]:
+    """Least-norm torques [N m] that a motion demands at the wheels, losses under load included.
+
+    A friction that depends on the load makes this a fixed point; the loads' shares are below one,
+    so the iteration contracts. It stops when nothing moves by more than ``tolerance``.
+
+    Raises
+    ------
+    InputError
+        If the losses eat what is put in (a share near one) and no torque can drive the motion.
+    """
+    torque = allocate(geometry, wrench(xp, structure, geometry, theta, at))
+    if not structure.depends_on_load:
+        return torque
+    for _ in range(300):
+        last = torque
+        torque = allocate(
+            geometry, wrench(xp, structure, geometry, theta, replace(at, torque=last))
+        )
+        moved = max(_largest(xp.abs(a - b)) for a, b in zip(torque, last, strict=True))
+        size = max(_largest(xp.abs(a)) for a in torque)
+        if moved <= max(tolerance, 4e-16 * size):
+            return torque
+    raise InputError("no torque drives this motion: friction grows as fast as the torque")
+
+
+def _largest(value: Any) -> float:
+    return float(value.max()) if hasattr(value, "max") else float(value)
+
+
+def inverse_dynamics(
+    xp: Any, structure: Structure, geometry: Any, theta: Any, at: Instant
+) -> tuple[Any, ...]:
+    """Interface torques [N m] (fl, fr, bl, br) that drive a motion: the feed-forward.
+
+    With an actuator ``at.torque_rate`` must hold the rate of the acting torques.
+    """
+    torque = acting_torque(xp, structure, geometry, theta, at)
+    return interface_torque(xp, structure, theta, replace(at, torque=torque))
+
+
+def mass_matrix(
+    xp: Any, structure: Structure, geometry: Any, theta: Any, at: Instant
+) -> tuple[Triple, Triple, Triple]:
+    """Rows of the 3x3 mass matrix of (VX', VY', W') at a state."""
+    still = wrench(xp, structure, geometry, theta, replace(at, acceleration=(0.0, 0.0, 0.0)))
+    columns = []
+    for unit in ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0)):
+        force = wrench(xp, structure, geometry, theta, replace(at, acceleration=unit))
+        columns.append(tuple(a - b for a, b in zip(force, still, strict=True)))
+    return tuple(zip(*columns, strict=True))  # type: ignore[return-value]
+
+
+def solve3(rows: Sequence[Sequence[Any]], right: Sequence[Any]) -> Triple:
+    """Solve a 3x3 linear system by its adjugate: branch-free, so it works on every backend."""
+    (a, b, c), (d, e, f), (g, h, i) = rows
+    p, q, r = right
+    ei_fh, ch_bi, bf_ce = e * i - f * h, c * h - b * i, b * f - c * e
+    determinant = a * ei_fh + d * ch_bi + g * bf_ce
+    return (
+        (ei_fh * p + ch_bi * q + bf_ce * r) / determinant,
+        ((f * g - d * i) * p + (a * i - c * g) * q + (c * d - a * f) * r) / determinant,
+        ((d * h - e * g) * p + (b * g - a * h) * q + (a * e - b * d) * r) / determinant,
+    )
+
+
+def forward_dynamics(
+    xp: Any, structure: Structure, geometry: Any, theta: Any, at: Instant
+) -> Triple:
+    """Acceleration (VX', VY', W') under the torques ``at.torque`` that act at the wheels."""
+    still = wrench(xp, structure, geometry, theta, replace(at, acceleration=(0.0, 0.0, 0.0)))
+    driving = body_force(geometry, at.torque)
+    rows = mass_matrix(xp, structure, geometry, theta, at)
+    return solve3(rows, [a - b for a, b in zip(driving, still, strict=True)])
+
+
+def state_derivative(
+    xp: Any, structure: Structure, geometry: Any, theta: Any, state: Sequence[Any], torque: Any
+) -> tuple[Any, ...]:
+    """Time derivative of the state (``structure.state_names``) under interface torques [N m]."""
+    twist, pose, angle, time = state[0:3], state[3:6], state[6:10], state[10]
+    command = channel_torque(xp, structure, theta, torque, time)
+    acting = tuple(state[11:15]) if structure.has_actuator else command
+    at = Instant(tuple(twist), pose=tuple(pose), wheel_angle=tuple(angle), torque=acting, time=time)
+    c, s = xp.cos(pose[2]), xp.sin(pose[2])
+    vx, vy, wz = twist
+    moved = (
+        *forward_dynamics(xp, structure, geometry, theta, at),
+        *(c * vx - s * vy, s * vx + c * vy, wz),
+        *wheel_rates(geometry, tuple(twist)),
+        1.0,
+    )
+    if not structure.has_actuator:
+        return moved
+    return moved + drive_rates(xp, structure, theta, at, command)
+
+
+def drive_rates(
+    xp: Any, structure: Structure, theta: Any, at: Instant, command: Sequence[Any]
+) -> tuple[Any, ...]:
+    """Rates [N m/s] of the acting torques under a command: an actuator is affine in the rate."""
+    zero = actuator_command(xp, structure, theta, replace(at, torque_rate=(0.0,) * 4))
+    one = actuator_command(xp, structure, theta, replace(at, torque_rate=(1.0,) * 4))
+    return tuple((command[i] - zero[i]) / (one[i] - zero[i]) for i in range(4))
