@@ -1,0 +1,290 @@
+"""A model: geometry, parameters with uncertainty, effects, and what they were fitted on."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from youbot_env import dynamics
+from youbot_env.dynamics import Instant, Structure
+from youbot_env.effects import CATALOGUE
+from youbot_env.errors import InputError
+from youbot_env.geometry import Geometry
+
+Array = NDArray[np.float64]
+
+BASE_UNITS = {
+    "m0": "kg",
+    "I0": "kg m^2",
+    "I1": "kg m^2",
+    "aX": "m",
+    "aY": "m",
+    "mu1": "N m s",
+    "mu2": "N m s",
+}
+"""The paper's seven parameters, in its order, with their SI units."""
+
+
+@dataclass(frozen=True)
+class Estimate:
+    """A parameter's value, SI unit and standard deviation (None: not known)."""
+
+    value: float
+    unit: str
+    std: float | None = None
+
+
+@dataclass(frozen=True)
+class Model:
+    """Dynamic model of one mecanum platform. Immutable; every change returns a new model.
+
+    Attributes
+    ----------
+    geometry : lengths and wheel mass that are known beforehand
+    parameters : the paper's seven by name: m0, I0, I1, aX, aY, mu1, mu2
+    effects : for each added effect its parameters by name
+    covariance : (k, k) of the parameters named in ``covariance_names``, SI units, or None
+    logs : name and sha256 of each log that it was fitted on
+    errors : its errors on those logs
+    provenance : seed, versions, settings of the fit
+
+    Raises
+    ------
+    InputError
+        If a parameter is missing, not finite or not physical.
+    """
+
+    geometry: Geometry
+    parameters: Mapping[str, Estimate]
+    effects: Mapping[str, Mapping[str, Estimate]] = field(default_factory=dict)
+    covariance: Array | None = None
+    covariance_names: tuple[str, ...] = ()
+    logs: tuple[Mapping[str, str], ...] = ()
+    errors: Mapping[str, Any] = field(default_factory=dict)
+    name: str = "model"
+    provenance: Mapping[str, Any] = field(default_factory=dict)
+
+    def __post_init__(self) -> None:
+        missing = [name for name in BASE_UNITS if name not in self.parameters]
+        if missing:
+            raise InputError(f"model {self.name}: parameter {missing[0]!r} is missing")
+        for name, value in self.values.items():
+            if not np.isfinite(value):
+                raise InputError(f"model {self.name}: {name} = {value!r} is not a finite number")
+        self._check_physical()
+
+    def _check_physical(self) -> None:
+        value = {name: self.parameters[name].value for name in BASE_UNITS}
+        for name in ("m0", "I0"):
+            if value[name] <= 0:
+                raise InputError(f"model {self.name}: {name} = {value[name]:g} must be positive")
+        for name in ("I1", "mu1", "mu2"):
+            if value[name] < 0:
+                raise InputError(
+                    f"model {self.name}: {name} = {value[name]:g} must not be negative"
+                )
+        if value["m0"] <= 4 * self.geometry.m1:
+            raise InputError(
+                f"model {self.name}: m0 = {value['m0']:g} kg must exceed the mass of the four "
+                f"wheels, {4 * self.geometry.m1:g} kg"
+            )
+        if np.linalg.eigvalsh(self.mass_matrix()).min() <= 0:
+            raise InputError(
+                f"model {self.name}: the mass matrix is not positive definite "
+                "(a centre of mass that far out needs a larger I0)"
+            )
+
+    @cached_property
+    def structure(self) -> Structure:
+        """Which effects it holds, and so the order of ``theta``."""
+        return Structure(tuple(self.effects))
+
+    @cached_property
+    def values(self) -> dict[str, float]:
+        """All parameters by full name: m0 ... mu2, then ``effect.parameter``."""
+        found = {name: float(self.parameters[name].value) for name in BASE_UNITS}
+        for effect, parameters in self.effects.items():
+            for name in CATALOGUE[effect].parameter_names:
+                if name not in parameters:
+                    raise InputError(f"model {self.name}: effect {effect} lacks {name!r}")
+                found[f"{effect}.{name}"] = float(parameters[name].value)
+        return found
+
+    @cached_property
+    def theta(self) -> Array:
+        """(P,) parameters in the order of ``structure.parameter_names`` (m_aX = m aX)."""
+        values = self.values
+        mass = values["m0"] - 4 * self.geometry.m1
+        values = values | {"m_aX": mass * values["aX"], "m_aY": mass * values["aY"]}
+        return np.array([values[name] for name in self.structure.parameter_names])
+
+    @cached_property
+    def lengths(self) -> Array:
+        """(4,): l, h, R, r [m], as the kernels take them."""
+        g = self.geometry
+        return np.array([g.l, g.h, g.R, g.r])
+
+    def with_theta(self, theta: Sequence[float] | Array) -> Model:
+        """The same model at other parameters (P,), without the old ones' uncertainty."""
+        by_name = dict(zip(self.structure.parameter_names, map(float, theta), strict=True))
+        mass = by_name["m0"] - 4 * self.geometry.m1
+        by_name |= {"aX": by_name["m_aX"] / mass, "aY": by_name["m_aY"] / mass}
+        return self.with_values(by_name)
+
+    def with_values(self, values: Mapping[str, float]) -> Model:
+        """The same model with the parameters named (full names) replaced and no covariance.
+
+        Raises
+        ------
+        InputError
+            If a result is not physical.
+        """
+        merged = self.values | {name: float(value) for name, value in values.items()}
+        parameters = {name: Estimate(merged[name], unit) for name, unit in BASE_UNITS.items()}
+        effects = {
+            effect: {
+                name: Estimate(merged[f"{effect}.{name}"], CATALOGUE[effect].parameter(name).unit)
+                for name in CATALOGUE[effect].parameter_names
+            }
+            for effect in self.effects
+        }
+        return replace(
+            self, parameters=parameters, effects=effects, covariance=None, covariance_names=()
+        )
+
+    def with_effect(self, name: str, **values: float) -> Model:
+        """The model plus (or with other values of) one effect of the catalogue.
+
+        Parameters that are not named keep their default: zero, or the shape constant's.
+
+        Raises
+        ------
+        InputError
+            If the effect or a parameter is unknown or a value is out of its bounds.
+        """
+        effect = CATALOGUE[name]
+        merged = effect.defaults | values
+        for key, value in values.items():
+            parameter = effect.parameter(key)
+            if not parameter.lower <= value <= parameter.upper:
+                raise InputError(
+                    f"effect {name}: {key} = {value:g} {parameter.unit} is outside "
+                    f"[{parameter.lower:g}, {parameter.upper:g}]"
+                )
+        estimates = {
+            key: Estimate(float(value), effect.parameter(key).unit) for key, value in merged.items()
+        }
+        effects = dict(self.effects) | {name: estimates}
+        return replace(self, effects=effects, covariance=None, covariance_names=())
+
+    def without_effects(self) -> Model:
+        """The base model alone, at the same parameters."""
+        return replace(self, effects={}, covariance=None, covariance_names=())
+
+    def sample(self, rng: np.random.Generator) -> Model:
+        """A model drawn from this one's covariance; draws that are not physical are drawn again.
+
+        Raises
+        ------
+        InputError
+            If the model has no covariance, or hardly a draw is physical.
+        """
+        if self.covariance is None:
+            raise InputError(f"model {self.name}: it holds no covariance to draw from")
+        mean = np.array([self.values[name] for name in self.covariance_names])
+        for _ in range(100):
+            draw = rng.multivariate_normal(mean, self.covariance, method="eigh")
+            try:
+                return self.with_values(dict(zip(self.covariance_names, draw, strict=True)))
+            except InputError:
+                continue
+        raise InputError(f"model {self.name}: its uncertainty reaches far past physical values")
+
+    # Evaluation on arrays -----------------------------------------------------------------------
+
+    def wrench(self, twist: ArrayLike, acceleration: ArrayLike, **at: ArrayLike) -> Array:
+        """Generalised force (..., 3) [N, N, N m] that a motion demands.
+
+        Parameters
+        ----------
+        twist, acceleration : (..., 3) body twist and its time derivative
+        at : pose (..., 3), wheel_angle (..., 4), torque (..., 4) that acts, time (...)
+        """
+        instant = _instant(twist, acceleration, at)
+        return _stack(dynamics.wrench(np, self.structure, self.geometry, self.theta, instant))
+
+    def inverse_dynamics(self, twist: ArrayLike, acceleration: ArrayLike, **at: ArrayLike) -> Array:
+        """Interface torques (..., 4) [N m] that drive a motion (see :meth:`wrench`).
+
+        A model with an actuator reads ``torque_rate`` (..., 4) [N m/s], the rate of the torques
+        that act at the wheels.
+        """
+        instant = _instant(twist, acceleration, at)
+        return _stack(
+            dynamics.inverse_dynamics(np, self.structure, self.geometry, self.theta, instant)
+        )
+
+    def forward_dynamics(self, twist: ArrayLike, torque: ArrayLike, **at: ArrayLike) -> Array:
+        """Acceleration (..., 3) of the body twist under acting wheel torques (..., 4) [N m]."""
+        instant = _instant(twist, np.zeros(3), {**at, "torque": torque})
+        return _stack(
+            dynamics.forward_dynamics(np, self.structure, self.geometry, self.theta, instant)
+        )
+
+    def state_derivative(self, state: ArrayLike, torque: ArrayLike) -> Array:
+        """Time derivative (..., S) of the state (``structure.state_names``) under torques (..., 4).
+
+        ``torque`` [N m] is what the interface commands or logs.
+        """
+        return _stack(
+            dynamics.state_derivative(
+                np, self.structure, self.geometry, self.theta, _parts(state), _parts(torque)
+            )
+        )
+
+    def mass_matrix(self) -> Array:
+        """(3, 3) mass matrix of (VX', VY', W') at rest [kg, kg m, kg m^2]."""
+        rows = dynamics.mass_matrix(
+            np, self.structure, self.geometry, self.theta, Instant((0.0, 0.0, 0.0))
+        )
+        return np.array(rows, dtype=float)
+
+    def linearise(
+        self, state: ArrayLike, torque: ArrayLike, *, step: float = 1e-6
+    ) -> tuple[Array, Array]:
+        """A (S, S) and B (S, 4) of the state's derivative at a state (S,) and torques (4,).
+
+        Central differences of the model itself, exact to about 1e-9 away from kinks.
+        """
+        x = np.concatenate([np.asarray(state, float), np.asarray(torque, float)])
+        size = len(self.structure.state_names)
+        shifts = step * np.eye(len(x))
+        ahead = self.state_derivative((x + shifts)[:, :size], (x + shifts)[:, size:])
+        behind = self.state_derivative((x - shifts)[:, :size], (x - shifts)[:, size:])
+        jacobian = (ahead - behind).T / (2 * step)
+        return jacobian[:, :size], jacobian[:, size:]
+
+
+def _parts(array: ArrayLike) -> tuple[Any, ...]:
+    return tuple(np.moveaxis(np.asarray(array, float), -1, 0))
+
+
+def _instant(twist: ArrayLike, acceleration: ArrayLike, at: Mapping[str, ArrayLike]) -> Instant:
+    known = {"pose", "wheel_angle", "torque", "torque_rate", "time"}
+    for key in at:
+        if key not in known:
+            raise InputError(f"unknown argument {key!r}; known are {', '.join(sorted(known))}")
+    parts = {
+        key: np.asarray(value, float) if key == "time" else _parts(value)
+        for key, value in at.items()
+    }
+    return Instant(_parts(twist), _parts(acceleration), **parts)  # type: ignore[arg-type]
+
+
+def _stack(components: Sequence[Any]) -> Array:
+    return np.stack(np.broadcast_arrays(*components), axis=-1).astype(float)
