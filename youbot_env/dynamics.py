@@ -14,6 +14,7 @@ from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Any, NamedTuple
 
+import youbot_env.catalogue  # noqa: F401 - fills the registries
 from youbot_env.backends import floats
 from youbot_env.effects import (
     ACTUATOR,
@@ -21,7 +22,6 @@ from youbot_env.effects import (
     BODY,
     CATALOGUE,
     CHANNEL,
-    ROLLER,
     WHEEL,
     WORLD,
     Actuator,
@@ -33,7 +33,6 @@ from youbot_env.effects import (
     Wheel,
     World,
 )
-import youbot_env.catalogue  # noqa: F401 - fills the registries
 from youbot_env.errors import InputError
 from youbot_env.geometry import COS_ROLLER, SIGN_LATERAL, SIGN_X, SIGN_Y
 
@@ -134,6 +133,11 @@ class Structure:
             start = found[-1][1].stop
         return tuple(found)
 
+    @cached_property
+    def wrenches(self) -> tuple[tuple[Effect, slice], ...]:
+        """The components that demand a generalised force."""
+        return tuple(row for row in self.slices if row[0].acts_at.kind == "wrench")
+
     def at(self, place: Place) -> list[tuple[Effect, slice]]:
         """The components that act at a place."""
         return [(item, where) for item, where in self.slices if item.acts_at is place]
@@ -151,9 +155,7 @@ def wheel_rates(geometry: Any, twist: Triple) -> tuple[Any, ...]:
 def roller_rates(geometry: Any, twist: Triple) -> tuple[Any, ...]:
     """No slip: rates [rad/s] of the four rollers on the floor."""
     _, vy, wz = twist
-    return tuple(
-        -(vy + SIGN_X[i] * geometry.h * wz) / (geometry.r * COS_ROLLER) for i in range(4)
-    )
+    return tuple(-(vy + SIGN_X[i] * geometry.h * wz) / (geometry.r * COS_ROLLER) for i in range(4))
 
 
 def body_force(geometry: Any, torque: Sequence[Any]) -> Triple:
@@ -208,43 +210,63 @@ def wrench(xp: Any, structure: Structure, geometry: Any, theta: Any, at: Instant
     -------
     F_X, F_Y [N], M_W [N m] about O in the body frame, as the paper defines them.
     """
-    base = _base(theta)
-    forces = [
-        item.evaluate(xp, Body(at.twist, at.acceleration, at.time, base), theta[where])
-        for item, where in structure.at(BODY)
-    ]
-    forces.append(body_force(geometry, _wheel_torques(xp, structure, geometry, theta, at, base)))
-    rates = roller_rates(geometry, at.twist)
-    accelerations = roller_rates(geometry, at.acceleration)
-    for item, where in structure.at(ROLLER):
-        points = [Roller(rates[i], accelerations[i], at.time, base) for i in range(4)]
-        torques = [item.evaluate(xp, points[i], theta[where], i) for i in range(4)]
-        forces.append(_roller_force(geometry, torques))
-    for item, where in structure.at(WORLD):
-        point = _world_point(xp, at, base)
-        force = item.evaluate(xp, point, theta[where])
-        forces.append(_world_force(xp, at.pose[2], force))
-    return _sum(*forces)
+    points = Points(xp, geometry, theta, at)
+    return _sum(
+        *(component_wrench(xp, item, theta[where], points) for item, where in structure.wrenches)
+    )
 
 
-def _base(theta: Any) -> Base:
-    m0, inertia, m_ax, m_ay, wheel_inertia, mu1, mu2 = theta[:7]
-    return Base(m0, inertia, m_ax, m_ay, wheel_inertia, mu1, mu2)
+class Points:
+    """The points at which effects act in a motion, made once for all components."""
+
+    def __init__(self, xp: Any, geometry: Any, theta: Any, at: Instant) -> None:
+        self.xp, self.geometry, self.theta, self.at = xp, geometry, theta, at
+
+    @cached_property
+    def base(self) -> Base:
+        """The base parameters, for effects that refer to them."""
+        m0, inertia, m_ax, m_ay, wheel_inertia, mu1, mu2 = self.theta[:7]
+        return Base(m0, inertia, m_ax, m_ay, wheel_inertia, mu1, mu2)
+
+    @cached_property
+    def body(self) -> Body:
+        """The platform in the body frame."""
+        return Body(self.at.twist, self.at.acceleration, self.at.time, self.base)
+
+    @cached_property
+    def wheels(self) -> list[Wheel]:
+        """The four wheel joints."""
+        at = self.at
+        rates = wheel_rates(self.geometry, at.twist)
+        accelerations = wheel_rates(self.geometry, at.acceleration)
+        rows = zip(rates, accelerations, at.wheel_angle, at.torque, strict=True)
+        return [Wheel(*row, at.time, self.base) for row in rows]
+
+    @cached_property
+    def rollers(self) -> list[Roller]:
+        """The four rollers on the floor."""
+        rates = roller_rates(self.geometry, self.at.twist)
+        accelerations = roller_rates(self.geometry, self.at.acceleration)
+        rows = zip(rates, accelerations, strict=True)
+        return [Roller(*row, self.at.time, self.base) for row in rows]
+
+    @cached_property
+    def world(self) -> World:
+        """The platform in the world frame."""
+        return _world_point(self.xp, self.at, self.base)
 
 
-def _wheel_torques(
-    xp: Any, structure: Structure, geometry: Any, theta: Any, at: Instant, base: Base
-) -> list[Any]:
-    rates = wheel_rates(geometry, at.twist)
-    accelerations = wheel_rates(geometry, at.acceleration)
-    totals: list[Any] = [0.0] * 4
-    for i in range(4):
-        point = Wheel(
-            rates[i], accelerations[i], at.wheel_angle[i], at.torque[i], at.time, base
-        )
-        for item, where in structure.at(WHEEL):
-            totals[i] = totals[i] + item.evaluate(xp, point, theta[where], i)
-    return totals
+def component_wrench(xp: Any, item: Effect, values: Any, points: Points) -> Triple:
+    """One component's share of the generalised force: its own formula, moved to O."""
+    if item.acts_at is BODY:
+        return item.evaluate(xp, points.body, values)
+    if item.acts_at is WORLD:
+        return _world_force(xp, points.at.pose[2], item.evaluate(xp, points.world, values))
+    if item.acts_at is WHEEL:
+        torques = [item.evaluate(xp, point, values, i) for i, point in enumerate(points.wheels)]
+        return body_force(points.geometry, torques)
+    torques = [item.evaluate(xp, point, values, i) for i, point in enumerate(points.rollers)]
+    return _roller_force(points.geometry, torques)
 
 
 def _world_point(xp: Any, at: Instant, base: Base) -> World:
@@ -280,9 +302,7 @@ def channel_torque(
     return true
 
 
-def interface_torque(
-    xp: Any, structure: Structure, theta: Any, at: Instant
-) -> tuple[Any, ...]:
+def interface_torque(xp: Any, structure: Structure, theta: Any, at: Instant) -> tuple[Any, ...]:
     """Torque [N m] at the interface (command, log) where ``at.torque`` acts on the wheels.
 
     Inverts the channels, which are affine in the torque, and asks the actuator for its command.

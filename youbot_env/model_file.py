@@ -190,9 +190,7 @@ def _geometry(data: Any, source: str) -> Geometry:
         raise InputError(str(error) if source in str(error) else f"{source}: {error}") from None
 
 
-def _estimates(
-    data: Any, units: Mapping[str, str], source: str, where: str
-) -> dict[str, Estimate]:
+def _estimates(data: Any, units: Mapping[str, str], source: str, where: str) -> dict[str, Estimate]:
     data = _mapping(data, source, where)
     unknown = [name for name in data if name not in units]
     if unknown:
@@ -228,7 +226,8 @@ def _effects(data: Any, source: str) -> dict[str, dict[str, Estimate]]:
         parameters = _mapping(entry, source, f"effects.{name}").get("parameters", {})
         where = f"effects.{name}.parameters"
         filled = {
-            key: {"value": value} for key, value in effect.defaults.items()
+            key: {"value": value}
+            for key, value in effect.defaults.items()
             if effect.parameter(key).is_shape
         } | _mapping(parameters, source, where)
         found[name] = _estimates(filled, units, source, where)
