@@ -115,10 +115,13 @@ def _invoke(arguments: list[str]) -> int:
         return stop.exit_code if arguments else USAGE
     except typer.Abort:
         return _complain("interrupted", INTERRUPTED)
-    except typer.TyperException as error:
+    except Exception as error:
+        # The class has moved between typer's releases; what it can do has not.
+        if not hasattr(error, "format_message"):
+            raise
         context = getattr(error, "ctx", None)
         path = context.command_path if context else "youbot"
-        return _complain(f"error: {error.format_message()} (see `{path} --help`)", USAGE)
+        return _complain(f"error: {error.format_message()} (see `{path} --help`)", USAGE)  # pyright: ignore[reportAttributeAccessIssue]
     return OK
 
 
