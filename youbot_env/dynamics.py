@@ -34,7 +34,7 @@ from youbot_env.effects import (
     World,
 )
 from youbot_env.errors import InputError
-from youbot_env.geometry import COS_ROLLER, SIGN_LATERAL, SIGN_X, SIGN_Y
+from youbot_env.geometry import COS_ROLLER, SIGN_LATERAL, SIGN_X, SIGN_Y, Geometry
 
 STATE = (
     *("velocity_x", "velocity_y", "yaw_rate"),
@@ -125,6 +125,25 @@ class Structure:
         )
 
     @cached_property
+    def only_wrenches(self) -> bool:
+        """Whether the interface torque is the torque that acts: no drive, no channel."""
+        return all(item.acts_at.kind == "wrench" for item, _ in self.slices)
+
+    @cached_property
+    def base_readers(self) -> frozenset[str]:
+        """Names of the components that refer to base parameters: probed, not declared."""
+        return frozenset(
+            item.name
+            for item, where in self.wrenches
+            if _reads_base(item, where.stop - where.start)
+        )
+
+    @cached_property
+    def is_linear(self) -> bool:
+        """Whether the interface force is linear in the base parameters, whatever the others are."""
+        return self.only_wrenches and not self.base_readers and not self.depends_on_load
+
+    @cached_property
     def slices(self) -> tuple[tuple[Effect, slice], ...]:
         """Each component with its place in ``theta``."""
         found, start = [], 0
@@ -141,6 +160,20 @@ class Structure:
     def at(self, place: Place) -> list[tuple[Effect, slice]]:
         """The components that act at a place."""
         return [(item, where) for item, where in self.slices if item.acts_at is place]
+
+
+def _reads_base(item: Effect, count: int) -> bool:
+    """Whether an effect's value changes with the base parameters alone."""
+    at = Instant((0.3, 0.4, 0.5), (0.6, 0.7, 0.8), (0.1, 0.2, 0.3), (0.5,) * 4, (0.6,) * 4)
+    lengths = Geometry()
+    values = [0.5] * count
+    # Not in proportion, so that a ratio such as the centre of mass m_aX/m0 is seen to change.
+    first, second = (
+        Points(floats, lengths, [scale**k for k in range(1, 8)], at) for scale in (1.3, 1.9)
+    )
+    return component_wrench(floats, item, values, first) != component_wrench(
+        floats, item, values, second
+    )
 
 
 def wheel_rates(geometry: Any, twist: Triple) -> tuple[Any, ...]:

@@ -1,0 +1,81 @@
+"""The paper's filter a_f/(p + a_f) on sampled signals, without the bias of a held sample.
+
+Between two samples a signal is taken as a straight line (first-order hold). A hold of order zero
+would delay every product by half a sample and bias the wheels' inertia by some 20 %.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+Array = NDArray[np.float64]
+
+FILTER_RATE = 10.0
+"""a_f [rad/s]: fixed by the definition of the force error."""
+
+SETTLED = 5.0
+"""The filter's start is forgotten after SETTLED/a_f seconds (to exp(-5) = 0.7 %)."""
+
+_BLOCK = 64
+
+
+def first_order(start: Array, end: Array, rate: float, dt: float) -> Array:
+    """Response of ``rate``/(p + ``rate``) to a signal that is linear within each interval.
+
+    Parameters
+    ----------
+    start, end : (N - 1, ...) the signal at the start and at the end of each interval; they differ
+        from each other's neighbours where the signal jumps (an acceleration between samples)
+    rate : a_f [rad/s]
+    dt : interval [s]
+
+    Returns
+    -------
+    (N, ...) filtered signal at the samples, starting from zero. Exact for such signals.
+    """
+    decay = np.exp(-rate * dt)
+    weight_end = 1.0 - (1.0 - decay) / (rate * dt)
+    weight_start = (1.0 - decay) - weight_end
+    steps = weight_start * np.asarray(start, float) + weight_end * np.asarray(end, float)
+    return _accumulate(steps.reshape(len(steps), -1), decay).reshape(-1, *steps.shape[1:])
+
+
+def _accumulate(steps: Array, decay: float) -> Array:
+    """y[k+1] = decay y[k] + steps[k] by blocks: one matrix product does _BLOCK steps at a time."""
+    count, width = steps.shape
+    blocks = -(-count // _BLOCK)
+    padded = np.zeros((blocks * _BLOCK, width))
+    padded[:count] = steps
+    lag = np.subtract.outer(np.arange(_BLOCK), np.arange(_BLOCK))
+    inside = np.where(lag >= 0, decay ** np.maximum(lag, 0), 0.0)
+    local = np.matmul(inside, padded.reshape(blocks, _BLOCK, width))
+    carried = np.zeros((blocks, width))
+    factor = decay**_BLOCK
+    for k in range(1, blocks):
+        carried[k] = factor * carried[k - 1] + local[k - 1, -1]
+    fading = decay ** np.arange(1, _BLOCK + 1)
+    full = local + fading[None, :, None] * carried[:, None, :]
+    return np.vstack([np.zeros((1, width)), full.reshape(-1, width)[:count]])
+
+
+def filter_samples(signal: Array, rate: float, dt: float) -> Array:
+    """The same for a continuous signal (N, ...) given at its samples."""
+    return first_order(signal[:-1], signal[1:], rate, dt)
+
+
+def settled(rate: float, dt: float) -> int:
+    """Number of samples after which the filter's start is forgotten."""
+    return int(np.ceil(SETTLED / rate / dt - 1e-9))
+
+
+def block_mean(signal: Array, size: int) -> Array:
+    """Mean (N // size, ...) of successive blocks; samples that fill no block are left out.
+
+    Averaged filtered signals obey the same linear equation, and white noise on the speeds, which
+    would attenuate masses, shrinks with the size of a block.
+    """
+    if size == 1:
+        return signal
+    count = len(signal) // size
+    return signal[: count * size].reshape(count, size, *signal.shape[1:]).mean(axis=1)

@@ -1,0 +1,303 @@
+"""The mecanum platform as the identification engine sees it.
+
+The engine knows a mechanism by a handful of methods: samples of a log, measured and demanded
+generalised forces, columns of the regressor, a free run. Forces are (L F_X, L F_Y, M_W) [N m] and
+speeds (VX/L, VY/L, W) [rad/s] as in the paper, so that all axes weigh alike.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from dataclasses import dataclass, replace
+from functools import cached_property
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from identification.logs import Log
+from youbot_env import dynamics
+from youbot_env.dynamics import Instant, Points, Structure, component_wrench
+from youbot_env.effects import BASE, Effect, Parameter
+from youbot_env.errors import InputError
+from youbot_env.geometry import WHEELS, Geometry
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class Samples:
+    """One log as motion and torque on a uniform time base.
+
+    name : of the log; time (N,) [s] from the log's start; dt [s]
+    twist (N, 3) body frame [m/s, m/s, rad/s]; pose (N, 3) world [m, m, rad]
+    wheel_angle, wheel_speed (N, 4) [rad, rad/s]; torque (N, 4) as logged [N m]
+    """
+
+    name: str
+    time: Array
+    dt: float
+    twist: Array
+    pose: Array
+    wheel_angle: Array
+    wheel_speed: Array
+    torque: Array
+
+    def __len__(self) -> int:
+        return len(self.time)
+
+
+def _integrate(rate: Array, dt: float) -> Array:
+    total = np.zeros_like(rate)
+    np.cumsum(0.5 * dt * (rate[1:] + rate[:-1]), axis=0, out=total[1:])
+    return total
+
+
+def samples_of(log: Log, geometry: Geometry) -> Samples:
+    """Motion and torque of a log.
+
+    The twist is the least-squares projection of the four wheel speeds. Without pose columns the
+    pose is integrated from the wheels from (0, 0, 0); without positions wheel angles start at 0.
+
+    Raises
+    ------
+    InputError
+        If the log is not that of a platform with four wheels.
+    """
+    if tuple(log.joints) != WHEELS:
+        raise InputError(f"{log.source or log.name}: not the log of a mecanum platform")
+    time = log.time - log.time[0]
+    dt = float(time[-1] / (len(time) - 1))
+    twist = geometry.body_twist(log.velocity)
+    if log.pose is not None:
+        pose = log.pose
+    else:
+        yaw = _integrate(twist[:, 2], dt)
+        c, s = np.cos(yaw), np.sin(yaw)
+        velocity = np.column_stack(
+            [c * twist[:, 0] - s * twist[:, 1], s * twist[:, 0] + c * twist[:, 1]]
+        )
+        pose = np.column_stack([_integrate(velocity, dt), yaw])
+    angle = log.position if log.position is not None else _integrate(log.velocity, dt)
+    return Samples(log.name, time, dt, twist, pose, angle, log.velocity, log.effort)
+
+
+class Label(NamedTuple):
+    """A parameter's component, name and declaration; group: those it is relative to, if any."""
+
+    component: str
+    name: str
+    parameter: Parameter
+    group: str | None
+
+
+@dataclass(frozen=True)
+class Mecanum:
+    """A mecanum platform with given effects: what it measures, demands and simulates."""
+
+    geometry: Geometry
+    structure: Structure
+
+    axes = ("VX", "VY", "W")
+
+    @cached_property
+    def force_scale(self) -> Array:
+        """(3,) factors that turn (F_X, F_Y, M_W) into (L F_X, L F_Y, M_W)."""
+        return np.array([self.geometry.L, self.geometry.L, 1.0])
+
+    @cached_property
+    def speed_scale(self) -> Array:
+        """(3,) factors that turn (VX, VY, W) into (VX/L, VY/L, W)."""
+        return 1.0 / self.force_scale
+
+    @cached_property
+    def parameter_names(self) -> tuple[str, ...]:
+        """Order of theta."""
+        return self.structure.parameter_names
+
+    @cached_property
+    def labels(self) -> tuple[Label, ...]:
+        """What is known of each parameter beforehand, in the order of theta."""
+        found = []
+        for item, _ in self.structure.slices:
+            for name in item.parameter_names:
+                parameter = item.parameter(name)
+                group = f"{item.name}.{parameter.name}" if parameter.relative_to else None
+                found.append(Label(item.name, name, parameter, group))
+        return tuple(found)
+
+    @cached_property
+    def free(self) -> Array:
+        """(P,) whether a parameter is identified linearly (shape constants stay as they are)."""
+        return np.array([not label.parameter.is_shape for label in self.labels])
+
+    @cached_property
+    def bounds(self) -> tuple[Array, Array]:
+        """(P,) and (P,): physical bounds; none on values relative to each other."""
+        free = Parameter("", "")
+        declared = [free if label.group else label.parameter for label in self.labels]
+        return np.array([p.lower for p in declared]), np.array([p.upper for p in declared])
+
+    @property
+    def is_linear(self) -> bool:
+        """Whether the demanded force is linear in the free parameters."""
+        return self.structure.is_linear
+
+    @cached_property
+    def scale(self) -> Array:
+        """(P,) factors from theta to the paper's x = (m0 L^2, I0, 4 I1 L^2/R^2, ...) [N m].
+
+        Effects' parameters are scaled by their catalogue size.
+        """
+        g = self.geometry
+        paper = {
+            "m0": g.L**2,
+            "I0": 1.0,
+            "I1": 4 * g.L**2 / g.R**2,
+            "m_aX": g.L,
+            "m_aY": g.L,
+            "mu1": 4 * g.L**2 / g.R**2,
+            "mu2": 8 * g.h**2 / g.r**2,
+        }
+        return np.array(
+            [paper.get(label.name, 1.0 / label.parameter.size) for label in self.labels]
+        )
+
+    def samples(self, log: Log) -> Samples:
+        """See :func:`samples_of`."""
+        return samples_of(log, self.geometry)
+
+    def measured_force(self, samples: Samples) -> Array:
+        """(N, 3) generalised force of the logged torques [N m]."""
+        return self.geometry.body_force(samples.torque) * self.force_scale
+
+    def measured_speed(self, samples: Samples) -> Array:
+        """(N, 3) measured speeds (VX/L, VY/L, W) [rad/s]."""
+        return samples.twist * self.speed_scale
+
+    def demand(self, theta: Array, samples: Samples) -> Demand:
+        """Generalised force that the logged motion demands at parameters theta (P,)."""
+        return Demand(self, np.asarray(theta, float), samples)
+
+
+def _ends(signal: Array) -> tuple[Array, ...]:
+    """Components (2, N - 1) of a signal at the start and at the end of each interval."""
+    return tuple(np.stack([signal[:-1, i], signal[1:, i]]) for i in range(signal.shape[1]))
+
+
+class Demand:
+    """Force (2, N - 1, 3) demanded at both ends of each interval, and its columns in theta.
+
+    Within an interval the twist goes linearly, so the acceleration is constant there and the
+    filtered force holds the filtered derivative a_f (s - s_f) of the paper exactly.
+    """
+
+    def __init__(self, mechanism: Mecanum, theta: Array, samples: Samples) -> None:
+        self.mechanism, self.theta, self.samples = mechanism, theta, samples
+        # Friction that depends on the load needs the torque: a fixed point on the whole wrench.
+        self.whole = mechanism.structure.depends_on_load
+        self.instant = self._instant()
+
+    def _instant(self) -> Instant:
+        s = self.samples
+        slope = np.diff(s.twist, axis=0) / s.dt
+        acceleration = tuple(np.broadcast_to(slope[:, i], (2, len(slope))) for i in range(3))
+        return Instant(
+            twist=_ends(s.twist),  # type: ignore[arg-type]
+            acceleration=acceleration,  # type: ignore[arg-type]
+            pose=_ends(s.pose),  # type: ignore[arg-type]
+            wheel_angle=_ends(s.wheel_angle),
+            time=np.stack([s.time[:-1], s.time[1:]]),
+        )
+
+    @cached_property
+    def force(self) -> Array:
+        """(2, N - 1, 3) [N m] in units of the interface torque (as logged or commanded)."""
+        return self._finish(None if self.whole else self._body_force(), self.theta)
+
+    def _body_force(self) -> Array:
+        return sum(self._contributions.values(), start=np.zeros((2, len(self.samples) - 1, 3)))
+
+    @cached_property
+    def _contributions(self) -> dict[str, Array]:
+        points = Points(np, self.mechanism.geometry, self.theta, self.instant)
+        return {
+            item.name: self._component(item, self.theta[where], points)
+            for item, where in self.mechanism.structure.wrenches
+        }
+
+    def _component(self, item: Effect, values: Array, points: Points) -> Array:
+        return self._scaled(component_wrench(np, item, values, points))
+
+    def _scaled(self, force: dynamics.Triple) -> Array:
+        shape = (2, len(self.samples) - 1)
+        scale = self.mechanism.force_scale
+        out = np.empty((*shape, 3))
+        for i in range(3):
+            np.multiply(force[i], scale[i], out=out[..., i])
+        return out
+
+    def _finish(self, force: Array | None, theta: Array) -> Array:
+        """From the force that acts (None: to be found) to the force of the interface torque."""
+        structure, geometry = self.mechanism.structure, self.mechanism.geometry
+        if force is None:
+            torque = dynamics.acting_torque(
+                np, structure, geometry, theta, self.instant, tolerance=1e-10
+            )
+        elif structure.only_wrenches:
+            return force
+        else:
+            body = tuple(np.moveaxis(force / self.mechanism.force_scale, -1, 0))
+            torque = dynamics.allocate(geometry, body)  # type: ignore[arg-type]
+        at = replace(self.instant, torque=torque, torque_rate=self._rates(torque))
+        interface = dynamics.interface_torque(np, structure, theta, at)
+        return self._scaled(dynamics.body_force(geometry, interface))
+
+    def _rates(self, torque: tuple[Array, ...]) -> tuple[Array, ...]:
+        """Rates of the acting torques: differences between samples, whose two ends are averaged."""
+        rates = []
+        for value in torque:
+            node = np.concatenate(
+                [value[0, :1], 0.5 * (value[1, :-1] + value[0, 1:]), value[1, -1:]]
+            )
+            rates.append(np.broadcast_to(np.diff(node) / self.samples.dt, value.shape))
+        return tuple(rates)
+
+    def columns(self, indices: Iterable[int]) -> Array:
+        """d force / d theta[i] for each index: (len(indices), 2, N - 1, 3).
+
+        Base parameters enter linearly, so theirs is the function on a unit vector; others take a
+        central difference over a small part of their catalogue size.
+        """
+        return np.stack([self._column(int(i)) for i in indices])
+
+    def _column(self, index: int) -> Array:
+        structure = self.mechanism.structure
+        item, where = next(row for row in structure.slices if index < row[1].stop)
+        if item.name in BASE and structure.is_linear:
+            unit = np.zeros(where.stop - where.start)
+            unit[index - where.start] = 1.0
+            return self._component(item, unit, self._points)
+        step = 1e-3 * item.parameter(item.parameter_names[index - where.start]).size
+        ahead, behind = (self._shifted(item, index, sign * step) for sign in (1.0, -1.0))
+        return (ahead - behind) / (2 * step)
+
+    @cached_property
+    def _points(self) -> Points:
+        return Points(np, self.mechanism.geometry, self.theta, self.instant)
+
+    def _shifted(self, owner: Effect, index: int, shift: float) -> Array:
+        """The force with one parameter moved: only the components that it enters are redone."""
+        structure = self.mechanism.structure
+        theta = self.theta.copy()
+        theta[index] += shift
+        if self.whole:
+            return self._finish(None, theta)
+        changed = {owner.name, *(structure.base_readers if owner.name in BASE else ())}
+        points = Points(np, self.mechanism.geometry, theta, self.instant)
+        force = self._body_force()
+        for item, where in structure.wrenches:
+            if item.name in changed:
+                new = self._component(item, theta[where], points)
+                force += new - self._contributions[item.name]
+        return self._finish(force, theta)

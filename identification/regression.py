@@ -1,0 +1,234 @@
+"""Batch least squares on filtered forces, with standard deviations for correlated residuals."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from identification.filters import FILTER_RATE, block_mean, filter_samples, first_order, settled
+from identification.mecanum import Mecanum, Samples
+from youbot_env.errors import InputError
+
+Array = NDArray[np.float64]
+
+ROW_RATE = 20.0
+"""Rows a second [Hz] that a fit sees: 2 a_f; the filter leaves little above."""
+
+CORRELATION_TIME = 2.0
+"""Residuals further apart than this [s] count as uncorrelated: 20/a_f."""
+
+HUBER = 1.345
+"""Huber's threshold in robust standard deviations: 95 % efficient on clean Gaussian residuals."""
+
+
+@dataclass(frozen=True)
+class Rows:
+    """Filtered regression rows of one log at one theta: residual (n, A) and columns (n, A, P)."""
+
+    residual: Array
+    columns: Array
+
+
+@dataclass(frozen=True)
+class Fit:
+    """Result of a least-squares fit.
+
+    theta (P,): all parameters, shape constants included; free (F,): indices of the fitted ones;
+    covariance (F, F): true for correlated residuals; rows: residual and columns at theta, per log;
+    bounded: indices of parameters that stopped at a physical bound.
+    """
+
+    theta: Array
+    free: Array
+    covariance: Array
+    rows: tuple[Rows, ...]
+    bounded: tuple[int, ...] = ()
+
+    @property
+    def std(self) -> Array:
+        """(F,) standard deviations of the free parameters."""
+        return np.sqrt(np.diag(self.covariance))
+
+
+def stride(dt: float) -> int:
+    """Samples in one regression row."""
+    return max(1, round(1.0 / (ROW_RATE * dt)))
+
+
+def regression_rows(mechanism: Mecanum, theta: Array, samples: Samples, free: Array) -> Rows:
+    """Filtered residual and columns of one log.
+
+    An actuator's effect on the logged torque takes a derivative more; a second pass through the
+    same filter, on both sides, keeps the noise of that derivative finite.
+    """
+    demand = mechanism.demand(theta, samples)
+    measured = mechanism.measured_force(samples)
+    residual = np.stack([measured[:-1], measured[1:]]) - demand.force
+    stacked = np.concatenate([residual[None], demand.columns(free)])
+    passes = 2 if mechanism.structure.has_actuator else 1
+    filtered = reduce(np.moveaxis(stacked, 0, -1), samples.dt, passes)
+    return Rows(filtered[..., 0], filtered[..., 1:])
+
+
+def reduce(ends: Array, dt: float, passes: int = 1) -> Array:
+    """Filter interval ends (2, N - 1, ...) and average into regression rows (n, ...)."""
+    filtered = first_order(ends[0], ends[1], FILTER_RATE, dt)
+    for _ in range(passes - 1):
+        filtered = filter_samples(filtered, FILTER_RATE, dt)
+    return block_mean(filtered[passes * settled(FILTER_RATE, dt) :], stride(dt))
+
+
+def fit(
+    mechanism: Mecanum,
+    logs: Sequence[Samples],
+    start: Array,
+    *,
+    robust: bool = False,
+    progress: Callable[[], None] = lambda: None,
+) -> Fit:
+    """Fit the linearly identified parameters; shape constants stay at their values in ``start``.
+
+    Gauss-Newton on the filtered force residual: one step where the model is linear.
+
+    Parameters
+    ----------
+    start : (P,) theta to start from
+    robust : Huber weights on rows, for logs with outliers
+
+    Raises
+    ------
+    InputError
+        If the logs are too short for the filter to settle, or nothing can be fitted.
+    """
+    free = np.flatnonzero(mechanism.free)
+    basis = gauge_basis(mechanism)
+    theta = np.array(start, float)
+    bounded: tuple[int, ...] = ()
+    for _ in range(30):
+        rows = [regression_rows(mechanism, theta, samples, free) for samples in logs]
+        progress()
+        if sum(len(row.residual) for row in rows) < 2 * len(free):
+            raise InputError("the logs are too short to fit a model: record some 20 s of motion")
+        weights = huber_weights(rows) if robust else [np.ones(len(r.residual)) for r in rows]
+        step, bounded = _solve(mechanism, rows, weights, theta, free, basis)
+        theta[free] += step
+        rows = [Rows(r.residual - r.columns @ step, r.columns) for r in rows]
+        scaled = np.abs(step * mechanism.scale[free])
+        settled_down = scaled.max() <= 1e-9 * np.abs(theta[free] * mechanism.scale[free]).max()
+        if (mechanism.is_linear and not robust) or settled_down:
+            break
+    # A robust fit's rows are weighted, so that its covariance is that of the weighted estimate.
+    weighted = [_weighted(row, weight) for row, weight in zip(rows, weights, strict=True)]
+    covariance = hac_covariance(weighted, basis, mechanism.scale[free], logs[0].dt)
+    return Fit(theta, free, covariance, tuple(rows), bounded)
+
+
+def _weighted(rows: Rows, weight: Array) -> Rows:
+    root = np.sqrt(weight)
+    return Rows(rows.residual * root[:, None], rows.columns * root[:, None, None])
+
+
+def gauge_basis(mechanism: Mecanum) -> Array:
+    """(F, Q) directions of the free parameters that data can see at all.
+
+    Of values that are relative to each other (gains, extra frictions) only differences can be
+    seen: their sum is held at zero.
+    """
+    names = [name for name, free in zip(mechanism.labels, mechanism.free, strict=True) if free]
+    columns: list[Array] = []
+    done: set[str] = set()
+    for k, label in enumerate(names):
+        group = label.group
+        if group is None:
+            columns.append(np.eye(len(names))[:, k : k + 1])
+        elif group not in done:
+            done.add(group)
+            members = [j for j, other in enumerate(names) if other.group == group]
+            block = np.zeros((len(names), len(members) - 1))
+            # Orthonormal complement of (1, ..., 1), from the QR factors of a full-rank matrix.
+            frame = np.column_stack([np.ones(len(members)), np.eye(len(members))[:, 1:]])
+            block[members] = np.linalg.qr(frame)[0][:, 1:]
+            columns.append(block)
+    return np.hstack(columns)
+
+
+def _solve(
+    mechanism: Mecanum,
+    rows: Sequence[Rows],
+    weights: Sequence[Array],
+    theta: Array,
+    free: Array,
+    basis: Array,
+) -> tuple[Array, tuple[int, ...]]:
+    """Least-squares step (F,), within physical bounds if the free step would leave them."""
+    scale = mechanism.scale[free]
+    parts = [_weighted(row, weight) for row, weight in zip(rows, weights, strict=True)]
+    matrix = np.concatenate([p.columns.reshape(-1, len(free)) for p in parts]) / scale
+    right = np.concatenate([p.residual.ravel() for p in parts])
+    directions = scale[:, None] * basis
+    directions = directions / np.linalg.norm(directions, axis=0)
+    solution, *_ = np.linalg.lstsq(matrix @ directions, right, rcond=1e-12)
+    step = directions @ solution / scale
+    lower, upper = mechanism.bounds
+    outside = (theta[free] + step < lower[free]) | (theta[free] + step > upper[free])
+    if not outside.any():
+        return step, ()
+    return _bounded_step(matrix, right, scale, theta[free], lower[free], upper[free])
+
+
+def _bounded_step(
+    matrix: Array, right: Array, scale: Array, value: Array, lower: Array, upper: Array
+) -> tuple[Array, tuple[int, ...]]:
+    from scipy.optimize import lsq_linear
+
+    box = ((lower - value) * scale, (upper - value) * scale)
+    inside = np.clip(value, lower, upper) - value
+    box = (np.minimum(box[0], inside * scale), np.maximum(box[1], inside * scale) + 1e-300)
+    # The gauge needs no constraint here: bounds and the least norm settle the common part.
+    result = lsq_linear(matrix, right, bounds=box)
+    active = tuple(int(k) for k in np.flatnonzero(result.active_mask))
+    return result.x / scale, active
+
+
+def huber_weights(rows: Sequence[Rows]) -> list[Array]:
+    """One weight a row (n,): full inside Huber's threshold, falling as 1/size outside."""
+    size = [np.sqrt((row.residual**2).mean(axis=1)) for row in rows]
+    # 0.888: median of the root mean square of three unit normals, so that sigma is theirs.
+    sigma = np.median(np.concatenate(size)) / 0.888
+    return [np.minimum(1.0, HUBER * sigma / np.maximum(s, 1e-300)) for s in size]
+
+
+def hac_covariance(rows: Sequence[Rows], basis: Array, scale: Array, dt: float) -> Array:
+    """Covariance (F, F) of a least-squares estimate whose residuals are correlated in time.
+
+    Newey and West (Econometrica 55(3), 1987): the scores' long-run covariance by Bartlett weights
+    over CORRELATION_TIME, between the inverses of the information matrix.
+    """
+    directions = scale[:, None] * basis
+    directions = directions / np.linalg.norm(directions, axis=0)
+    size = directions.shape[1]
+    information, middle = np.zeros((size, size)), np.zeros((size, size))
+    count = 0
+    lags = max(1, round(CORRELATION_TIME / (stride(dt) * dt)))
+    for row in rows:
+        columns = (row.columns / scale) @ directions
+        information += np.einsum("nap,naq->pq", columns, columns)
+        scores = np.einsum("na,nap->np", row.residual, columns)
+        middle += long_run(scores, lags)
+        count += row.residual.size
+    inverse = np.linalg.pinv(information, rcond=1e-13, hermitian=True)
+    covariance = inverse @ middle @ inverse * count / max(count - size, 1)
+    to_theta = directions / scale[:, None]
+    return to_theta @ covariance @ to_theta.T
+
+
+def long_run(scores: Array, lags: int) -> Array:
+    """Sum (P, P) of the scores' (n, P) autocovariances under Bartlett weights."""
+    total = scores.T @ scores
+    for lag in range(1, min(lags, len(scores) - 1)):
+        cross = scores[lag:].T @ scores[:-lag]
+        total += (1.0 - lag / lags) * (cross + cross.T)
+    return total
