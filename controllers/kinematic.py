@@ -1,0 +1,119 @@
+"""The stock control of the platform: inverse kinematics and a speed loop at each wheel."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, fields
+
+import numpy as np
+
+from controllers.interface import Array, Observation, Reference
+from youbot_env.errors import InputError
+from youbot_env.geometry import Geometry
+from youbot_env.hardware import MAX_WHEEL_TORQUE
+from youbot_env.validation import finite
+
+
+@dataclass(frozen=True)
+class Gains:
+    """PI gains of a wheel's speed loop. The defaults behave like the stock ones.
+
+    Attributes
+    ----------
+    proportional : [N m s/rad]
+    integral : [N m/rad]
+
+    Raises
+    ------
+    InputError
+        If a gain is negative or not finite.
+    """
+
+    proportional: float = 0.12
+    integral: float = 0.30
+
+    def __post_init__(self) -> None:
+        for field in fields(self):
+            gain = finite(f"gain {field.name}", getattr(self, field.name))
+            if gain < 0.0:
+                raise InputError(f"gain {field.name}: {gain:g} must be at least 0")
+
+
+def tuned_gains(inertia: float, friction: float, bandwidth: float, damping: float = 1.0) -> Gains:
+    """Gains that give J w' + c w = torque the poles of s^2 + 2 damping b s + b^2.
+
+    Parameters
+    ----------
+    inertia, friction : J [kg m^2] and c [N m s] that one wheel sees, a quarter of the platform's
+    bandwidth : b [rad/s]; friction alone is faster than a loop with b < c / (2 damping J)
+    damping : 1 for a loop whose poles are equal
+
+    Raises
+    ------
+    InputError
+        If the bandwidth is so low that the proportional gain would be negative.
+    """
+    inertia, damping = (
+        finite(f"tuned gains {name}", value, positive=True)
+        for name, value in {"inertia": inertia, "damping": damping}.items()
+    )
+    proportional = 2.0 * damping * bandwidth * inertia - friction
+    if proportional < 0.0:
+        least = friction / (2.0 * damping * inertia)
+        raise InputError(f"tuned gains bandwidth: {bandwidth:g} rad/s must be at least {least:.3g}")
+    return Gains(proportional, bandwidth**2 * inertia)
+
+
+class KinematicControl:
+    """Wheel-speed PI towards the no-slip wheel speeds of the reference twist.
+
+    Knows no mass: above some 0.5 rad/s the platform lags its reference. The torque is limited
+    at each wheel, and a wheel's integral rests while it would push further into its limit.
+
+    Parameters
+    ----------
+    geometry : lengths of the platform
+    gains : of each wheel's loop
+    torque_limit : [N m] at each wheel
+    sample_time : [s] between calls
+
+    Raises
+    ------
+    InputError
+        If the limit or the sample time is not positive and finite.
+    """
+
+    def __init__(
+        self,
+        geometry: Geometry | None = None,
+        gains: Gains | None = None,
+        torque_limit: float = MAX_WHEEL_TORQUE,
+        sample_time: float = 0.002,
+    ) -> None:
+        self.geometry = geometry or Geometry()
+        self.gains = gains or Gains()
+        self.torque_limit = finite("torque limit [N m]", torque_limit, positive=True)
+        self.sample_time = finite("sample time [s]", sample_time, positive=True)
+        self._integral_step = self.gains.integral * self.sample_time
+        self._to_wheels = self.geometry.wheel_jacobian
+        self.reset()
+
+    def reset(self) -> None:
+        """Empties the integrals."""
+        self._integral = [0.0, 0.0, 0.0, 0.0]
+
+    def __call__(self, observation: Observation, reference: Reference) -> Array:
+        """Wheel torques (4,) [N m]; uses the wheel speeds and the reference twist alone.
+
+        A NaN in a wheel's speed gives that wheel NaN torque once, and leaves its integral alone.
+        """
+        errors = (self._to_wheels @ reference.twist - observation.wheel_speed).tolist()
+        # floats, because numpy on four numbers takes three times as long
+        return np.array([self._loop(wheel, error) for wheel, error in enumerate(errors)])
+
+    def _loop(self, wheel: int, error: float) -> float:
+        step = self._integral_step * error
+        wanted = self.gains.proportional * error + self._integral[wheel] + step
+        torque = min(max(wanted, -self.torque_limit), self.torque_limit)
+        if (wanted - torque) * error <= 0.0:
+            self._integral[wheel] += step
+        return torque
