@@ -1,0 +1,174 @@
+"""What a motion lets one see: Gramian, rank, blind directions and blocks, as in the paper."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from identification.filters import filter_samples, settled
+from identification.mecanum import Mecanum, Samples
+from identification.regression import regression_rows, stride
+from youbot_env.dynamics import Structure
+from youbot_env.geometry import Geometry
+from youbot_env.motions import Motion
+
+Array = NDArray[np.float64]
+
+BLIND = 3e-3
+"""Eigenvalue of the normalised Gramian under which a direction counts as blind in a real log.
+
+The Gramian of unit columns has the mean eigenvalue one; 3e-3 means that a standard deviation is
+18 times what it would be if the columns were orthogonal."""
+
+IDEAL_BLIND = 1e-9
+"""The same for an ideal motion, where only rounding stands between blind and seen."""
+
+COUPLED = 0.1
+"""Cosine between two columns above which their parameters belong to one block."""
+
+
+@dataclass(frozen=True)
+class Observability:
+    """What one motion (or all together) shows of the parameters x, scaled as in the paper.
+
+    Attributes
+    ----------
+    names : (F,) parameter names
+    gramian : (F, F) integral of H^T H over time [s]
+    rank : number of directions that are seen
+    blind : (F - rank, F) unit vectors in x that are not seen
+    blocks : names of parameters that can be estimated apart from the others
+    """
+
+    names: tuple[str, ...]
+    gramian: Array
+    rank: int
+    blind: Array
+    blocks: tuple[tuple[str, ...], ...]
+
+    def describe_blind(self, cutoff: float = 0.15) -> list[str]:
+        """Each blind direction as a sum of parameters, such as ``x1 + x2 + x5``."""
+        return [_combination(direction, cutoff) for direction in self.blind]
+
+
+def _combination(direction: Array, cutoff: float) -> str:
+    largest = np.abs(direction).max()
+    direction = direction * np.sign(direction[np.argmax(np.abs(direction) > 0.5 * largest)])
+    terms = []
+    for k in np.flatnonzero(np.abs(direction) > cutoff * largest):
+        share = direction[k] / largest
+        factor = "" if abs(abs(share) - 1) < 0.1 else f"{abs(share):.1f} "
+        sign = "-" if share < 0 else ("+" if terms else "")
+        terms.append(f"{sign} {factor}x{k + 1}" if terms else f"{sign}{factor}x{k + 1}")
+    return " ".join(terms)
+
+
+def observability(names: Sequence[str], columns: Array, dt: float, blind: float) -> Observability:
+    """From regressor columns (n, A, F) in paper units, rows ``dt`` [s] apart."""
+    flat = columns.reshape(-1, columns.shape[-1])
+    gramian = flat.T @ flat * dt
+    norm = np.sqrt(np.diag(gramian))
+    # A column of zeros is blind by itself; it must not turn into NaN.
+    unit = gramian / np.outer(np.where(norm > 0, norm, 1.0), np.where(norm > 0, norm, 1.0))
+    values, vectors = np.linalg.eigh(unit)
+    unseen = values < blind
+    directions = vectors[:, unseen] / np.where(norm > 1e-9 * norm.max(), norm, norm.max())[:, None]
+    directions = _orthonormal(directions)
+    rank = int(len(names) - unseen.sum())
+    return Observability(tuple(names), gramian, rank, directions, _blocks(names, unit))
+
+
+def _orthonormal(directions: Array) -> Array:
+    """Unit vectors (k, F) that span the columns (F, k), made sparse by elimination."""
+    if directions.shape[1] == 0:
+        return directions.T
+    rows = directions.T.copy()
+    for k in range(len(rows)):
+        pivot = np.unravel_index(np.argmax(np.abs(rows[k:])), rows[k:].shape)
+        rows[[k, k + pivot[0]]] = rows[[k + pivot[0], k]]
+        rows[k] /= rows[k, pivot[1]]
+        for other in range(len(rows)):
+            if other != k:
+                rows[other] -= rows[other, pivot[1]] * rows[k]
+    return rows / np.linalg.norm(rows, axis=1, keepdims=True)
+
+
+def _blocks(names: Sequence[str], unit: Array) -> tuple[tuple[str, ...], ...]:
+    """Connected groups of parameters whose columns are not orthogonal to each other."""
+    left = [k for k in range(len(names)) if unit[k, k] > 0]
+    blocks = []
+    while left:
+        block, frontier = set(), [left[0]]
+        while frontier:
+            k = frontier.pop()
+            block.add(k)
+            frontier += [j for j in left if j not in block and abs(unit[k, j]) > COUPLED]
+        left = [k for k in left if k not in block]
+        blocks.append(tuple(names[k] for k in sorted(block)))
+    return tuple(blocks)
+
+
+PAPER_ORDER = (0, 1, 4, 2, 3, 5, 6)
+"""theta's base parameters (m0, I0, m_aX, m_aY, I1, mu1, mu2) in the order of x1 ... x7."""
+
+
+def paper_order(mechanism: Mecanum) -> Array:
+    """Indices of the free parameters: x1 ... x7, then those of added effects."""
+    rest = np.flatnonzero(mechanism.free)[len(PAPER_ORDER) :]
+    return np.array([*PAPER_ORDER, *rest])
+
+
+def log_observability(
+    mechanism: Mecanum, theta: Array, samples: Samples, blind: float = BLIND
+) -> Observability:
+    """What one log shows of the parameters, around theta (P,)."""
+    order = paper_order(mechanism)
+    rows = regression_rows(mechanism, theta, samples, order)
+    names = [mechanism.parameter_names[k] for k in order]
+    step = stride(samples.dt) * samples.dt
+    return observability(names, rows.columns / mechanism.scale[order], step, blind)
+
+
+def motion_observability(
+    motion: Motion,
+    geometry: Geometry | None = None,
+    *,
+    window: tuple[float, float] | None = None,
+    blind: float = IDEAL_BLIND,
+    dt: float = 0.005,
+) -> Observability:
+    """What an ideal motion shows of the base model, without a filter: the paper's statements.
+
+    Parameters
+    ----------
+    window : start and end [s]; a periodic motion should be given whole periods
+    """
+    mechanism = Mecanum(geometry or Geometry(), Structure())
+    start, end = window or (0.0, motion.duration)
+    time = np.arange(start, end - 0.5 * dt, dt)
+    columns = ideal_columns(mechanism, motion.twist(time), motion.acceleration(time))
+    names = [mechanism.parameter_names[k] for k in PAPER_ORDER]
+    return observability(names, columns, dt, blind)
+
+
+def ideal_columns(mechanism: Mecanum, twist: Array, acceleration: Array) -> Array:
+    """Regressor columns (n, 3, 7) of x1 ... x7 for a known motion, unfiltered."""
+    from youbot_env.dynamics import Instant, wrench
+
+    at = Instant(tuple(twist.T), tuple(acceleration.T))
+    columns = []
+    for k in PAPER_ORDER:
+        unit = np.zeros(7)
+        unit[k] = 1.0 / mechanism.scale[k]
+        force = wrench(np, Structure(), mechanism.geometry, unit, at)
+        force = np.stack(np.broadcast_arrays(*force, twist[:, 0])[:3], axis=-1)
+        columns.append(force * mechanism.force_scale)
+    return np.stack(columns, axis=-1)
+
+
+def filtered_columns(columns: Array, rate: float, dt: float) -> Array:
+    """Columns (n, A, F) through the paper's filter, its start left out."""
+    return filter_samples(columns, rate, dt)[settled(rate, dt) :]

@@ -1,0 +1,95 @@
+"""The paper's recursive least squares: a Kalman filter for constants, also for use on line."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from identification.mecanum import Mecanum, Samples
+from identification.regression import Fit, regression_rows, stride
+
+Array = NDArray[np.float64]
+
+PRIOR = 1e6
+"""Prior variance of the scaled parameters x [(N m)^2], far above any: the start is forgotten."""
+
+
+class RecursiveLeastSquares:
+    """x^' = P H^T (z - H x^), P' = -P H^T H P for rows that come one sample after another.
+
+    Each update solves its sampled equations exactly (the information form of the paper's
+    continuous ones), so that after any number of rows the estimate is the batch estimate with
+    a prior of ``PRIOR``.
+
+    Parameters
+    ----------
+    size : number F of parameters
+    start : (F,) first estimate, zero by default
+    variance : of the start, (F,) or one number
+    forgetting : 1 keeps all; below 1 old rows fade by this factor a row
+    """
+
+    def __init__(
+        self,
+        size: int,
+        start: ArrayLike | None = None,
+        variance: ArrayLike = PRIOR,
+        forgetting: float = 1.0,
+    ) -> None:
+        self.estimate = np.zeros(size) if start is None else np.array(start, float)
+        self.covariance = np.diag(np.broadcast_to(np.asarray(variance, float), (size,)).copy())
+        self.forgetting = forgetting
+
+    def update(self, columns: Array, measured: Array) -> Array:
+        """Take one sample: ``columns`` (A, F), ``measured`` (A,). Returns the estimate (F,).
+
+        The error's covariance is taken as unity: ``covariance`` scales with the noise's.
+        """
+        spread = self.covariance @ columns.T
+        innovation = columns @ spread + self.forgetting * np.eye(len(columns))
+        gain = np.linalg.solve(innovation, spread.T).T
+        self.estimate = self.estimate + gain @ (measured - columns @ self.estimate)
+        updated = (self.covariance - gain @ spread.T) / self.forgetting
+        # Rounding would make it asymmetric, and then indefinite, within some thousand updates.
+        self.covariance = 0.5 * (updated + updated.T)
+        return self.estimate
+
+
+@dataclass(frozen=True)
+class Course:
+    """Estimates over time.
+
+    time (n,): [s] since the first log's start, logs one after another; theta, std (n, F): the
+    free parameters and their standard deviations, which end at those of the batch covariance.
+    """
+
+    time: Array
+    theta: Array
+    std: Array
+
+
+def recursive_course(mechanism: Mecanum, logs: Sequence[Samples], fit: Fit) -> Course:
+    """Run the recursive estimator through the logs; effects enter linearised at the batch fit.
+
+    The filter's rows are correlated, so P alone would state too little; its shape over time is
+    kept and each parameter's end is set to the batch estimate's standard deviation.
+    """
+    scale, free = mechanism.scale[fit.free], fit.free
+    estimator = RecursiveLeastSquares(len(free))
+    time, course, spread = [], [], []
+    offset = 0.0
+    for samples in logs:
+        rows = regression_rows(mechanism, fit.theta, samples, free)
+        measured = rows.residual + rows.columns @ fit.theta[free]
+        step = stride(samples.dt) * samples.dt
+        start = samples.time[-1] - step * len(rows.residual)
+        for k, (columns, z) in enumerate(zip(rows.columns, measured, strict=True)):
+            course.append(estimator.update(columns / scale, z) / scale)
+            spread.append(np.sqrt(np.diag(estimator.covariance)) / scale)
+            time.append(offset + start + (k + 1) * step)
+        offset += samples.time[-1]
+    std = np.array(spread)
+    return Course(np.array(time), np.array(course), std * (fit.std / std[-1]))
