@@ -175,6 +175,24 @@ class Mecanum:
         """(N, 3) measured speeds (VX/L, VY/L, W) [rad/s]."""
         return samples.twist * self.speed_scale
 
+    def free_run(self, theta: Array, samples: Samples) -> Array:
+        """(N, 3) speeds (VX/L, VY/L, W) from the log's first sample, driven by its torques alone.
+
+        A run that diverges holds inf or NaN from there on.
+        """
+        from youbot_env.simulate import simulate_theta  # numba, which a force fit does without
+
+        start = [*samples.twist[0], *samples.pose[0], *samples.wheel_angle[0], samples.time[0]]
+        if self.structure.has_actuator:
+            start += list(
+                dynamics.channel_torque(np, self.structure, theta, samples.torque[0], 0.0)
+            )
+        duration = np.full(len(samples) - 1, samples.dt)
+        states = simulate_theta(
+            self.structure, self.geometry, theta, duration, samples.torque, start
+        )
+        return states[:, :3] * self.speed_scale
+
     def demand(self, theta: Array, samples: Samples) -> Demand:
         """Generalised force that the logged motion demands at parameters theta (P,)."""
         return Demand(self, np.asarray(theta, float), samples)

@@ -113,7 +113,7 @@ def fit(
         if sum(len(row.residual) for row in rows) < 2 * len(free):
             raise InputError("the logs are too short to fit a model: record some 20 s of motion")
         weights = huber_weights(rows) if robust else [np.ones(len(r.residual)) for r in rows]
-        step, bounded = _solve(mechanism, rows, weights, theta, free, basis)
+        step, bounded = solve_step(mechanism, rows, weights, theta, free, basis)
         theta[free] += step
         rows = [Rows(r.residual - r.columns @ step, r.columns) for r in rows]
         scaled = np.abs(step * mechanism.scale[free])
@@ -155,7 +155,7 @@ def gauge_basis(mechanism: Mecanum) -> Array:
     return np.hstack(columns)
 
 
-def _solve(
+def solve_step(
     mechanism: Mecanum,
     rows: Sequence[Rows],
     weights: Sequence[Array],

@@ -8,8 +8,9 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from youbot_env import dynamics
-from youbot_env.dynamics import Instant
+from youbot_env.dynamics import Instant, Structure
 from youbot_env.errors import InputError
+from youbot_env.geometry import Geometry
 from youbot_env.kernels import kernel
 from youbot_env.model import Model
 
@@ -32,32 +33,36 @@ def initial_state(
     twist (VX, VY, W) [m/s, m/s, rad/s], pose (x, y, yaw) [m, m, rad], wheel angles [rad], torques
     [N m] that already act (read by models with an actuator), time [s].
     """
-    parts = [np.asarray(twist, float), np.asarray(pose, float), np.asarray(wheel_angle, float)]
-    state = np.concatenate([*parts, [time]])
-    return np.concatenate([state, np.asarray(torque, float)]) if _has_drive(model) else state
+    given = {"twist": (twist, 3), "pose": (pose, 3), "wheel_angle": (wheel_angle, 4)}
+    parts = [_vector(name, *value) for name, value in given.items()] + [np.array([time])]
+    if model.structure.has_actuator:
+        parts.append(_vector("torque", torque, 4))
+    return np.concatenate(parts)
 
 
-def _has_drive(model: Model) -> bool:
-    return model.structure.has_actuator
+def _vector(name: str, value: ArrayLike, size: int) -> Array:
+    array = np.asarray(value, float)
+    if array.shape != (size,):
+        raise InputError(f"{name} must hold {size} numbers, not shape {array.shape}")
+    return array
 
 
-def stiffness(model: Model) -> float:
+def stiffness(structure: Structure, geometry: Geometry, theta: Array) -> float:
     """Fastest rate [1/s] of the twist (and drives) at rest, where friction is stiffest."""
     size = 3
     shift = 1e-5
     twists = np.concatenate([shift * np.eye(size), -shift * np.eye(size)])
     at = Instant(tuple(twists.T), torque=(1.0,) * 4)
     acceleration = np.stack(
-        np.broadcast_arrays(
-            *dynamics.forward_dynamics(np, model.structure, model.geometry, model.theta, at)
-        )
+        np.broadcast_arrays(*dynamics.forward_dynamics(np, structure, geometry, theta, at))
     )
     jacobian = (acceleration[:, :size] - acceleration[:, size:]) / (2 * shift)
     rates = [float(np.abs(np.linalg.eigvals(jacobian)).max())]
-    if _has_drive(model):
-        args = (np, model.structure, model.theta)
+    if structure.has_actuator:
         slow, fast = (
-            dynamics.drive_rates(*args, Instant((0.0,) * 3, torque=(t,) * 4), (0.0,) * 4)
+            dynamics.drive_rates(
+                np, structure, theta, Instant((0.0,) * 3, torque=(t,) * 4), (0.0,) * 4
+            )
             for t in (0.0, 1.0)
         )
         rates.append(float(np.max(np.abs(np.subtract(fast, slow)))))
@@ -72,13 +77,17 @@ def substeps(model: Model, duration: float) -> int:
     InputError
         If the model is too stiff to simulate (a time constant next to zero, say).
     """
-    count = math.ceil(duration * max(stiffness(model), 10.0) / 0.25)
-    if not 0 <= count <= MAX_SUBSTEPS:
+    return _substeps(model.structure, model.geometry, model.theta, duration)
+
+
+def _substeps(structure: Structure, geometry: Geometry, theta: Array, duration: float) -> int:
+    rate = duration * max(stiffness(structure, geometry, theta), 10.0) / 0.25
+    if not 0 <= rate <= MAX_SUBSTEPS:
         raise InputError(
-            f"model {model.name}: too stiff to simulate in steps of {duration:g} s "
-            "(a friction's smoothing or a time constant is next to zero)"
+            f"too stiff to simulate in steps of {duration:g} s "
+            "(a friction's smoothing or a drive's time constant is next to zero)"
         )
-    return max(count, 1)
+    return max(math.ceil(rate), 1)
 
 
 def simulate(model: Model, time: ArrayLike, torque: ArrayLike, start: ArrayLike) -> Array:
@@ -87,10 +96,33 @@ def simulate(model: Model, time: ArrayLike, torque: ArrayLike, start: ArrayLike)
     ``torque`` (N, 4) [N m] is what the interface commands or logs, linear between samples.
     A run that diverges holds inf or NaN from there on.
     """
-    time, torque = np.asarray(time, float), np.ascontiguousarray(torque, float)
-    duration = np.diff(time)
-    out = np.empty((len(time), len(model.structure.state_names)))
-    run = kernel(model.structure).rollout
-    count = substeps(model, float(np.median(duration)))
-    run(np.asarray(start, float), torque, duration, model.lengths, model.theta, count, out)
+    return simulate_theta(
+        model.structure, model.geometry, model.theta, np.diff(time), np.asarray(torque), start
+    )
+
+
+def simulate_theta(
+    structure: Structure,
+    geometry: Geometry,
+    theta: Array,
+    duration: Array,
+    torque: Array,
+    start: ArrayLike,
+) -> Array:
+    """The same for bare parameters theta (P,) and intervals ``duration`` (N - 1,) [s].
+
+    For searches, which pass through parameters that no :class:`Model` would accept.
+    """
+    out = np.empty((len(torque), len(structure.state_names)))
+    lengths = np.array([geometry.l, geometry.h, geometry.R, geometry.r])
+    count = _substeps(structure, geometry, theta, float(np.median(duration)))
+    kernel(structure).rollout(
+        np.asarray(start, float),
+        np.ascontiguousarray(torque, float),
+        np.ascontiguousarray(duration, float),
+        lengths,
+        np.ascontiguousarray(theta, float),
+        count,
+        out,
+    )
     return out

@@ -1,0 +1,117 @@
+"""Force error, velocity error and noise floor of a model on a log: defined once, here."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from identification.filters import FILTER_RATE, filter_samples, first_order, settled
+from identification.mecanum import Mecanum, Samples
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class Traces:
+    """Measured and predicted signals (n, A) of one log and the times (n,) [s] they belong to."""
+
+    time: Array
+    measured: Array
+    predicted: Array
+
+    @property
+    def residual(self) -> Array:
+        """measured - predicted (n, A)."""
+        return self.measured - self.predicted
+
+
+def force_traces(mechanism: Mecanum, theta: Array, samples: Samples) -> Traces:
+    """Filtered generalised forces (L F_X, L F_Y, M_W) [N m], the filter's start left out."""
+    dt = samples.dt
+    demanded = mechanism.demand(theta, samples).force
+    measured = filter_samples(mechanism.measured_force(samples), FILTER_RATE, dt)
+    predicted = first_order(demanded[0], demanded[1], FILTER_RATE, dt)
+    first = settled(FILTER_RATE, dt)
+    return Traces(samples.time[first:], measured[first:], predicted[first:])
+
+
+def velocity_traces(mechanism: Mecanum, theta: Array, samples: Samples) -> Traces:
+    """Speeds (VX/L, VY/L, W) [rad/s] of the free run, driven by the measured torques alone."""
+    predicted = mechanism.free_run(theta, samples)
+    return Traces(samples.time, mechanism.measured_speed(samples), predicted)
+
+
+@dataclass(frozen=True)
+class Squares:
+    """Sums of squares (A,) of residual and measured signal: they add up over logs."""
+
+    residual: Array
+    measured: Array
+
+    @classmethod
+    def of(cls, traces: Traces, residual: Array | None = None) -> Squares:
+        """Of one log; ``residual`` replaces the traces' own (for a noise floor)."""
+        error = traces.residual if residual is None else residual
+        return cls((error**2).sum(axis=0), (traces.measured**2).sum(axis=0))
+
+    def __add__(self, other: Squares) -> Squares:
+        return Squares(self.residual + other.residual, self.measured + other.measured)
+
+    @property
+    def ratio(self) -> float:
+        """rms(residual) / rms(measured), all axes in one."""
+        return float(np.sqrt(self.residual.sum() / self.measured.sum()))
+
+    @property
+    def by_axis(self) -> Array:
+        """(A,) the same for each axis alone; NaN for an axis that never moved."""
+        with np.errstate(invalid="ignore", divide="ignore"):
+            return np.sqrt(self.residual / self.measured)
+
+
+def noisy(samples: Samples, mechanism: Mecanum, std: NoiseLevel, rng: np.random.Generator):
+    """The samples with as much white noise again as they hold already."""
+    shape = samples.torque.shape
+    speed = std.speed * rng.standard_normal(shape)
+    return replace(
+        samples,
+        twist=samples.twist + mechanism.geometry.body_twist(speed),
+        wheel_speed=samples.wheel_speed + speed,
+        torque=samples.torque + std.torque * rng.standard_normal(shape),
+    )
+
+
+@dataclass(frozen=True)
+class NoiseLevel:
+    """Standard deviations (4,) of white noise on wheel speeds [rad/s] and torques [N m]."""
+
+    speed: Array
+    torque: Array
+
+
+def force_floor(
+    mechanism: Mecanum, theta: Array, samples: Samples, noise: NoiseLevel, seed: int
+) -> Squares:
+    """What measurement noise alone leaves in the force residual.
+
+    The noise is put on once more and what it changes is kept: right for every effect, since the
+    model itself carries it.
+    """
+    clean = force_traces(mechanism, theta, samples)
+    again = force_traces(
+        mechanism, theta, noisy(samples, mechanism, noise, np.random.default_rng(seed))
+    )
+    return Squares.of(clean, again.residual - clean.residual)
+
+
+def velocity_floor(
+    mechanism: Mecanum, theta: Array, samples: Samples, noise: NoiseLevel, seed: int
+) -> Squares:
+    """What measurement noise alone leaves in the free run's velocity residual."""
+    clean = velocity_traces(mechanism, theta, samples)
+    again = velocity_traces(
+        mechanism, theta, noisy(samples, mechanism, noise, np.random.default_rng(seed))
+    )
+    return Squares.of(clean, again.residual - clean.residual)

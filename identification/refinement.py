@@ -1,0 +1,100 @@
+"""Output error: parameters whose free run, driven by the logged torques alone, fits best."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+from identification.filters import block_mean
+from identification.mecanum import Mecanum, Samples
+from identification.regression import Fit, Rows, gauge_basis, hac_covariance, solve_step, stride
+from youbot_env.errors import InputError
+
+Array = NDArray[np.float64]
+
+ITERATIONS = 12
+ENOUGH = 1e-5
+"""The search stops when an iteration lowers the cost by less than this share."""
+
+
+def refine(
+    mechanism: Mecanum,
+    logs: Sequence[Samples],
+    start: Fit,
+    *,
+    progress: Callable[[], None] = lambda: None,
+) -> Fit:
+    """Gauss-Newton on the free run's velocity residual, from a force fit.
+
+    Noise on the measured speeds cannot bias it, since no measured speed enters a column; in
+    return all that the torque channels do not explain adds up over the run.
+
+    Raises
+    ------
+    InputError
+        If the free run at the start diverges.
+    """
+    theta, free = start.theta.copy(), start.free
+    basis = gauge_basis(mechanism)
+    rows = [_rows(mechanism, theta, samples, free, progress) for samples in logs]
+    cost = _cost(rows)
+    if not np.isfinite(cost):
+        raise InputError("the free run diverges: the force fit is no start for an output-error fit")
+    bounded: tuple[int, ...] = ()
+    for _ in range(ITERATIONS):
+        weights = [np.ones(len(row.residual)) for row in rows]
+        step, bounded = solve_step(mechanism, rows, weights, theta, free, basis)
+        theta, lower = _line_search(mechanism, logs, theta, free, step, cost)
+        fell = (cost - lower) / cost
+        if fell > 0:
+            rows = [_rows(mechanism, theta, samples, free, progress) for samples in logs]
+            cost = lower
+        if fell < ENOUGH:
+            break
+    covariance = hac_covariance(rows, basis, mechanism.scale[free], logs[0].dt)
+    return Fit(theta, free, covariance, tuple(rows), bounded)
+
+
+def _line_search(
+    mechanism: Mecanum, logs: Sequence[Samples], theta: Array, free: Array, step: Array, cost: float
+) -> tuple[Array, float]:
+    """The full step, or a half, a quarter, ... of it, until the cost falls."""
+    for share in (1.0, 0.5, 0.25, 0.125):
+        tried = theta.copy()
+        tried[free] += share * step
+        lower = sum(float((_residual(mechanism, tried, s) ** 2).sum()) for s in logs)
+        if lower < cost:
+            return tried, lower
+    return theta, cost
+
+
+def _cost(rows: Sequence[Rows]) -> float:
+    return sum(float((row.residual**2).sum()) for row in rows)
+
+
+def _residual(mechanism: Mecanum, theta: Array, samples: Samples) -> Array:
+    error = mechanism.measured_speed(samples) - mechanism.free_run(theta, samples)
+    return block_mean(error, stride(samples.dt))
+
+
+def _rows(
+    mechanism: Mecanum,
+    theta: Array,
+    samples: Samples,
+    free: Array,
+    progress: Callable[[], None],
+) -> Rows:
+    """Residual and columns (sensitivities of the free run) by central differences."""
+    columns = []
+    for index in free:
+        step = 1e-4 / mechanism.scale[index]
+        step = max(step, 1e-5 * abs(theta[index]))
+        ahead, behind = theta.copy(), theta.copy()
+        ahead[index] += step
+        behind[index] -= step
+        difference = mechanism.free_run(ahead, samples) - mechanism.free_run(behind, samples)
+        columns.append(block_mean(difference / (2 * step), stride(samples.dt)))
+        progress()
+    return Rows(_residual(mechanism, theta, samples), np.stack(columns, axis=-1))
