@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -69,6 +70,12 @@ class Squares:
         """(A,) the same for each axis alone; NaN for an axis that never moved."""
         with np.errstate(invalid="ignore", divide="ignore"):
             return np.sqrt(self.residual / self.measured)
+
+
+def add_up(parts: Iterable[Squares]) -> Squares:
+    """All logs in one."""
+    first, *rest = parts
+    return sum(rest, start=first)
 
 
 def noisy(samples: Samples, mechanism: Mecanum, std: NoiseLevel, rng: np.random.Generator):

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from identification.filters import filter_samples, settled
 from identification.mecanum import Mecanum, Samples
-from identification.regression import regression_rows, stride
+from identification.regression import Rows, hac_covariance, regression_rows, stride
 from youbot_env.dynamics import Structure
 from youbot_env.geometry import Geometry
 from youbot_env.motions import Motion
@@ -25,6 +25,9 @@ The Gramian of unit columns has the mean eigenvalue one; 3e-3 means that a stand
 
 IDEAL_BLIND = 1e-9
 """The same for an ideal motion, where only rounding stands between blind and seen."""
+
+SHORT = 0.05
+"""Share of the longest column's length under which a column counts as nothing but noise."""
 
 COUPLED = 0.1
 """Cosine between two columns above which their parameters belong to one block."""
@@ -71,12 +74,12 @@ def observability(names: Sequence[str], columns: Array, dt: float, blind: float)
     flat = columns.reshape(-1, columns.shape[-1])
     gramian = flat.T @ flat * dt
     norm = np.sqrt(np.diag(gramian))
-    # A column of zeros is blind by itself; it must not turn into NaN.
-    unit = gramian / np.outer(np.where(norm > 0, norm, 1.0), np.where(norm > 0, norm, 1.0))
+    # Measurement noise alone gives every column some length: short ones must not be blown up.
+    norm = np.maximum(norm, SHORT * norm.max())
+    unit = gramian / np.outer(norm, norm)
     values, vectors = np.linalg.eigh(unit)
     unseen = values < blind
-    directions = vectors[:, unseen] / np.where(norm > 1e-9 * norm.max(), norm, norm.max())[:, None]
-    directions = _orthonormal(directions)
+    directions = _orthonormal(vectors[:, unseen] / norm[:, None])
     rank = int(len(names) - unseen.sum())
     return Observability(tuple(names), gramian, rank, directions, _blocks(names, unit))
 
@@ -98,7 +101,7 @@ def _orthonormal(directions: Array) -> Array:
 
 def _blocks(names: Sequence[str], unit: Array) -> tuple[tuple[str, ...], ...]:
     """Connected groups of parameters whose columns are not orthogonal to each other."""
-    left = [k for k in range(len(names)) if unit[k, k] > 0]
+    left = [k for k in range(len(names)) if unit[k, k] > 0.5]
     blocks = []
     while left:
         block, frontier = set(), [left[0]]
@@ -172,3 +175,54 @@ def ideal_columns(mechanism: Mecanum, twist: Array, acceleration: Array) -> Arra
 def filtered_columns(columns: Array, rate: float, dt: float) -> Array:
     """Columns (n, A, F) through the paper's filter, its start left out."""
     return filter_samples(columns, rate, dt)[settled(rate, dt) :]
+
+
+def total_observability(
+    mechanism: Mecanum, theta: Array, logs: Sequence[Samples], blind: float = BLIND
+) -> Observability:
+    """What several logs show together, around theta (P,)."""
+    order = paper_order(mechanism)
+    rows = [regression_rows(mechanism, theta, samples, order).columns for samples in logs]
+    columns = np.concatenate(rows) / mechanism.scale[order]
+    names = [mechanism.parameter_names[k] for k in order]
+    step = stride(logs[0].dt) * logs[0].dt
+    return observability(names, columns, step, blind)
+
+
+def block_estimates(
+    mechanism: Mecanum, theta: Array, samples: Samples, seen: Observability
+) -> dict[str, tuple[float, float]]:
+    """Value and standard deviation of each parameter whose block a motion shows whole.
+
+    In an ideal motion a block's own columns suffice, whatever the others are, so a direction that
+    another block cannot show does not matter. The stock loop's motion separates them less well;
+    what leaks across is removed by solving for all, and only whole blocks are reported.
+    """
+    order = paper_order(mechanism)
+    rows = regression_rows(mechanism, theta, samples, order)
+    scale = mechanism.scale[order]
+    flat = (rows.columns / scale).reshape(-1, len(order))
+    measured = rows.residual + rows.columns @ theta[order]
+    x = np.linalg.lstsq(flat, measured.ravel(), rcond=1e-12)[0]
+    left = Rows(measured - rows.columns @ (x / scale), rows.columns)
+    covariance = hac_covariance([left], np.eye(len(order)), scale, samples.dt)
+    std = np.sqrt(np.maximum(np.diag(covariance), 0.0))
+    found = {}
+    for block in seen.blocks:
+        members = [seen.names.index(name) for name in block]
+        if not any(np.abs(direction[members]).max() > 0.15 for direction in seen.blind):
+            found |= {seen.names[k]: (float(x[k] / scale[k]), float(std[k])) for k in members}
+    return found
+
+
+def motion_that_shows(mechanism: Mecanum, direction: Array) -> str:
+    """Name of the calibration motion that sees a direction (F,) in x best, for its length."""
+    from youbot_env.motions import CALIBRATION
+
+    seen = {}
+    for name, make in CALIBRATION.items():
+        motion = make(mechanism.geometry)
+        gramian = motion_observability(motion, mechanism.geometry, dt=0.02).gramian
+        base = direction[: len(gramian)]
+        seen[name] = float(base @ gramian @ base) / motion.duration
+    return max(seen, key=lambda name: seen[name])

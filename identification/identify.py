@@ -1,0 +1,276 @@
+"""From logs to a model with honest uncertainty: the whole identification in one function."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from identification.errors import (
+    NoiseLevel,
+    Squares,
+    add_up,
+    force_floor,
+    force_traces,
+    velocity_traces,
+)
+from identification.logs import Log
+from identification.mecanum import Mecanum, Samples
+from identification.noise import white_noise
+from identification.observability import (
+    Observability,
+    block_estimates,
+    log_observability,
+    motion_that_shows,
+    total_observability,
+)
+from identification.physical import fitted_model
+from identification.plausibility import warnings_of
+from identification.recursive import Course, recursive_course
+from identification.regression import Fit, fit
+from identification.segments import Part, parts_of
+from youbot_env.errors import InputError
+from youbot_env.geometry import Geometry
+from youbot_env.model import Model
+from youbot_env.model_file import load_model
+
+Array = NDArray[np.float64]
+
+INTERVAL = 1.96
+"""Standard deviations either side of a value that hold the truth in 95 % of cases."""
+
+
+@dataclass(frozen=True)
+class PartReport:
+    """What one stretch of one log shows.
+
+    estimates: theta's parameters by name as (value, std), each from its block's columns and this
+    stretch alone, for the blocks that the stretch shows whole.
+    """
+
+    log: str
+    kind: str
+    start: float
+    end: float
+    observability: Observability
+    estimates: Mapping[str, tuple[float, float]]
+
+
+@dataclass(frozen=True)
+class Identification:
+    """Result of :func:`identify`.
+
+    Attributes
+    ----------
+    model : the fitted model, with covariance, logs and errors
+    fit : theta, covariance and residual rows behind it
+    force : fit on forces; the same as ``fit`` without an output-error step
+    parts : what each stretch of the logs shows; ``total``: all of them together
+    course : the recursive estimator's estimates over time, or None
+    warnings : plain sentences, the most serious first
+    """
+
+    model: Model
+    fit: Fit
+    force: Fit
+    mechanism: Mecanum
+    samples: tuple[Samples, ...]
+    parts: tuple[PartReport, ...]
+    total: Observability
+    course: Course | None = None
+    warnings: tuple[str, ...] = field(default_factory=tuple)
+
+    def to_dict(self) -> dict[str, Any]:
+        """JSON form: parameters with 95 % intervals, observability, errors, warnings."""
+        values = self.model.values
+        std = dict(
+            zip(
+                self.model.covariance_names,
+                np.sqrt(np.maximum(np.diag(self.model.covariance), 0.0)),  # type: ignore[arg-type]
+                strict=True,
+            )
+        )
+        units = {name: estimate.unit for name, estimate in _estimates(self.model).items()}
+        return {
+            "parameters": {
+                name: {
+                    "value": values[name],
+                    "unit": units[name],
+                    "std": std.get(name),
+                    "interval": None
+                    if name not in std
+                    else [values[name] - INTERVAL * std[name], values[name] + INTERVAL * std[name]],
+                }
+                for name in values
+            },
+            "errors": dict(self.model.errors),
+            "observability": {
+                "total": _observability_dict(self.total),
+                "parts": [
+                    {
+                        "log": part.log,
+                        "kind": part.kind,
+                        "from": part.start,
+                        "to": part.end,
+                        **_observability_dict(part.observability),
+                        "block_estimates": {
+                            name: {"value": value, "std": std}
+                            for name, (value, std) in part.estimates.items()
+                        },
+                    }
+                    for part in self.parts
+                ],
+            },
+            "recursive": None
+            if self.course is None
+            else dict(
+                zip(
+                    [self.mechanism.parameter_names[k] for k in self.force.free],
+                    self.course.theta[-1].tolist(),
+                    strict=True,
+                )
+            ),
+            "logs": [dict(log) for log in self.model.logs],
+            "warnings": list(self.warnings),
+        }
+
+
+def _estimates(model: Model) -> dict[str, Any]:
+    return dict(model.parameters) | {
+        f"{effect}.{name}": estimate
+        for effect, parameters in model.effects.items()
+        for name, estimate in parameters.items()
+    }
+
+
+def _observability_dict(found: Observability) -> dict[str, Any]:
+    return {
+        "names": list(found.names),
+        "rank": found.rank,
+        "blind": found.describe_blind(),
+        "blocks": [list(block) for block in found.blocks],
+    }
+
+
+def identify(
+    logs: Sequence[Log],
+    *,
+    geometry: Geometry | None = None,
+    start: Model | None = None,
+    output_error: bool = False,
+    robust: bool = False,
+    recursive: bool = True,
+    seed: int = 0,
+    name: str = "model",
+    provenance: Mapping[str, Any] | None = None,
+    progress: Callable[[], None] = lambda: None,
+) -> Identification:
+    """Fit a model to logs.
+
+    Parameters
+    ----------
+    logs : read by :func:`identification.logs.read_log`
+    geometry : the platform's; that of ``start`` or the youBot's by default
+    start : model whose structure (effects) is fitted; the base model by default
+    output_error : refine in free run after the force fit
+    robust : Huber weights, for logs with outliers
+    recursive : also run the recursive estimator, for the estimates' course over time
+    seed : of the noise floor's random numbers
+
+    Raises
+    ------
+    InputError
+        If the logs cannot show the model at all: with the motion that would show it.
+    """
+    if not logs:
+        raise InputError("no log given: identify needs at least one")
+    start = start or load_model("paper")
+    mechanism = Mecanum(geometry or start.geometry, start.structure)
+    samples = tuple(mechanism.samples(log) for log in logs)
+    parts = tuple(
+        _part_report(mechanism, start.theta, item.name, part)
+        for item in samples
+        for part in parts_of(item)
+    )
+    total = total_observability(mechanism, start.theta, samples)
+    _refuse_blind(mechanism, total)
+    force = fit(mechanism, samples, start.theta, robust=robust, progress=progress)
+    final = force
+    if output_error:
+        from identification.refinement import refine  # numba, which the force fit does without
+
+        final = refine(mechanism, samples, force, progress=progress)
+    course = recursive_course(mechanism, samples, force) if recursive else None
+    model = fitted_model(
+        mechanism,
+        final,
+        name=name,
+        logs=tuple({"name": log.name, "sha256": log.sha256} for log in logs),
+        errors=_errors(mechanism, final, samples, logs, seed, output_error),
+        provenance=provenance,
+    )
+    warnings = (*_data_warnings(logs), *_fit_warnings(mechanism, final), *warnings_of(model))
+    return Identification(model, final, force, mechanism, samples, parts, total, course, warnings)
+
+
+def _part_report(mechanism: Mecanum, theta: Array, name: str, part: Part) -> PartReport:
+    seen = log_observability(mechanism, theta, part.samples)
+    estimates = block_estimates(mechanism, theta, part.samples, seen)
+    return PartReport(name, part.kind, part.start, part.end, seen, estimates)
+
+
+def _refuse_blind(mechanism: Mecanum, total: Observability) -> None:
+    if total.rank == len(total.names):
+        return
+    direction = total.blind[0]
+    raise InputError(
+        f"these logs cannot show {total.describe_blind()[0]} "
+        f"({', '.join(total.names[k] for k in np.flatnonzero(np.abs(direction) > 0.15))}): "
+        f"record motion {motion_that_shows(mechanism, direction)} too "
+        f"(youbot record --motions, or drive it) and give both logs"
+    )
+
+
+def _errors(
+    mechanism: Mecanum,
+    final: Fit,
+    samples: Sequence[Samples],
+    logs: Sequence[Log],
+    seed: int,
+    with_velocity: bool,
+) -> dict[str, Any]:
+    """Errors on the very logs of the fit; the velocity error only where a free run was made."""
+    noise = [NoiseLevel(white_noise(log.velocity), white_noise(log.effort)) for log in logs]
+    force = [Squares.of(force_traces(mechanism, final.theta, item)) for item in samples]
+    floors = [
+        force_floor(mechanism, final.theta, item, level, seed)
+        for item, level in zip(samples, noise, strict=True)
+    ]
+    found: dict[str, Any] = {
+        "force_error": add_up(force).ratio,
+        "noise_floor": {"force_error": add_up(floors).ratio},
+    }
+    if with_velocity:
+        speed = [Squares.of(velocity_traces(mechanism, final.theta, item)) for item in samples]
+        found["velocity_error"] = add_up(speed).ratio
+    return found
+
+
+def _data_warnings(logs: Sequence[Log]) -> list[str]:
+    return [
+        f"{log.name}: {finding.message}"
+        for log in logs
+        for finding in log.findings
+        if finding.level in ("warning", "repaired")
+    ]
+
+
+def _fit_warnings(mechanism: Mecanum, fitted: Fit) -> list[str]:
+    return [
+        f"{mechanism.parameter_names[fitted.free[k]]} stopped at its physical bound: "
+        "the data pull it further, so something else is missing from the model"
+        for k in fitted.bounded
+    ]
