@@ -50,12 +50,30 @@ def symbols() -> Any:
 def tensors() -> Any:
     """Torch tensors, with gradients. Needs the extra ``rl``.
 
-    Python numbers are turned into tensors first: torch's own functions refuse them.
+    Python numbers mix with tensors as they do in arithmetic; torch's own functions refuse them.
     """
     import torch
 
-    def lift(function: Any) -> Any:
-        return lambda *arguments: function(*(torch.as_tensor(value) for value in arguments))
+    def lift(name: str) -> Any:
+        function, plain = getattr(torch, name), getattr(floats, name)
 
-    names = "tanh exp sin cos sqrt abs sign where maximum minimum".split()
-    return SimpleNamespace(**{name: lift(getattr(torch, name)) for name in names})
+        def call(*arguments: Any) -> Any:
+            tensors = [value for value in arguments if isinstance(value, torch.Tensor)]
+            if not tensors:
+                return plain(*arguments)
+            # A bare as_tensor would round the number to single precision.
+            like = next((value for value in tensors if value.is_floating_point()), None)
+            dtype = torch.get_default_dtype() if like is None else like.dtype
+            device = tensors[0].device
+            return function(
+                *(
+                    value
+                    if isinstance(value, torch.Tensor)
+                    else torch.as_tensor(value, dtype=dtype, device=device)
+                    for value in arguments
+                )
+            )
+
+        return call
+
+    return SimpleNamespace(**{name: lift(name) for name in vars(floats)})

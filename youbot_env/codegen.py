@@ -29,7 +29,7 @@ def kernel_source(structure: Structure) -> str:
     return "\n\n".join(parts)
 
 
-_HEADER = '''"""Generated from the effects' own functions. Do not edit: it is written again when they change."""
+_HEADER = '''"""Generated from the effects' own functions; written again when they change."""
 
 from math import cos, exp, sin, sqrt, tanh
 
@@ -38,7 +38,6 @@ from numba import njit'''
 
 def _derivative(structure: Structure, names: dict[str, list[str]]) -> str:
     import sympy
-    from sympy.printing.pycode import PythonCodePrinter
 
     symbol: dict[str, Any] = {
         key: [sympy.Symbol(name, real=True) for name in group] for key, group in names.items()
@@ -48,7 +47,7 @@ def _derivative(structure: Structure, names: dict[str, list[str]]) -> str:
         symbols(), structure, geometry, symbol["theta"], symbol["state"], symbol["torque"]
     )
     shared, results = sympy.cse([sympy.sympify(rate) for rate in rates], order="none")
-    printer = PythonCodePrinter({"fully_qualified_modules": False})
+    printer = _printer()
     lines = [f"    {name} = {printer.doprint(value)}" for name, value in shared]
     returned = ",\n        ".join(printer.doprint(value) for value in results)
     return (
@@ -56,6 +55,18 @@ def _derivative(structure: Structure, names: dict[str, list[str]]) -> str:
         + "\n".join(lines)
         + f"\n    return (\n        {returned},\n    )"
     )
+
+
+def _printer() -> Any:
+    from sympy.printing.pycode import PythonCodePrinter
+
+    class Printer(PythonCodePrinter):
+        def _print_sign(self, expr: Any) -> str:
+            # Sympy's copysign(1, x) is not zero at zero.
+            x = self._print(expr.args[0])
+            return f"(float({x} > 0) - float({x} < 0))"
+
+    return Printer({"fully_qualified_modules": False})
 
 
 def _arguments(names: dict[str, list[str]]) -> str:

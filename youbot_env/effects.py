@@ -22,7 +22,7 @@ feed-forward are all derived from these statements.
 from __future__ import annotations
 
 import inspect
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 from typing import Any, NamedTuple
 
@@ -183,7 +183,7 @@ class Effect:
             f"effect {self.name}: no parameter {name!r}; it has {', '.join(self.parameter_names)}"
         )
 
-    def evaluate(self, xp: Any, point: Any, values: Sequence[Any], wheel: int = 0) -> Any:
+    def evaluate(self, xp: Any, point: Any, values: Any, wheel: int = 0) -> Any:
         """Call the function at ``point`` (of wheel number ``wheel``) with scalar ``values``."""
         arguments, start = [], 0
         for parameter in self.parameters:

@@ -8,15 +8,16 @@ import os
 import sys
 import tempfile
 from dataclasses import dataclass
-from functools import lru_cache
+from functools import cache, lru_cache
 from pathlib import Path
-from types import CodeType, ModuleType
+from types import CodeType, FunctionType, ModuleType
 from typing import Any
 
+import numpy as np
 import platformdirs
 
 import youbot_env
-from youbot_env import codegen, dynamics
+from youbot_env import backends, codegen, dynamics, effects, geometry
 from youbot_env.dynamics import Structure
 
 
@@ -42,9 +43,19 @@ class Kernel:
 
 @lru_cache(maxsize=64)
 def kernel(structure: Structure) -> Kernel:
-    """The compiled kernel of a structure; compiles at the first use on a machine."""
-    module = _load(_cached_source(structure))
-    return Kernel(structure, module.advance, module.rollout, module.derivative)
+    """The compiled kernel of a structure; compiles at the first use on a machine.
+
+    A cached file that is torn or damaged is written again.
+    """
+    for _ in range(2):
+        path = _cached_source(structure)
+        try:
+            return _compiled(structure, path)
+        except Exception:
+            # Whatever a damaged cache raises (it holds Python source and numba's pickles), the cure
+            # is the same; if the physics itself does not compile, the last attempt says so.
+            _forget(path)
+    return _compiled(structure, _private_source(structure))
 
 
 def cache_folder() -> Path:
@@ -53,57 +64,135 @@ def cache_folder() -> Path:
     return Path(chosen) if chosen else Path(platformdirs.user_cache_dir("youbot")) / "kernels"
 
 
+def _compiled(structure: Structure, path: Path) -> Kernel:
+    """Load a generated module and run each function once, so that damage shows here."""
+    module = _load(path)
+    size, count = len(structure.state_names), len(structure.parameter_names)
+    found = Kernel(structure, module.advance, module.rollout, module.derivative)
+    state, torque, lengths = np.zeros((2, size)), np.zeros((2, 4)), np.ones(4)
+    found.advance(state, torque, lengths, np.ones((2, count)), 0.0, 1)
+    found.rollout(state[0], torque, np.zeros(1), lengths, np.ones(count), 1, np.empty((2, size)))
+    return found
+
+
 def _cached_source(structure: Structure) -> Path:
-    folder = cache_folder()
-    path = folder / f"kernel_{_key(structure)}.py"
-    if path.exists():
+    path = cache_folder() / f"kernel_{_key(structure)}.py"
+    if _is_intact(path):
         return path
-    source = codegen.kernel_source(structure)
     try:
-        return _write(path, source)
+        return _write(path, _sealed_source(structure))
     except OSError:
-        # A read-only home must not keep anybody from simulating: compile for this process alone.
-        return _write(Path(tempfile.mkdtemp(prefix="youbot-")) / path.name, source)
+        return _private_source(structure)
+
+
+def _private_source(structure: Structure) -> Path:
+    """A read-only home must not keep anybody from simulating: compile for this process alone."""
+    path = Path(_private_folder().name) / f"kernel_{_key(structure)}.py"
+    return _write(path, _sealed_source(structure))
+
+
+def _sealed_source(structure: Structure) -> str:
+    source = codegen.kernel_source(structure)
+    return f"{_SEAL}{_checksum(source)}\n{source}"
+
+
+_SEAL = "# sha256 of what follows: "
+
+
+def _checksum(source: str) -> str:
+    return hashlib.sha256(source.encode()).hexdigest()
+
+
+def _is_intact(path: Path) -> bool:
+    """Whether a generated file is there, whole, and where numba can write beside it."""
+    try:
+        first, source = path.read_text("utf-8").split("\n", 1)
+    except (OSError, ValueError):
+        return False
+    return first == _SEAL + _checksum(source) and os.access(path.parent, os.W_OK)
+
+
+@cache
+def _private_folder() -> tempfile.TemporaryDirectory[str]:
+    return tempfile.TemporaryDirectory(prefix="youbot-", ignore_cleanup_errors=True)
 
 
 def _write(path: Path, source: str) -> Path:
     path.parent.mkdir(parents=True, exist_ok=True)
     handle, temporary = tempfile.mkstemp(dir=path.parent, suffix=".tmp")
-    with os.fdopen(handle, "w", encoding="utf-8") as stream:
-        stream.write(source)
-    os.replace(temporary, path)
+    try:
+        with os.fdopen(handle, "w", encoding="utf-8") as stream:
+            stream.write(source)
+        os.replace(temporary, path)
+    finally:
+        Path(temporary).unlink(missing_ok=True)
     return path
 
 
+def _forget(path: Path) -> None:
+    """Remove a generated file with all that numba and Python cached for it."""
+    sys.modules.pop(_module_name(path), None)
+    for stale in (path, *(path.parent / "__pycache__").glob(f"{path.stem}.*")):
+        try:
+            stale.unlink(missing_ok=True)
+        except OSError:
+            continue  # not ours to remove; the next attempt goes elsewhere or fails by itself
+
+
 def _key(structure: Structure) -> str:
+    """Changes with whatever could change the generated source."""
     digest = hashlib.sha256(youbot_env.__version__.encode())
-    for module in (codegen, dynamics):
+    for module in (backends, codegen, dynamics, effects, geometry):
         digest.update(Path(str(module.__file__)).read_bytes())
     for item in structure.components:
         digest.update(repr((item.name, item.acts_at.name, item.parameter_names)).encode())
-        _digest_code(digest, item.function)
+        digest.update(repr([parameter.each_wheel for parameter in item.parameters]).encode())
+        _digest_function(digest, item.function, set())
     return digest.hexdigest()[:24]
 
 
-def _digest_code(digest: Any, function: Any) -> None:
-    """An effect's bytecode with its constants and globals: what it computes, not its comments."""
-    code = function.__code__
+def _digest_function(digest: Any, function: Any, seen: set[int]) -> None:
+    """What a function computes: its bytecode, constants, and the values and functions it uses."""
+    if id(function) in seen:
+        return
+    seen.add(id(function))
+    names = _digest_code(digest, function.__code__)
+    cells = [cell.cell_contents for cell in function.__closure__ or ()]
+    used = [function.__globals__[name] for name in names if name in function.__globals__]
+    for value in (*cells, *(function.__defaults__ or ()), *used):
+        if isinstance(value, FunctionType):
+            _digest_function(digest, value, seen)
+        elif isinstance(value, ModuleType):
+            shared = [getattr(value, name, None) for name in names]
+            digest.update(repr([v for v in shared if isinstance(v, (int, float))]).encode())
+        else:
+            digest.update(repr(value).encode())
+
+
+def _digest_code(digest: Any, code: CodeType) -> list[str]:
+    """Digest code with what is nested in it; returns the names that it refers to."""
     digest.update(code.co_code)
-    digest.update(repr([c for c in code.co_consts if not isinstance(c, CodeType)]).encode())
+    names = list(code.co_names)
+    for constant in code.co_consts:
+        if isinstance(constant, CodeType):
+            names += _digest_code(digest, constant)
+        else:
+            digest.update(repr(constant).encode())
     digest.update(repr(code.co_names).encode())
-    for name in code.co_names:
-        value = function.__globals__.get(name)
-        if isinstance(value, (int, float)):
-            digest.update(repr((name, value)).encode())
+    return names
+
+
+def _module_name(path: Path) -> str:
+    return f"_youbot_{path.stem}"
 
 
 def _load(path: Path) -> ModuleType:
-    name = f"_youbot_{path.stem}"
+    name = _module_name(path)
     if name in sys.modules:
         return sys.modules[name]
     spec = importlib.util.spec_from_file_location(name, path)
     assert spec is not None and spec.loader is not None
     module = importlib.util.module_from_spec(spec)
-    sys.modules[name] = module
     spec.loader.exec_module(module)
+    sys.modules[name] = module
     return module

@@ -76,7 +76,21 @@ class Model:
         for name, value in self.values.items():
             if not np.isfinite(value):
                 raise InputError(f"model {self.name}: {name} = {value!r} is not a finite number")
+        self._check_bounds()
         self._check_physical()
+        self._check_covariance()
+
+    def _check_bounds(self) -> None:
+        for effect in self.effects:
+            for key in CATALOGUE[effect].parameter_names:
+                known, value = CATALOGUE[effect].parameter(key), self.values[f"{effect}.{key}"]
+                # A fit that ends at a bound may lie outside it by its rounding.
+                slack = 1e-9 * known.size
+                if not known.lower - slack <= value <= known.upper + slack:
+                    raise InputError(
+                        f"model {self.name}: effect {effect}: {key} = {value:g} {known.unit} is "
+                        f"outside [{known.lower:g}, {known.upper:g}]"
+                    )
 
     def _check_physical(self) -> None:
         value = {name: self.parameters[name].value for name in BASE_UNITS}
@@ -98,6 +112,23 @@ class Model:
                 f"model {self.name}: the mass matrix is not positive definite "
                 "(a centre of mass that far out needs a larger I0)"
             )
+
+    def _check_covariance(self) -> None:
+        names, where = self.covariance_names, f"model {self.name}: covariance"
+        if self.covariance is None:
+            return
+        strangers = [name for name in names if name not in self.values]
+        if strangers or len(set(names)) < len(names):
+            raise InputError(f"{where}: names {', '.join(names)} must be parameters, each once")
+        if self.covariance.shape != (len(names), len(names)):
+            raise InputError(f"{where} must be {len(names)} x {len(names)}, one row a name")
+        # Correlations, so that parameters of different size weigh alike.
+        scale = np.sqrt(np.abs(np.diag(self.covariance)))
+        unit = self.covariance / np.outer(scale, scale).clip(min=1e-300)
+        if not np.allclose(unit, unit.T, atol=1e-6) or np.diag(self.covariance).min(initial=0) < 0:
+            raise InputError(f"{where} must be symmetric with variances on its diagonal")
+        if len(names) and np.linalg.eigvalsh(unit).min() < -1e-6 * len(names):
+            raise InputError(f"{where} is not positive semidefinite")
 
     @cached_property
     def structure(self) -> Structure:
@@ -133,8 +164,12 @@ class Model:
         """The same model at other parameters (P,), without the old ones' uncertainty."""
         by_name = dict(zip(self.structure.parameter_names, map(float, theta), strict=True))
         mass = by_name["m0"] - 4 * self.geometry.m1
-        by_name |= {"aX": by_name["m_aX"] / mass, "aY": by_name["m_aY"] / mass}
-        return self.with_values(by_name)
+        moments = {"aX": by_name.pop("m_aX"), "aY": by_name.pop("m_aY")}
+        if not mass > 0:
+            raise InputError(
+                f"model {self.name}: m0 = {by_name['m0']:g} kg is less than its wheels"
+            )
+        return self.with_values(by_name | {key: value / mass for key, value in moments.items()})
 
     def with_values(self, values: Mapping[str, float]) -> Model:
         """The same model with the parameters named (full names) replaced and no covariance.
@@ -142,8 +177,13 @@ class Model:
         Raises
         ------
         InputError
-            If a result is not physical.
+            If a name is unknown or a result is not physical.
         """
+        unknown = [name for name in values if name not in self.values]
+        if unknown:
+            raise InputError(
+                f"model {self.name}: no parameter {unknown[0]!r}; it has {', '.join(self.values)}"
+            )
         merged = self.values | {name: float(value) for name, value in values.items()}
         parameters = {name: Estimate(merged[name], unit) for name, unit in BASE_UNITS.items()}
         effects = {
@@ -168,16 +208,9 @@ class Model:
             If the effect or a parameter is unknown or a value is out of its bounds.
         """
         effect = CATALOGUE[name]
-        merged = effect.defaults | values
-        for key, value in values.items():
-            parameter = effect.parameter(key)
-            if not parameter.lower <= value <= parameter.upper:
-                raise InputError(
-                    f"effect {name}: {key} = {value:g} {parameter.unit} is outside "
-                    f"[{parameter.lower:g}, {parameter.upper:g}]"
-                )
         estimates = {
-            key: Estimate(float(value), effect.parameter(key).unit) for key, value in merged.items()
+            key: Estimate(float(value), effect.parameter(key).unit)
+            for key, value in (effect.defaults | values).items()
         }
         effects = dict(self.effects) | {name: estimates}
         return replace(self, effects=effects, covariance=None, covariance_names=())
@@ -197,8 +230,9 @@ class Model:
         if self.covariance is None:
             raise InputError(f"model {self.name}: it holds no covariance to draw from")
         mean = np.array([self.values[name] for name in self.covariance_names])
-        for _ in range(100):
-            draw = rng.multivariate_normal(mean, self.covariance, method="eigh")
+        for _ in range(1000):
+            # The covariance was checked on construction, with parameters of one scale.
+            draw = rng.multivariate_normal(mean, self.covariance, check_valid="ignore")
             try:
                 return self.with_values(dict(zip(self.covariance_names, draw, strict=True)))
             except InputError:
@@ -259,7 +293,8 @@ class Model:
     ) -> tuple[Array, Array]:
         """A (S, S) and B (S, 4) of the state's derivative at a state (S,) and torques (4,).
 
-        Central differences of the model itself, exact to about 1e-9 away from kinks.
+        Central differences of the model itself: exact to about 1e-9 of the largest entry, to 1e-6
+        where a wheel with dry friction stands still.
         """
         x = np.concatenate([np.asarray(state, float), np.asarray(torque, float)])
         size = len(self.structure.state_names)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import os
+import sys
 import tempfile
 from collections.abc import Mapping
 from importlib import resources
@@ -55,19 +56,38 @@ def load_geometry(source: str | os.PathLike[str]) -> Geometry:
 
 def save_model(path: str | os.PathLike[str], model: Model) -> None:
     """Write a model file: complete or not at all."""
-    write_atomically(path, json.dumps(model_to_dict(model), indent=1, allow_nan=False) + "\n")
+    text = json.dumps(_plain(model_to_dict(model)), indent=1, allow_nan=False)
+    write_atomically(path, text + "\n")
+
+
+def _plain(value: Any) -> Any:
+    """What JSON can hold: errors and provenance may bring numpy values, NaN and paths."""
+    if isinstance(value, Mapping):
+        return {str(key): _plain(item) for key, item in value.items()}
+    if isinstance(value, (list, tuple)):
+        return [_plain(item) for item in value]
+    if hasattr(value, "tolist"):
+        return _plain(value.tolist())
+    if isinstance(value, float):
+        return value if np.isfinite(value) else None
+    return value if value is None or isinstance(value, (bool, int, str)) else str(value)
 
 
 def write_atomically(path: str | os.PathLike[str], text: str) -> None:
     """Write a text file so that nobody ever sees half of it.
+
+    A link is followed; a device or a pipe is written to, not replaced.
 
     Raises
     ------
     InputError
         If the folder does not exist or cannot be written to.
     """
-    target = Path(path)
+    target = Path(os.path.realpath(path))
     try:
+        if target.exists() and not target.is_file() and not target.is_dir():
+            target.write_text(text, "utf-8")
+            return
         handle, temporary = tempfile.mkstemp(dir=target.parent, prefix=f".{target.name}.")
     except OSError as error:
         raise InputError(f"{target}: cannot be written: {error.strerror}") from None
@@ -118,7 +138,7 @@ def model_from_dict(data: Any, source: str = "model") -> Model:
     """Build and check a model from a model file's content; ``source`` names it in errors."""
     data = _mapping(data, source, "the file")
     version = data.get("schema_version")
-    if version != SCHEMA_VERSION:
+    if isinstance(version, bool) or version != SCHEMA_VERSION:
         raise InputError(
             f"{source}: schema_version is {version!r}, this version of youbot reads "
             f"{SCHEMA_VERSION}: not a model file, or written by another version"
@@ -133,13 +153,18 @@ def model_from_dict(data: Any, source: str = "model") -> Model:
             effects=_effects(data.get("effects", {}), source),
             covariance=matrix,
             covariance_names=names,
-            logs=tuple(_mapping(log, source, "logs") for log in data.get("logs", [])),
+            logs=tuple(_mapping(log, source, "logs") for log in _list(data, "logs", source)),
             errors=_mapping(data.get("errors", {}), source, "errors"),
             name=str(data.get("name", "model")),
             provenance=_mapping(data.get("provenance", {}), source, "provenance"),
         )
     except InputError as error:
-        raise InputError(str(error) if source in str(error) else f"{source}: {error}") from None
+        raise _named(source, error) from None
+
+
+def _named(source: str, error: InputError) -> InputError:
+    """The same error with the file's name, if it lacks it."""
+    return error if str(error).startswith(f"{source}: ") else InputError(f"{source}: {error}")
 
 
 def _read(name: str) -> str:
@@ -150,16 +175,19 @@ def _read(name: str) -> str:
         raise InputError(
             f"{name}: no such file; give a model file or a shipped model ({known})"
         ) from None
-    except (OSError, UnicodeDecodeError) as error:
+    except (OSError, ValueError) as error:
+        # ValueError: bytes that are not UTF-8, or a name with a null byte.
         reason = error.strerror if isinstance(error, OSError) else "not a text file"
-        raise InputError(f"{name}: cannot be read: {reason}") from None
+        raise InputError(f"{name}: cannot be read: {reason}".replace("\0", "?")) from None
 
 
 def _parse(text: str, name: str) -> dict[str, Any]:
     try:
         data = json.loads(text)
-    except (json.JSONDecodeError, RecursionError) as error:
-        where = f"row {error.lineno}, column {error.colno}: " if hasattr(error, "lineno") else ""
+    except (ValueError, RecursionError) as error:
+        # ValueError beside JSONDecodeError: an integer of thousands of digits.
+        is_syntax = isinstance(error, json.JSONDecodeError)
+        where = f"row {error.lineno}, column {error.colno}: " if is_syntax else ""
         raise InputError(f"{name}: {where}not valid JSON; is it a model file?") from None
     return _mapping(data, name, "the file")
 
@@ -170,11 +198,21 @@ def _mapping(data: Any, source: str, what: str) -> dict[str, Any]:
     return dict(data)
 
 
+def _list(data: Mapping[str, Any], key: str, source: str) -> list[Any]:
+    value = data.get(key, [])
+    if not isinstance(value, list):
+        raise InputError(f"{source}: {key} must be a JSON list")
+    return value
+
+
 def _number(value: Any, source: str, where: str) -> float:
     if isinstance(value, Mapping):
         value = value.get("value")
-    if isinstance(value, bool) or not isinstance(value, (int, float)) or not np.isfinite(value):
-        raise InputError(f"{source}: {where}: {value!r} is not a finite number")
+    # A JSON integer may be larger than any float.
+    is_number = isinstance(value, (int, float)) and not isinstance(value, bool)
+    if not is_number or not abs(value) <= sys.float_info.max:
+        shown = str(value) if len(str(value)) < 40 else "a huge value"
+        raise InputError(f"{source}: {where}: {shown} is not a finite number")
     return float(value)
 
 
@@ -187,7 +225,7 @@ def _geometry(data: Any, source: str) -> Geometry:
         numbers = [_number(data[k], source, f"geometry.{k}") for k in ("l", "h", "R", "r", "m1")]
         return Geometry(*numbers)
     except InputError as error:
-        raise InputError(str(error) if source in str(error) else f"{source}: {error}") from None
+        raise _named(source, error) from None
 
 
 def _estimates(data: Any, units: Mapping[str, str], source: str, where: str) -> dict[str, Estimate]:
@@ -206,13 +244,19 @@ def _estimates(data: Any, units: Mapping[str, str], source: str, where: str) -> 
             raise InputError(
                 f"{source}: {where}.{name}: unit {entry['unit']!r}, expected {unit!r}: convert it"
             )
-        std = entry.get("std")
         found[name] = Estimate(
-            _number(entry, source, f"{where}.{name}"),
-            unit,
-            None if std is None else _number(std, source, f"{where}.{name}.std"),
+            _number(entry, source, f"{where}.{name}"), unit, _std(entry, source, f"{where}.{name}")
         )
     return found
+
+
+def _std(entry: Mapping[str, Any], source: str, where: str) -> float | None:
+    if entry.get("std") is None:
+        return None
+    std = _number(entry["std"], source, f"{where}.std")
+    if std < 0:
+        raise InputError(f"{source}: {where}.std: {std:g} must not be negative")
+    return std
 
 
 def _effects(data: Any, source: str) -> dict[str, dict[str, Estimate]]:
@@ -238,11 +282,15 @@ def _covariance(data: Any, source: str) -> tuple[tuple[str, ...], np.ndarray | N
     if data is None:
         return (), None
     data = _mapping(data, source, "covariance")
-    names = tuple(str(name) for name in data.get("names", ()))
+    names = tuple(str(name) for name in _list(data, "names", source))
     try:
-        matrix = np.array(data.get("matrix"), dtype=float)
-    except (TypeError, ValueError):
-        raise InputError(f"{source}: covariance.matrix must hold numbers") from None
-    if matrix.shape != (len(names), len(names)) or not np.isfinite(matrix).all():
-        raise InputError(f"{source}: covariance.matrix must be {len(names)} x {len(names)} numbers")
-    return names, matrix
+        matrix = np.array(_list(data, "matrix", source))
+    except ValueError:  # rows of different lengths
+        matrix = np.empty(0)
+    is_numeric = matrix.dtype.kind in "if" and np.isfinite(matrix).all()
+    if not names or matrix.shape != (len(names), len(names)) or not is_numeric:
+        raise InputError(
+            f"{source}: covariance.matrix must be {len(names)} x {len(names)} numbers, one row for "
+            "each of covariance.names"
+        )
+    return names, matrix.astype(float)

@@ -52,7 +52,7 @@ def stiffness(structure: Structure, geometry: Geometry, theta: Array) -> float:
     size = 3
     shift = 1e-5
     twists = np.concatenate([shift * np.eye(size), -shift * np.eye(size)])
-    at = Instant(tuple(twists.T), torque=(1.0,) * 4)
+    at = Instant((twists[:, 0], twists[:, 1], twists[:, 2]), torque=(1.0,) * 4)
     acceleration = np.stack(
         np.broadcast_arrays(*dynamics.forward_dynamics(np, structure, geometry, theta, at))
     )
@@ -61,7 +61,7 @@ def stiffness(structure: Structure, geometry: Geometry, theta: Array) -> float:
     if structure.has_actuator:
         slow, fast = (
             dynamics.drive_rates(
-                np, structure, theta, Instant((0.0,) * 3, torque=(t,) * 4), (0.0,) * 4
+                np, structure, theta, Instant((0.0, 0.0, 0.0), torque=(t,) * 4), (0.0,) * 4
             )
             for t in (0.0, 1.0)
         )
@@ -81,7 +81,8 @@ def substeps(model: Model, duration: float) -> int:
 
 
 def _substeps(structure: Structure, geometry: Geometry, theta: Array, duration: float) -> int:
-    rate = duration * max(stiffness(structure, geometry, theta), 10.0) / 0.25
+    with np.errstate(divide="ignore", invalid="ignore"):
+        rate = duration * max(stiffness(structure, geometry, theta), 10.0) / 0.25
     if not 0 <= rate <= MAX_SUBSTEPS:
         raise InputError(
             f"too stiff to simulate in steps of {duration:g} s "
@@ -95,10 +96,19 @@ def simulate(model: Model, time: ArrayLike, torque: ArrayLike, start: ArrayLike)
 
     ``torque`` (N, 4) [N m] is what the interface commands or logs, linear between samples.
     A run that diverges holds inf or NaN from there on.
+
+    Raises
+    ------
+    InputError
+        If the shapes do not fit the model, time does not increase, or the model is too stiff.
     """
-    return simulate_theta(
-        model.structure, model.geometry, model.theta, np.diff(time), np.asarray(torque), start
-    )
+    time, torque = np.asarray(time, float), np.asarray(torque, float)
+    if time.ndim != 1 or not len(time) or torque.shape != (len(time), 4):
+        raise InputError(f"torque must be (N, 4) for time (N,), not {torque.shape}, {time.shape}")
+    duration = np.diff(time)
+    if not (duration > 0).all():
+        raise InputError("time must be finite and increase from sample to sample")
+    return simulate_theta(model.structure, model.geometry, model.theta, duration, torque, start)
 
 
 def simulate_theta(
@@ -113,16 +123,23 @@ def simulate_theta(
 
     For searches, which pass through parameters that no :class:`Model` would accept.
     """
-    out = np.empty((len(torque), len(structure.state_names)))
+    state = _vector("start", start, len(structure.state_names))
+    # A gap between samples must be as finely stepped as the rest.
+    usual = float(np.median(duration)) if len(duration) else 1.0
+    pieces = np.ceil(np.asarray(duration) / (1.5 * usual)).astype(int)
+    fine = np.repeat(duration / pieces, pieces)
+    out = np.empty((len(fine) + 1, len(state)))
     lengths = np.array([geometry.l, geometry.h, geometry.R, geometry.r])
-    count = _substeps(structure, geometry, theta, float(np.median(duration)))
-    kernel(structure).rollout(
-        np.asarray(start, float),
-        np.ascontiguousarray(torque, float),
-        np.ascontiguousarray(duration, float),
-        lengths,
-        np.ascontiguousarray(theta, float),
-        count,
-        out,
-    )
-    return out
+    count = _substeps(structure, geometry, theta, float(fine.max(initial=0.0)))
+    theta = np.ascontiguousarray(theta, float)
+    kernel(structure).rollout(state, _cut(torque, pieces), fine, lengths, theta, count, out)
+    return out[np.concatenate([[0], np.cumsum(pieces)])]
+
+
+def _cut(torque: Array, pieces: NDArray[np.int_]) -> Array:
+    """Torque (M, 4) with interval k of its samples (N, 4) cut into ``pieces[k]``, linear within."""
+    at = np.repeat(np.arange(len(pieces)), pieces)
+    part = (np.arange(len(at)) - (np.cumsum(pieces) - pieces)[at]) / pieces[at]
+    torque = np.asarray(torque, float)
+    within = torque[at] + part[:, None] * (torque[at + 1] - torque[at])
+    return np.concatenate([within, torque[-1:]])
