@@ -1,0 +1,55 @@
+"""What the checks of a log found: one fault, repair or remark each."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from dataclasses import dataclass
+from typing import Literal
+
+from youbot_env.errors import InputError
+
+Level = Literal["error", "repaired", "warning", "info"]
+
+
+@dataclass(frozen=True)
+class Finding:
+    """One thing that a check found in a log.
+
+    Attributes
+    ----------
+    level : "error" (the log cannot be used), "repaired" (data were changed), "warning" (the data
+        are as they were, but doubtful) or "info"
+    message : what was found, in one clause
+    row : line of the file, counted from 1, so a CSV's header is row 1; None if it has no place
+    column : name of the column, None if it concerns several
+    cure : what the user can do about it
+    """
+
+    level: Level
+    message: str
+    row: int | None = None
+    column: str | None = None
+    cure: str = ""
+
+    def __str__(self) -> str:
+        place = [f"row {self.row}"] if self.row is not None else []
+        place += [f"column {self.column}"] if self.column is not None else []
+        parts = [", ".join(place)] if place else []
+        return ": ".join([*parts, self.message]) + (f"; {self.cure}" if self.cure else "")
+
+
+class LogError(InputError):
+    """A log that cannot be used. ``findings`` holds all that was found, its errors included."""
+
+    def __init__(self, source: str, findings: Iterable[Finding]) -> None:
+        self.findings = tuple(findings)
+        errors = [finding for finding in self.findings if finding.level == "error"]
+        more = f" (and {len(errors) - 1} more)" if len(errors) > 1 else ""
+        super().__init__(f"{source}: {errors[0]}{more}".replace("\n", " ").replace("\r", " "))
+
+
+def fault(
+    source: str, message: str, cure: str, *, row: int | None = None, column: str | None = None
+) -> LogError:
+    """The error to raise for a fault that ends the reading at once."""
+    return LogError(source, [Finding("error", message, row, column, cure)])

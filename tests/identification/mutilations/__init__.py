@@ -1,0 +1,1 @@
+"""Kinds of mutilation of a healthy log, by what is mutilated."""
