@@ -74,6 +74,10 @@ JsonOption = Annotated[
         help="Write the result as JSON to F; '-' is standard output (tables then go to stderr).",
     ),
 ]
+PlotsOption = Annotated[
+    Path | None,
+    typer.Option("--plots", metavar="DIR", help="Draw plots into this folder (extra: plots)."),
+]
 SeedOption = Annotated[
     int, typer.Option("--seed", metavar="N", min=0, help="Seed of all random numbers.")
 ]

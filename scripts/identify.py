@@ -1,0 +1,135 @@
+"""Fit the model to logs: parameters, intervals, observability."""
+
+from __future__ import annotations
+
+import sys
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from youbot_scripts.cli import run_script
+from youbot_scripts.common import (
+    GeometryOption,
+    JsonOption,
+    LogsArgument,
+    OutputModelOption,
+    PlotsOption,
+    SeedOption,
+    console,
+    number,
+    progress,
+    provenance,
+    show_table,
+    with_std,
+    write_result,
+)
+
+if TYPE_CHECKING:
+    from rich.console import Console
+
+    from identification.identify import Identification
+
+EXAMPLES = (
+    "youbot identify runs/calibration.csv -o model.json",
+    "youbot identify runs/I.csv runs/II.csv --output-error --json result.json",
+    "youbot identify runs/calibration.csv --model model.json -o again.json",
+)
+
+
+def main(
+    logs: LogsArgument,
+    output: OutputModelOption = None,
+    model: Annotated[
+        str | None,
+        typer.Option(
+            "--model", metavar="MODEL", help="Fit this model's effects too (default: base model)."
+        ),
+    ] = None,
+    geometry: GeometryOption = None,
+    output_error: Annotated[
+        bool, typer.Option("--output-error", help="Refine in free run after the fit on forces.")
+    ] = False,
+    robust: Annotated[
+        bool, typer.Option("--robust", help="Huber weights, for logs with outliers.")
+    ] = False,
+    plots: PlotsOption = None,
+    json: JsonOption = None,
+    seed: SeedOption = 0,
+) -> None:
+    """Fit m0 [kg], I0, I1 [kg m^2], aX, aY [m], mu1, mu2 [N m s] to logs by least squares.
+
+    Prints each parameter with its standard deviation and 95 % interval (true for correlated
+    residuals), what each motion in the logs can show, and what looks implausible.
+    """
+    from identification.identify import identify
+    from identification.logs import read_logs
+    from youbot_env.model_file import load_geometry, load_model, save_model
+
+    start = load_model(model) if model else None
+    lengths = load_geometry(geometry) if geometry else None
+    with progress(60 if output_error else 2, "identify") as advance:
+        result = identify(
+            read_logs(logs, geometry=lengths or (start and start.geometry)),
+            geometry=lengths,
+            start=start,
+            output_error=output_error,
+            robust=robust,
+            seed=seed,
+            name=output.stem if output else "model",
+            provenance=provenance(seed) | {"command": "identify", "output_error": output_error},
+            progress=advance,
+        )
+    out = console(json)
+    _print(out, result)
+    if output:
+        save_model(output, result.model)
+        out.print(f"model written to {output}")
+    write_result(json, result.to_dict(), seed)
+    if plots:
+        from identification.plots import plot_identification
+
+        for path in plot_identification(result, plots):
+            out.print(f"plot written to {path}")
+
+
+def _print(out: Console, result: Identification) -> None:
+    found = result.to_dict()
+    rows = []
+    for name, entry in found["parameters"].items():
+        low, high = entry["interval"] or (None, None)
+        std = entry["std"]
+        value = number(entry["value"]) if std is None else with_std(entry["value"], std)
+        rows.append((name, value, f"{number(low)} ... {number(high)}", entry["unit"]))
+    show_table(out, "Parameters", ("name", "value", "95 % interval", "unit"), rows, left=("unit",))
+    _print_observability(out, found["observability"])
+    errors = found["errors"]
+    floor = errors["noise_floor"]["force_error"]
+    line = f"force error {errors['force_error']:.2%} on these logs (noise floor {floor:.2%})"
+    if "velocity_error" in errors:
+        line += f", velocity error {errors['velocity_error']:.2%}"
+    out.print(line)
+    for warning in found["warnings"]:
+        out.print(f"warning: {warning}", style="yellow")
+
+
+def _print_observability(out: Console, seen: dict) -> None:
+    names = {name: f"x{k + 1}" for k, name in enumerate(seen["total"]["names"])}
+    rows = []
+    for part in seen["parts"]:
+        blocks = " ".join("{" + ",".join(names[n] for n in block) + "}" for block in part["blocks"])
+        stretch = f"{part['from']:.0f}-{part['to']:.0f} s"
+        blind = ", ".join(part["blind"]) or "-"
+        rows.append((part["log"], part["kind"], stretch, part["rank"], blind, blocks))
+    legend = ", ".join(f"{x} {name}" for name, x in names.items())
+    show_table(
+        out,
+        "What each motion shows",
+        ("log", "motion", "stretch", "rank", "blind to", "blocks"),
+        rows,
+        left=("motion", "blind to", "blocks"),
+    )
+    out.print(f"x as in the paper: {legend}; all together: rank {seen['total']['rank']}")
+
+
+if __name__ == "__main__":
+    sys.exit(run_script(__file__))
