@@ -1,1 +1,50 @@
-"""Identification of the dynamic model from logs, and its comparison with measurements."""
+"""Identify a mecanum platform's dynamics from logs, and compare models with measurements.
+
+The names below are loaded when they are first used, so that importing the package costs nothing.
+"""
+
+from __future__ import annotations
+
+import importlib
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from identification.comparison import Comparison, compare
+    from identification.fitting import Identification, identify
+    from identification.logs import Log, read_log, read_logs, write_log
+    from identification.observability import Observability, motion_observability
+    from identification.recursive import RecursiveLeastSquares
+
+_HOMES = {
+    "Comparison": "comparison",
+    "compare": "comparison",
+    "Identification": "fitting",
+    "identify": "fitting",
+    "Log": "logs",
+    "read_log": "logs",
+    "read_logs": "logs",
+    "write_log": "logs",
+    "Observability": "observability",
+    "motion_observability": "observability",
+    "RecursiveLeastSquares": "recursive",
+}
+
+__all__ = [
+    "Comparison",
+    "Identification",
+    "Log",
+    "Observability",
+    "RecursiveLeastSquares",
+    "compare",
+    "identify",
+    "motion_observability",
+    "read_log",
+    "read_logs",
+    "write_log",
+]
+
+
+def __getattr__(name: str) -> Any:
+    if name in _HOMES:
+        return getattr(importlib.import_module(f"identification.{_HOMES[name]}"), name)
+    raise AttributeError(f"module 'identification' has no attribute {name!r}")

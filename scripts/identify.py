@@ -27,7 +27,7 @@ from youbot_scripts.common import (
 if TYPE_CHECKING:
     from rich.console import Console
 
-    from identification.identify import Identification
+    from identification.fitting import Identification
 
 EXAMPLES = (
     "youbot identify runs/calibration.csv -o model.json",
@@ -61,7 +61,7 @@ def main(
     Prints each parameter with its standard deviation and 95 % interval (true for correlated
     residuals), what each motion in the logs can show, and what looks implausible.
     """
-    from identification.identify import identify
+    from identification.fitting import identify
     from identification.logs import read_logs
     from youbot_env.model_file import load_geometry, load_model, save_model
 
