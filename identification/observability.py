@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from identification.filters import filter_samples, settled
 from identification.mecanum import Mecanum, Samples
-from identification.regression import Rows, hac_covariance, regression_rows, stride
+from identification.regression import Indices, Rows, hac_covariance, regression_rows, stride
 from youbot_env.dynamics import Structure
 from youbot_env.geometry import Geometry
 from youbot_env.motions import Motion
@@ -118,10 +118,10 @@ PAPER_ORDER = (0, 1, 4, 2, 3, 5, 6)
 """theta's base parameters (m0, I0, m_aX, m_aY, I1, mu1, mu2) in the order of x1 ... x7."""
 
 
-def paper_order(mechanism: Mecanum) -> Array:
+def paper_order(mechanism: Mecanum) -> Indices:
     """Indices of the free parameters: x1 ... x7, then those of added effects."""
     rest = np.flatnonzero(mechanism.free)[len(PAPER_ORDER) :]
-    return np.array([*PAPER_ORDER, *rest])
+    return np.array([*PAPER_ORDER, *rest], dtype=np.intp)
 
 
 def log_observability(

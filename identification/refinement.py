@@ -9,7 +9,15 @@ from numpy.typing import NDArray
 
 from identification.filters import block_mean
 from identification.mecanum import Mecanum, Samples
-from identification.regression import Fit, Rows, gauge_basis, hac_covariance, solve_step, stride
+from identification.regression import (
+    Fit,
+    Indices,
+    Rows,
+    gauge_basis,
+    hac_covariance,
+    solve_step,
+    stride,
+)
 from youbot_env.errors import InputError
 
 Array = NDArray[np.float64]
@@ -58,7 +66,12 @@ def refine(
 
 
 def _line_search(
-    mechanism: Mecanum, logs: Sequence[Samples], theta: Array, free: Array, step: Array, cost: float
+    mechanism: Mecanum,
+    logs: Sequence[Samples],
+    theta: Array,
+    free: Indices,
+    step: Array,
+    cost: float,
 ) -> tuple[Array, float]:
     """The full step, or a half, a quarter, ... of it, until the cost falls."""
     for share in (1.0, 0.5, 0.25, 0.125):
@@ -83,7 +96,7 @@ def _rows(
     mechanism: Mecanum,
     theta: Array,
     samples: Samples,
-    free: Array,
+    free: Indices,
     progress: Callable[[], None],
 ) -> Rows:
     """Residual and columns (sensitivities of the free run) by central differences."""

@@ -13,6 +13,7 @@ from identification.mecanum import Mecanum, Samples
 from youbot_env.errors import InputError
 
 Array = NDArray[np.float64]
+Indices = NDArray[np.intp]
 
 ROW_RATE = 20.0
 """Rows a second [Hz] that a fit sees: 2 a_f; the filter leaves little above."""
@@ -42,7 +43,7 @@ class Fit:
     """
 
     theta: Array
-    free: Array
+    free: Indices
     covariance: Array
     rows: tuple[Rows, ...]
     bounded: tuple[int, ...] = ()
@@ -58,7 +59,7 @@ def stride(dt: float) -> int:
     return max(1, round(1.0 / (ROW_RATE * dt)))
 
 
-def regression_rows(mechanism: Mecanum, theta: Array, samples: Samples, free: Array) -> Rows:
+def regression_rows(mechanism: Mecanum, theta: Array, samples: Samples, free: Indices) -> Rows:
     """Filtered residual and columns of one log.
 
     An actuator's effect on the logged torque takes a derivative more; a second pass through the
@@ -160,7 +161,7 @@ def solve_step(
     rows: Sequence[Rows],
     weights: Sequence[Array],
     theta: Array,
-    free: Array,
+    free: Indices,
     basis: Array,
 ) -> tuple[Array, tuple[int, ...]]:
     """Least-squares step (F,), within physical bounds if the free step would leave them."""

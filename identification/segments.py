@@ -46,7 +46,7 @@ class Part:
 def parts_of(samples: Samples) -> list[Part]:
     """The motions of a log in order; a log too short to be judged is one part."""
     width = round(WINDOW / samples.dt)
-    starts = np.arange(0, len(samples) - width, max(1, round(STEP / samples.dt)))
+    starts = range(0, len(samples) - width, max(1, round(STEP / samples.dt)))
     if len(starts) < 2:
         return [Part(kind_of_motion(samples), samples)]
     kinds = [kind_of_motion(cut(samples, a, a + width)) for a in starts]
