@@ -162,14 +162,15 @@ def _compare_one(
     velocity = velocity_traces(mechanism, theta, samples)
     if not np.isfinite(velocity.predicted).all():
         raise InputError(f"{log.source or log.name}: the model's free run diverges on this log")
+    force = force_traces(mechanism, theta, samples)
     twist = velocity.predicted / mechanism.speed_scale
     return LogComparison(
         log=log,
         seen_in_fit=bool(log.sha256) and seen,
-        force=force_traces(mechanism, theta, samples),
+        force=force,
         velocity=velocity,
-        force_floor=force_floor(mechanism, theta, samples, noise, seed),
-        velocity_floor=velocity_floor(mechanism, theta, samples, noise, seed),
+        force_floor=force_floor(mechanism, theta, samples, force, noise, seed),
+        velocity_floor=velocity_floor(mechanism, theta, samples, velocity, noise, seed),
         wheel_speed=mechanism.geometry.wheel_speeds(twist),
     )
 

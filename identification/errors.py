@@ -99,26 +99,32 @@ class NoiseLevel:
 
 
 def force_floor(
-    mechanism: Mecanum, theta: Array, samples: Samples, noise: NoiseLevel, seed: int
+    mechanism: Mecanum,
+    theta: Array,
+    samples: Samples,
+    clean: Traces,
+    noise: NoiseLevel,
+    seed: int,
 ) -> Squares:
-    """What measurement noise alone leaves in the force residual.
+    """What measurement noise alone leaves in the force residual, whose ``clean`` traces are known.
 
     The noise is put on once more and what it changes is kept: right for every effect, since the
     model itself carries it.
     """
-    clean = force_traces(mechanism, theta, samples)
-    again = force_traces(
-        mechanism, theta, noisy(samples, mechanism, noise, np.random.default_rng(seed))
-    )
+    rng = np.random.default_rng(seed)
+    again = force_traces(mechanism, theta, noisy(samples, mechanism, noise, rng))
     return Squares.of(clean, again.residual - clean.residual)
 
 
 def velocity_floor(
-    mechanism: Mecanum, theta: Array, samples: Samples, noise: NoiseLevel, seed: int
+    mechanism: Mecanum,
+    theta: Array,
+    samples: Samples,
+    clean: Traces,
+    noise: NoiseLevel,
+    seed: int,
 ) -> Squares:
     """What measurement noise alone leaves in the free run's velocity residual."""
-    clean = velocity_traces(mechanism, theta, samples)
-    again = velocity_traces(
-        mechanism, theta, noisy(samples, mechanism, noise, np.random.default_rng(seed))
-    )
+    rng = np.random.default_rng(seed)
+    again = velocity_traces(mechanism, theta, noisy(samples, mechanism, noise, rng))
     return Squares.of(clean, again.residual - clean.residual)

@@ -25,12 +25,11 @@ from identification.observability import (
     block_estimates,
     log_observability,
     motion_that_shows,
-    total_observability,
 )
 from identification.physical import fitted_model
 from identification.plausibility import warnings_of
 from identification.recursive import Course, recursive_course
-from identification.regression import Fit, fit
+from identification.regression import Fit, Rows, fit, regression_rows
 from identification.segments import Part, parts_of
 from youbot_env.errors import InputError
 from youbot_env.geometry import Geometry
@@ -190,20 +189,22 @@ def identify(
     start = start or load_model("paper")
     mechanism = Mecanum(geometry or start.geometry, start.structure)
     samples = tuple(mechanism.samples(log) for log in logs)
+    free = np.flatnonzero(mechanism.free)
+    rows = [regression_rows(mechanism, start.theta, item, free) for item in samples]
+    total = log_observability(mechanism, rows)
+    _refuse_blind(mechanism, total)
     parts = tuple(
-        _part_report(mechanism, start.theta, item.name, part)
-        for item in samples
+        _part_report(mechanism, start.theta, item.name, part, row)
+        for item, row in zip(samples, rows, strict=True)
         for part in parts_of(item)
     )
-    total = total_observability(mechanism, start.theta, samples)
-    _refuse_blind(mechanism, total)
-    force = fit(mechanism, samples, start.theta, robust=robust, progress=progress)
+    force = fit(mechanism, samples, start.theta, first=rows, robust=robust, progress=progress)
     final = force
     if output_error:
         from identification.refinement import refine  # numba, which the force fit does without
 
         final = refine(mechanism, samples, force, progress=progress)
-    course = recursive_course(mechanism, samples, force) if recursive else None
+    course = recursive_course(mechanism, force) if recursive else None
     model = fitted_model(
         mechanism,
         final,
@@ -216,9 +217,10 @@ def identify(
     return Identification(model, final, force, mechanism, samples, parts, total, course, warnings)
 
 
-def _part_report(mechanism: Mecanum, theta: Array, name: str, part: Part) -> PartReport:
-    seen = log_observability(mechanism, theta, part.samples)
-    estimates = block_estimates(mechanism, theta, part.samples, seen)
+def _part_report(mechanism: Mecanum, theta: Array, name: str, part: Part, rows: Rows) -> PartReport:
+    inside = rows.between(part.start, part.end)
+    seen = log_observability(mechanism, [inside])
+    estimates = block_estimates(mechanism, theta, inside, seen)
     return PartReport(name, part.kind, part.start, part.end, seen, estimates)
 
 
@@ -244,13 +246,13 @@ def _errors(
 ) -> dict[str, Any]:
     """Errors on the very logs of the fit; the velocity error only where a free run was made."""
     noise = [NoiseLevel(white_noise(log.velocity), white_noise(log.effort)) for log in logs]
-    force = [Squares.of(force_traces(mechanism, final.theta, item)) for item in samples]
+    traces = [force_traces(mechanism, final.theta, item) for item in samples]
     floors = [
-        force_floor(mechanism, final.theta, item, level, seed)
-        for item, level in zip(samples, noise, strict=True)
+        force_floor(mechanism, final.theta, item, trace, level, seed)
+        for item, trace, level in zip(samples, traces, noise, strict=True)
     ]
     found: dict[str, Any] = {
-        "force_error": add_up(force).ratio,
+        "force_error": add_up(map(Squares.of, traces)).ratio,
         "noise_floor": {"force_error": add_up(floors).ratio},
     }
     if with_velocity:

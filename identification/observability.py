@@ -3,14 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
 from identification.filters import filter_samples, settled
-from identification.mecanum import Mecanum, Samples
-from identification.regression import Indices, Rows, hac_covariance, regression_rows, stride
+from identification.mecanum import Mecanum
+from identification.regression import Indices, Rows, hac_covariance
 from youbot_env.dynamics import Structure
 from youbot_env.geometry import Geometry
 from youbot_env.motions import Motion
@@ -125,14 +125,18 @@ def paper_order(mechanism: Mecanum) -> Indices:
 
 
 def log_observability(
-    mechanism: Mecanum, theta: Array, samples: Samples, blind: float = BLIND
+    mechanism: Mecanum, rows: Sequence[Rows], blind: float = BLIND
 ) -> Observability:
-    """What one log shows of the parameters, around theta (P,)."""
+    """What one log (or several together) shows of the parameters, from its regression rows."""
     order = paper_order(mechanism)
-    rows = regression_rows(mechanism, theta, samples, order)
     names = [mechanism.parameter_names[k] for k in order]
-    step = stride(samples.dt) * samples.dt
-    return observability(names, rows.columns / mechanism.scale[order], step, blind)
+    columns = np.concatenate([item.columns for item in rows])[..., _places(mechanism)]
+    return observability(names, columns / mechanism.scale[order], rows[0].step, blind)
+
+
+def _places(mechanism: Mecanum) -> Indices:
+    """Places of ``paper_order`` among the free parameters."""
+    return np.searchsorted(np.flatnonzero(mechanism.free), paper_order(mechanism))
 
 
 def motion_observability(
@@ -177,36 +181,24 @@ def filtered_columns(columns: Array, rate: float, dt: float) -> Array:
     return filter_samples(columns, rate, dt)[settled(rate, dt) :]
 
 
-def total_observability(
-    mechanism: Mecanum, theta: Array, logs: Sequence[Samples], blind: float = BLIND
-) -> Observability:
-    """What several logs show together, around theta (P,)."""
-    order = paper_order(mechanism)
-    rows = [regression_rows(mechanism, theta, samples, order).columns for samples in logs]
-    columns = np.concatenate(rows) / mechanism.scale[order]
-    names = [mechanism.parameter_names[k] for k in order]
-    step = stride(logs[0].dt) * logs[0].dt
-    return observability(names, columns, step, blind)
-
-
 def block_estimates(
-    mechanism: Mecanum, theta: Array, samples: Samples, seen: Observability
+    mechanism: Mecanum, theta: Array, rows: Rows, seen: Observability
 ) -> dict[str, tuple[float, float]]:
     """Value and standard deviation of each parameter whose block a motion shows whole.
 
     In an ideal motion a block's own columns suffice, whatever the others are, so a direction that
     another block cannot show does not matter. The stock loop's motion separates them less well;
-    what leaks across is removed by solving for all, and only whole blocks are reported.
+    what leaks across is removed by solving for all, and only whole blocks are reported. ``theta``
+    (P,) is where ``rows`` were taken.
     """
-    order = paper_order(mechanism)
-    rows = regression_rows(mechanism, theta, samples, order)
+    order, places = paper_order(mechanism), _places(mechanism)
     scale = mechanism.scale[order]
-    flat = (rows.columns / scale).reshape(-1, len(order))
-    measured = rows.residual + rows.columns @ theta[order]
+    columns = rows.columns[..., places]
+    measured = rows.residual + columns @ theta[order]
+    flat = (columns / scale).reshape(-1, len(order))
     x = np.linalg.lstsq(flat, measured.ravel(), rcond=1e-12)[0]
-    left = Rows(measured - rows.columns @ (x / scale), rows.columns)
-    covariance = hac_covariance([left], np.eye(len(order)), scale, samples.dt)
-    std = np.sqrt(np.maximum(np.diag(covariance), 0.0))
+    left = replace(rows, residual=measured - columns @ (x / scale), columns=columns)
+    std = np.sqrt(np.maximum(np.diag(hac_covariance([left], np.eye(len(order)), scale)), 0.0))
     found = {}
     for block in seen.blocks:
         members = [seen.names.index(name) for name in block]

@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from identification.mecanum import Mecanum, Samples
-from identification.regression import Fit, regression_rows, stride
+from identification.mecanum import Mecanum
+from identification.regression import Fit
 
 Array = NDArray[np.float64]
 
@@ -71,25 +70,21 @@ class Course:
     std: Array
 
 
-def recursive_course(mechanism: Mecanum, logs: Sequence[Samples], fit: Fit) -> Course:
-    """Run the recursive estimator through the logs; effects enter linearised at the batch fit.
+def recursive_course(mechanism: Mecanum, fit: Fit) -> Course:
+    """Run the recursive estimator through a fit's rows; effects enter linearised at the fit.
 
     The filter's rows are correlated, so P alone would state too little; its shape over time is
     kept and each parameter's end is set to the batch estimate's standard deviation.
     """
     scale, free = mechanism.scale[fit.free], fit.free
     estimator = RecursiveLeastSquares(len(free))
-    time, course, spread = [], [], []
-    offset = 0.0
-    for samples in logs:
-        rows = regression_rows(mechanism, fit.theta, samples, free)
+    course, spread = [], []
+    for rows in fit.rows:
         measured = rows.residual + rows.columns @ fit.theta[free]
-        step = stride(samples.dt) * samples.dt
-        start = samples.time[-1] - step * len(rows.residual)
-        for k, (columns, z) in enumerate(zip(rows.columns, measured, strict=True)):
-            course.append(estimator.update(columns / scale, z) / scale)
+        for columns, z in zip(rows.columns / scale, measured, strict=True):
+            course.append(estimator.update(columns, z) / scale)
             spread.append(np.sqrt(np.diag(estimator.covariance)) / scale)
-            time.append(offset + start + (k + 1) * step)
-        offset += samples.time[-1]
+    ends = np.cumsum([0.0, *(rows.time[-1] for rows in fit.rows)])
+    time = np.concatenate([end + rows.time for end, rows in zip(ends, fit.rows, strict=False)])
     std = np.array(spread)
-    return Course(np.array(time), np.array(course), std * (fit.std / std[-1]))
+    return Course(time, np.array(course), std * (fit.std / std[-1]))

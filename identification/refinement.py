@@ -61,7 +61,7 @@ def refine(
             cost = lower
         if fell < ENOUGH:
             break
-    covariance = hac_covariance(rows, basis, mechanism.scale[free], logs[0].dt)
+    covariance = hac_covariance(rows, basis, mechanism.scale[free])
     return Fit(theta, free, covariance, tuple(rows), bounded)
 
 
@@ -110,4 +110,7 @@ def _rows(
         difference = mechanism.free_run(ahead, samples) - mechanism.free_run(behind, samples)
         columns.append(block_mean(difference / (2 * step), stride(samples.dt)))
         progress()
-    return Rows(_residual(mechanism, theta, samples), np.stack(columns, axis=-1))
+    residual = _residual(mechanism, theta, samples)
+    step = stride(samples.dt) * samples.dt
+    time = samples.time[0] + step * np.arange(1, len(residual) + 1)
+    return Rows(time, step, residual, np.stack(columns, axis=-1))

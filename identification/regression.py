@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -27,10 +27,26 @@ HUBER = 1.345
 
 @dataclass(frozen=True)
 class Rows:
-    """Filtered regression rows of one log at one theta: residual (n, A) and columns (n, A, P)."""
+    """Filtered regression rows of one log at one theta.
 
+    time (n,): end of each row [s], from the log's start; step: from one row to the next [s];
+    residual (n, A): measured less demanded force; columns (n, A, F): of the free parameters.
+    """
+
+    time: Array
+    step: float
     residual: Array
     columns: Array
+
+    def between(self, start: float, end: float) -> Rows:
+        """The rows that lie in a stretch of time [s]."""
+        inside = (self.time - self.step >= start) & (self.time <= end)
+        return replace(
+            self,
+            time=self.time[inside],
+            residual=self.residual[inside],
+            columns=self.columns[inside],
+        )
 
 
 @dataclass(frozen=True)
@@ -71,7 +87,10 @@ def regression_rows(mechanism: Mecanum, theta: Array, samples: Samples, free: In
     stacked = np.concatenate([residual[None], demand.columns(free)])
     passes = 2 if mechanism.structure.has_actuator else 1
     filtered = reduce(np.moveaxis(stacked, 0, -1), samples.dt, passes)
-    return Rows(filtered[..., 0], filtered[..., 1:])
+    step = stride(samples.dt) * samples.dt
+    first = samples.time[0] + passes * settled(FILTER_RATE, samples.dt) * samples.dt
+    time = first + step * np.arange(1, len(filtered) + 1)
+    return Rows(time, step, filtered[..., 0], filtered[..., 1:])
 
 
 def reduce(ends: Array, dt: float, passes: int = 1) -> Array:
@@ -87,6 +106,7 @@ def fit(
     logs: Sequence[Samples],
     start: Array,
     *,
+    first: Sequence[Rows] | None = None,
     robust: bool = False,
     progress: Callable[[], None] = lambda: None,
 ) -> Fit:
@@ -97,6 +117,7 @@ def fit(
     Parameters
     ----------
     start : (P,) theta to start from
+    first : the logs' regression rows at ``start``, where they are at hand already
     robust : Huber weights on rows, for logs with outliers
 
     Raises
@@ -108,28 +129,33 @@ def fit(
     basis = gauge_basis(mechanism)
     theta = np.array(start, float)
     bounded: tuple[int, ...] = ()
+    rows = first or [regression_rows(mechanism, theta, samples, free) for samples in logs]
     for _ in range(30):
-        rows = [regression_rows(mechanism, theta, samples, free) for samples in logs]
         progress()
         if sum(len(row.residual) for row in rows) < 2 * len(free):
             raise InputError("the logs are too short to fit a model: record some 20 s of motion")
         weights = huber_weights(rows) if robust else [np.ones(len(r.residual)) for r in rows]
         step, bounded = solve_step(mechanism, rows, weights, theta, free, basis)
         theta[free] += step
-        rows = [Rows(r.residual - r.columns @ step, r.columns) for r in rows]
-        scaled = np.abs(step * mechanism.scale[free])
-        settled_down = scaled.max() <= 1e-9 * np.abs(theta[free] * mechanism.scale[free]).max()
-        if (mechanism.is_linear and not robust) or settled_down:
+        change = np.abs(step * mechanism.scale[free]).max()
+        arrived = change <= 1e-9 * np.abs(theta[free] * mechanism.scale[free]).max()
+        if mechanism.is_linear or arrived:
+            rows = [replace(r, residual=r.residual - r.columns @ step) for r in rows]
+        else:
+            rows = [regression_rows(mechanism, theta, samples, free) for samples in logs]
+        if arrived or (mechanism.is_linear and not robust):
             break
     # A robust fit's rows are weighted, so that its covariance is that of the weighted estimate.
     weighted = [_weighted(row, weight) for row, weight in zip(rows, weights, strict=True)]
-    covariance = hac_covariance(weighted, basis, mechanism.scale[free], logs[0].dt)
+    covariance = hac_covariance(weighted, basis, mechanism.scale[free])
     return Fit(theta, free, covariance, tuple(rows), bounded)
 
 
 def _weighted(rows: Rows, weight: Array) -> Rows:
     root = np.sqrt(weight)
-    return Rows(rows.residual * root[:, None], rows.columns * root[:, None, None])
+    return replace(
+        rows, residual=rows.residual * root[:, None], columns=rows.columns * root[:, None, None]
+    )
 
 
 def gauge_basis(mechanism: Mecanum) -> Array:
@@ -202,7 +228,7 @@ def huber_weights(rows: Sequence[Rows]) -> list[Array]:
     return [np.minimum(1.0, HUBER * sigma / np.maximum(s, 1e-300)) for s in size]
 
 
-def hac_covariance(rows: Sequence[Rows], basis: Array, scale: Array, dt: float) -> Array:
+def hac_covariance(rows: Sequence[Rows], basis: Array, scale: Array) -> Array:
     """Covariance (F, F) of a least-squares estimate whose residuals are correlated in time.
 
     Newey and West (Econometrica 55(3), 1987): the scores' long-run covariance by Bartlett weights
@@ -213,8 +239,8 @@ def hac_covariance(rows: Sequence[Rows], basis: Array, scale: Array, dt: float) 
     size = directions.shape[1]
     information, middle = np.zeros((size, size)), np.zeros((size, size))
     count = 0
-    lags = max(1, round(CORRELATION_TIME / (stride(dt) * dt)))
     for row in rows:
+        lags = max(1, round(CORRELATION_TIME / row.step))
         columns = (row.columns / scale) @ directions
         information += np.einsum("nap,naq->pq", columns, columns)
         scores = np.einsum("na,nap->np", row.residual, columns)

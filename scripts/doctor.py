@@ -85,35 +85,34 @@ def _noise(log: Log) -> dict[str, float]:
 
 
 def _shows(log: Log, geometry: Geometry | None) -> dict[str, Any]:
+    import numpy as np
+
     from identification.mecanum import Mecanum
-    from identification.observability import (
-        log_observability,
-        motion_that_shows,
-        total_observability,
-    )
+    from identification.observability import log_observability, motion_that_shows
+    from identification.regression import regression_rows
     from identification.segments import parts_of
     from youbot_env.dynamics import Structure
     from youbot_env.geometry import Geometry
     from youbot_env.model_file import load_model
 
     mechanism = Mecanum(geometry or Geometry(), Structure())
-    theta = load_model("paper").theta
     samples = mechanism.samples(log)
-    total = total_observability(mechanism, theta, [samples])
+    theta = load_model("paper").theta
+    rows = regression_rows(mechanism, theta, samples, np.flatnonzero(mechanism.free))
+    total = log_observability(mechanism, [rows])
+    parts = []
+    for part in parts_of(samples):
+        seen = log_observability(mechanism, [rows.between(part.start, part.end)])
+        blind = seen.describe_blind()
+        parts.append(
+            {"kind": part.kind, "from": part.start, "to": part.end, "rank": seen.rank}
+            | {"blind": blind}
+        )
     return {
         "rank": total.rank,
         "blind": total.describe_blind(),
         "motion_that_shows": [motion_that_shows(mechanism, d) for d in total.blind],
-        "parts": [
-            {
-                "kind": part.kind,
-                "from": part.start,
-                "to": part.end,
-                "rank": (seen := log_observability(mechanism, theta, part.samples)).rank,
-                "blind": seen.describe_blind(),
-            }
-            for part in parts_of(samples)
-        ],
+        "parts": parts,
     }
 
 

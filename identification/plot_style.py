@@ -1,0 +1,202 @@
+"""How every figure looks: colours, type, layout, thinning of long lines, and writing to files."""
+
+from __future__ import annotations
+
+import io
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
+from functools import wraps
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, ParamSpec
+
+import numpy as np
+from numpy.typing import NDArray
+
+from identification.writing import write_atomically
+from youbot_env.errors import InputError
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
+
+Array = NDArray[np.float64]
+Drawing = ParamSpec("Drawing")
+
+# Okabe and Ito's palette (2008), which colour-blind readers can tell apart.
+MEASURED = {"color": "#4d4d4d", "linewidth": 1.9, "solid_capstyle": "round"}
+PREDICTED = {"color": "#e6550d", "linewidth": 0.9}
+REFERENCE = {"color": "#0072b2", "linewidth": 1.1, "linestyle": (0, (5, 2))}
+RESIDUAL = {"color": "#4d4d4d", "linewidth": 0.6}
+ESTIMATE = {"color": "#0072b2", "linewidth": 1.4}
+FLOOR = {"color": "#56b4e9", "alpha": 0.4, "linewidth": 0}
+BATCH = {"color": "#e6550d", "linewidth": 1.1, "linestyle": (0, (5, 2))}
+TRUTH = {"color": "#222222", "linewidth": 1.1, "linestyle": (0, (1, 1.5))}
+BAR, WORST_BAR = "#9ecae1", "#e6550d"
+GREY = "#6e6e6e"
+
+WIDTH = 10.0
+"""Inches; with DPI, a picture that fits a README and a laptop's screen at 100 %."""
+
+DPI = 100
+BINS = 900
+"""Stretches of a line that are drawn: about one for each pixel of an axis."""
+
+STYLE = {
+    "font.family": "DejaVu Sans",  # ships with matplotlib: the same picture everywhere
+    "font.size": 10,
+    "axes.titlesize": 12,
+    "axes.titleweight": "bold",
+    "axes.titlelocation": "left",
+    "axes.labelsize": 10,
+    "axes.spines.top": False,
+    "axes.spines.right": False,
+    "axes.edgecolor": GREY,
+    "axes.grid": True,
+    "axes.axisbelow": True,
+    "axes.xmargin": 0.0,
+    "grid.color": "#e4e4e4",
+    "grid.linewidth": 0.7,
+    "legend.frameon": False,
+    "legend.fontsize": 10,
+    "xtick.color": GREY,
+    "ytick.color": GREY,
+    "xtick.labelcolor": "black",
+    "ytick.labelcolor": "black",
+    "xtick.labelsize": 9,
+    "ytick.labelsize": 9,
+    "figure.constrained_layout.h_pad": 0.03,
+    "figure.constrained_layout.w_pad": 0.05,
+}
+
+
+def matplotlib() -> Any:
+    """The matplotlib package, loaded only when something is drawn.
+
+    Raises
+    ------
+    InputError
+        If it is not installed.
+    """
+    try:
+        import matplotlib
+    except ImportError:
+        raise InputError(
+            "plots need matplotlib, which is not installed: "
+            'pip install "youbot[plots]", or leave --plots out'
+        ) from None
+    return matplotlib
+
+
+@contextmanager
+def style() -> Iterator[None]:
+    """This module's style, whatever the user's settings are; they and the backend stay."""
+    mpl = matplotlib()
+    with mpl.rc_context():
+        mpl.rcdefaults()
+        mpl.rcParams.update(STYLE)
+        yield
+
+
+def styled(draw: Callable[Drawing, Figure]) -> Callable[Drawing, Figure]:
+    """Decorator: draw in this module's style."""
+
+    @wraps(draw)
+    def drawn(*args: Drawing.args, **kwargs: Drawing.kwargs) -> Figure:
+        with style():
+            return draw(*args, **kwargs)
+
+    return drawn
+
+
+def new_figure(height: float) -> Figure:
+    """An empty figure [inches] that is drawn by Agg, whatever pyplot's backend is."""
+    matplotlib()
+    from matplotlib.backends.backend_agg import FigureCanvasAgg
+    from matplotlib.figure import Figure
+
+    figure = Figure(figsize=(WIDTH, height), dpi=DPI, layout="constrained")
+    FigureCanvasAgg(figure)
+    return figure
+
+
+def write_figure(path: Path, figure: Figure) -> Path:
+    """Write a PNG file, whole or not at all; the same figure gives the same bytes.
+
+    Raises
+    ------
+    InputError
+        If the file cannot be written.
+    """
+    content = io.BytesIO()
+    with style():
+        figure.savefig(content, format="png", dpi=figure.dpi, metadata={"Software": None})
+    write_atomically(path, content.getvalue())
+    return path
+
+
+def thin(time: Array, values: Array, bins: int = BINS) -> tuple[Array, Array]:
+    """A line (n,) as it looks on paper: the least and the greatest value of each of ``bins``."""
+    if len(time) <= 2 * bins:
+        return time, values
+    edges = np.linspace(0, len(time), bins + 1).astype(int)
+    rows = [0, len(time) - 1]
+    for a, b in zip(edges, edges[1:], strict=False):
+        rows += [a + int(values[a:b].argmin()), a + int(values[a:b].argmax())]
+    kept = np.unique(rows)
+    return time[kept], values[kept]
+
+
+def line(axes: Axes, time: Array, values: Array, **look: Any) -> None:
+    """Draw a line, thinned where it is long."""
+    axes.plot(*thin(time, values), **look)
+
+
+def header(axes: Axes, title: str, columns: int = 4) -> None:
+    """Title at the left above the axes, its legend at the right: neither covers data."""
+    from matplotlib.transforms import ScaledTranslation
+
+    axes.set_title(title, pad=22)
+    figure = axes.get_figure()
+    assert figure is not None
+    above = axes.transAxes + ScaledTranslation(0, 16 / 72, figure.dpi_scale_trans)
+    if axes.get_legend_handles_labels()[0]:
+        axes.legend(
+            loc="lower right",
+            bbox_to_anchor=(1, 1),
+            bbox_transform=above,
+            ncols=columns,
+            borderaxespad=0,
+            handlelength=2.2,
+            columnspacing=1.4,
+        )
+
+
+def margin_note(axes: Axes, text: str) -> None:
+    """Small text in the right margin."""
+    axes.annotate(
+        text, (1, 0.5), (6, 0), "axes fraction", "offset points",
+        va="center", ha="left", fontsize=9, color=GREY, linespacing=1.35,
+    )  # fmt: skip
+
+
+def mark_stretches(panels: Sequence[Axes], stretches: Sequence[tuple[str, float, float]]) -> None:
+    """Name stretches (name, start, end) [s] above the first panel; lines part them in all."""
+    for name, start, end in stretches:
+        panels[0].annotate(
+            name, (0.5 * (start + end), 1), (0, 3), ("data", "axes fraction"), "offset points",
+            ha="center", va="bottom", fontsize=9, color=GREY,
+        )  # fmt: skip
+    for (_, _, end), (_, start, _) in zip(stretches, stretches[1:], strict=False):
+        for axes in panels:
+            axes.axvline(0.5 * (end + start), color="#bdbdbd", linewidth=0.9, zorder=0.5)
+
+
+def symmetric(axes: Axes, half: float) -> None:
+    """Ordinate from -half to half, so that zero is in the middle."""
+    half = half if np.isfinite(half) and half > 0 else 1.0
+    axes.set_ylim(-half, half)
+
+
+def percent(value: float) -> str:
+    """A ratio for people; "-" where there is none."""
+    return f"{100 * value:.2g} %" if np.isfinite(value) else "-"
