@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import Any
@@ -25,6 +26,7 @@ from identification.noise import white_noise
 from youbot_env.errors import InputError
 from youbot_env.geometry import WHEELS, Geometry
 from youbot_env.model import Model
+from youbot_env.model_file import write_atomically
 
 Array = NDArray[np.float64]
 
@@ -175,13 +177,25 @@ def _compare_one(
     )
 
 
-def prediction_table(item: LogComparison) -> tuple[list[str], Array]:
-    """Columns of a predictions file: time as it stands in the log, predicted wheel speeds.
+def write_predictions(path: str | os.PathLike[str], item: LogComparison) -> None:
+    """Write the free run's wheel speeds [rad/s] as CSV: time as it stands in the log's file.
 
-    One row per row of the log's file, also where rows were repaired or resampled.
+    One row per row of that file, also where rows were repaired or resampled.
+
+    Raises
+    ------
+    InputError
+        If the file cannot be written.
     """
     log = item.log
-    time = log.file_time
-    rows = [np.interp(time, log.time, item.wheel_speed[:, k]) for k in range(len(WHEELS))]
-    names = ["time", *(f"velocity_{wheel}" for wheel in WHEELS)]
-    return names, np.column_stack([time, *rows])
+    time = log.file_time.tolist()
+    speeds = np.column_stack(
+        [np.interp(time, log.time, item.wheel_speed[:, k]) for k in range(len(WHEELS))]
+    )
+    lines = [",".join(["time", *(f"velocity_{wheel}" for wheel in WHEELS)])]
+    # repr keeps every digit of a time stamp; speeds to a nanoradian per second are plenty.
+    lines += [
+        f"{t!r},{row[0]:.9f},{row[1]:.9f},{row[2]:.9f},{row[3]:.9f}"
+        for t, row in zip(time, speeds.tolist(), strict=True)
+    ]
+    write_atomically(path, "\n".join(lines) + "\n")

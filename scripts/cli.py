@@ -41,6 +41,9 @@ def main(arguments: Sequence[str] | None = None) -> int:
     keeps its traceback.
     """
     arguments = list(sys.argv[1:] if arguments is None else arguments)
+    # The matrices here are tall and thin: a second BLAS thread costs more than it brings, and
+    # results would differ in the last bit from one number of cores to another.
+    os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
     for stream in (sys.stdout, sys.stderr):
         if hasattr(stream, "reconfigure"):
             stream.reconfigure(errors="replace")  # pyright: ignore[reportAttributeAccessIssue]

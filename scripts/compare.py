@@ -104,8 +104,7 @@ def _print(out: Console, result: Comparison) -> None:
 
 
 def _write_predictions(out: Console, result: Comparison, folder: Path) -> None:
-    from identification.comparison import prediction_table
-    from identification.writing import write_table
+    from identification.comparison import write_predictions
     from youbot_env.errors import InputError
 
     try:
@@ -114,7 +113,7 @@ def _write_predictions(out: Console, result: Comparison, folder: Path) -> None:
         raise InputError(f"{folder}: cannot be made: {error.strerror}") from None
     for item in result.logs:
         path = folder / f"{item.log.name}.csv"
-        write_table(path, *prediction_table(item), 9)
+        write_predictions(path, item)
         out.print(f"predictions written to {path}")
 
 
