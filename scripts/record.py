@@ -1,0 +1,143 @@
+"""Drive a plant through the calibration motions and write logs."""
+
+from __future__ import annotations
+
+import hashlib
+import shlex
+import sys
+from enum import StrEnum
+from pathlib import Path
+from typing import Annotated, Any
+
+import typer
+
+from identification.formats import import_parquet
+from identification.logs import write_log
+from identification.writing import DECIMALS
+from youbot_env.errors import InputError
+from youbot_env.model import Model
+from youbot_env.model_file import load_model, model_to_dict
+from youbot_scripts import common
+from youbot_scripts.cli import run_script
+from youbot_scripts.driving import SPEED_NOISE, TORQUE_NOISE, control_step
+from youbot_scripts.experiments import DEFAULT_MOTIONS, motions_named, with_effects
+from youbot_scripts.recording import record, recordings
+
+__all__ = ["main", "record"]
+
+EXAMPLES = (
+    "youbot record runs/",
+    "youbot record runs/ --plant model.json --rate 250 --seed 3",
+    "youbot record runs/ --motions I,III,multisine_c --format csv.gz",
+    "youbot record runs/ --effect wheel_coulomb_friction:torque=0.25",
+)
+
+
+class Format(StrEnum):
+    """Kinds of log files, by their ending."""
+
+    CSV = "csv"
+    CSV_GZ = "csv.gz"
+    PARQUET = "parquet"
+
+
+def main(
+    out_dir: Annotated[
+        Path, typer.Argument(metavar="OUT_DIR", help="Folder for the logs; made if missing.")
+    ],
+    plant: Annotated[
+        str, typer.Option(metavar="MODEL", help="Model file, or 'paper': what is driven.")
+    ] = "paper",
+    motions: Annotated[
+        str,
+        typer.Option(
+            metavar="A,B,...",
+            help="calibration, I, II, III, IV, multisine_..., or JSON files that hold a motion.",
+        ),
+    ] = DEFAULT_MOTIONS,
+    effect: Annotated[
+        list[str] | None,
+        typer.Option(
+            metavar="NAME:P=VALUE,...",
+            help="Add an effect to the plant (SI units); NAME alone: at its catalogue size.",
+        ),
+    ] = None,
+    rate: Annotated[float, typer.Option(metavar="HZ", help="Log rate, 20 to 1000 Hz.")] = 100.0,
+    torque_noise: Annotated[
+        float, typer.Option(help="Standard deviation of a logged torque's noise [N m].")
+    ] = TORQUE_NOISE,
+    speed_noise: Annotated[
+        float, typer.Option(help="Standard deviation of a wheel speed's noise [rad/s].")
+    ] = SPEED_NOISE,
+    format: Annotated[
+        Format, typer.Option(case_sensitive=False, help="Kind of file.")
+    ] = Format.CSV,
+    decimals: Annotated[
+        int, typer.Option(min=4, max=12, help="Digits after the point in CSV files.")
+    ] = DECIMALS,
+    seed: common.SeedOption = 0,
+    json: common.JsonOption = None,
+) -> None:
+    """Drive a plant through the calibration motions and write one log for each.
+
+    The stock kinematic control (inverse kinematics, wheel-speed PI) runs at about 500 Hz and
+    reads noisy wheel speeds. A row holds the wheel speeds at its instant, the torques commanded
+    around it, both with noise, and the true pose. The seed draws the noise and the multisines;
+    one seed gives the same files, byte by byte. record.json beside the logs says how they were
+    made. Each log is written when it is finished, so Ctrl-C keeps those before.
+    """
+    model = with_effects(load_model(plant), effect or [])
+    chosen = motions_named(motions, model.geometry, seed)
+    noise = {"torque_noise": torque_noise, "speed_noise": speed_noise}
+    how = {
+        "plant": model_to_dict(model),
+        "settings": {"rate": rate, "control_rate": 1.0 / control_step(rate), **noise},
+        "motions": [motion.to_dict() for motion in chosen],
+        "logs": {},
+    }
+    if format is Format.PARQUET:
+        import_parquet(str(out_dir))  # refuses before anything is driven
+    _make_folder(out_dir)
+    with common.progress(sum(motion.duration for motion in chosen), "driving") as advance:
+        found = recordings(model, chosen, rate=rate, seed=seed, progress=advance, **noise)
+        for recording in found:
+            path = out_dir / f"{recording.log.name}.{format}"
+            write_log(path, recording.log, decimals=decimals)
+            digest = hashlib.sha256(path.read_bytes()).hexdigest()
+            how["logs"][path.name] = {**recording.summary(), "sha256": digest}
+            common.write_result(out_dir / "record.json", how, seed)
+    common.write_result(json, how, seed)
+    _show(common.console(json), model, how["logs"], out_dir)
+
+
+def _make_folder(path: Path) -> None:
+    try:
+        path.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise InputError(f"{path}: cannot be made a folder: {error.strerror or error}") from None
+
+
+def _show(console: Any, model: Model, rows: dict[str, dict[str, Any]], out_dir: Path) -> None:
+    common.show_table(
+        console,
+        f"Logs of {model.name} in {out_dir}",
+        ("log", "duration s", "rows", "peak rad/s", "peak N m", "saturated %"),
+        [
+            (
+                name,
+                f"{row['duration']:.1f}",
+                row["rows"],
+                f"{row['peak_wheel_speed']:.2f}",
+                f"{row['peak_torque']:.2f}",
+                f"{100 * row['saturated']:.1f}",
+            )
+            for name, row in rows.items()
+        ],
+    )
+    first = shlex.quote(str(out_dir / next(iter(rows))))
+    console.print(f"How they were made: {out_dir / 'record.json'}")
+    console.print(f"Next: youbot identify {first} -o model.json", soft_wrap=True)
+
+
+if __name__ == "__main__":
+    sys.exit(run_script(__file__))
