@@ -1,3 +1,84 @@
 """Model, simulation and Gymnasium environments of a mecanum platform."""
 
+from __future__ import annotations
+
+import importlib
+from typing import TYPE_CHECKING, Any
+
+from youbot_env.registration import register_when_imported
+
+if TYPE_CHECKING:
+    from youbot_env.effects import (
+        ACTUATOR,
+        BODY,
+        CATALOGUE,
+        CHANNEL,
+        ROLLER,
+        WHEEL,
+        WORLD,
+        Parameter,
+        effect,
+    )
+    from youbot_env.errors import InputError
+    from youbot_env.geometry import Geometry
+    from youbot_env.model import Estimate, Model
+    from youbot_env.model_file import load_model, save_model, shipped_models
+    from youbot_env.motions import multisine
+    from youbot_env.plant import Plant
+    from youbot_env.simulate import initial_state
+
 __version__ = "0.1.0"
+
+_HOMES = {
+    "youbot_env.dynamics": ("CATALOGUE",),  # it fills the catalogue
+    "youbot_env.effects": (
+        *("ACTUATOR", "BODY", "CHANNEL", "ROLLER", "WHEEL", "WORLD"),
+        *("Parameter", "effect"),
+    ),
+    "youbot_env.errors": ("InputError",),
+    "youbot_env.geometry": ("Geometry",),
+    "youbot_env.model": ("Estimate", "Model"),
+    "youbot_env.model_file": ("load_model", "save_model", "shipped_models"),
+    "youbot_env.motions": ("multisine",),
+    "youbot_env.plant": ("Plant",),
+    "youbot_env.simulate": ("initial_state",),
+}
+_HOME = {name: module for module, names in _HOMES.items() for name in names}
+
+__all__ = [
+    "ACTUATOR",
+    "BODY",
+    "CATALOGUE",
+    "CHANNEL",
+    "ROLLER",
+    "WHEEL",
+    "WORLD",
+    "Estimate",
+    "Geometry",
+    "InputError",
+    "Model",
+    "Parameter",
+    "Plant",
+    "effect",
+    "initial_state",
+    "load_model",
+    "multisine",
+    "save_model",
+    "shipped_models",
+]
+
+
+def __getattr__(name: str) -> Any:
+    """Public names are fetched when first used: a model needs no compiler, a script no Gym."""
+    if name not in _HOME:
+        raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
+    value = getattr(importlib.import_module(_HOME[name]), name)
+    globals()[name] = value
+    return value
+
+
+def __dir__() -> list[str]:
+    return sorted([*globals(), *_HOME])
+
+
+register_when_imported()
