@@ -83,7 +83,7 @@ class Comparison:
         """Stretches with the largest shares of all squared force residual, worst first."""
         found = []
         for item in self.logs:
-            found += _stretches(item)
+            found += stretches_of(item)
         everything = sum(row["square"] for row in found)
         for row in found:
             row["share"] = row.pop("square") / everything if everything > 0 else 0.0
@@ -105,7 +105,8 @@ def _log_dict(item: LogComparison) -> dict[str, Any]:
     }
 
 
-def _stretches(item: LogComparison) -> list[dict[str, Any]]:
+def stretches_of(item: LogComparison) -> list[dict[str, Any]]:
+    """Force error and squared residual of each axis in each stretch of one log, in time's order."""
     time, square = item.force.time, item.force.residual**2
     edges = np.arange(time[0], time[-1], WINDOW)
     rows = np.searchsorted(time, [*edges, np.inf])

@@ -23,15 +23,16 @@ Array = NDArray[np.float64]
 Drawing = ParamSpec("Drawing")
 
 # Okabe and Ito's palette (2008), which colour-blind readers can tell apart.
-MEASURED = {"color": "#4d4d4d", "linewidth": 1.9, "solid_capstyle": "round"}
-PREDICTED = {"color": "#e6550d", "linewidth": 0.9}
-REFERENCE = {"color": "#0072b2", "linewidth": 1.1, "linestyle": (0, (5, 2))}
+# The model is drawn thin over what was measured, so that both show where they agree.
+MEASURED = {"color": "#a6a6a6", "linewidth": 3.2, "solid_capstyle": "round"}
+PREDICTED = {"color": "#d55e00", "linewidth": 1.0}
+REFERENCE = {"color": "#0072b2", "linewidth": 1.1}
 RESIDUAL = {"color": "#4d4d4d", "linewidth": 0.6}
 ESTIMATE = {"color": "#0072b2", "linewidth": 1.4}
 FLOOR = {"color": "#56b4e9", "alpha": 0.4, "linewidth": 0}
-BATCH = {"color": "#e6550d", "linewidth": 1.1, "linestyle": (0, (5, 2))}
+BATCH = {"color": "#d55e00", "linewidth": 1.1, "linestyle": (0, (5, 2))}
 TRUTH = {"color": "#222222", "linewidth": 1.1, "linestyle": (0, (1, 1.5))}
-BAR, WORST_BAR = "#9ecae1", "#e6550d"
+BAR, WORST = "#9ecae1", "#d55e00"
 GREY = "#6e6e6e"
 
 WIDTH = 10.0
@@ -122,14 +123,21 @@ def new_figure(height: float) -> Figure:
 def write_figure(path: Path, figure: Figure) -> Path:
     """Write a PNG file, whole or not at all; the same figure gives the same bytes.
 
+    Its 256 colours are ample for these figures and make the file a third as large.
+
     Raises
     ------
     InputError
         If the file cannot be written.
     """
-    content = io.BytesIO()
+    from PIL import Image  # which matplotlib needs for its own PNG files
+
     with style():
-        figure.savefig(content, format="png", dpi=figure.dpi, metadata={"Software": None})
+        figure.canvas.draw()
+    picture = Image.fromarray(np.asarray(figure.canvas.buffer_rgba())[..., :3])  # type: ignore
+    content = io.BytesIO()
+    colours = picture.quantize(256, method=Image.Quantize.MAXCOVERAGE, dither=Image.Dither.NONE)
+    colours.save(content, "png", optimize=True, dpi=(DPI, DPI))
     write_atomically(path, content.getvalue())
     return path
 
@@ -151,24 +159,23 @@ def line(axes: Axes, time: Array, values: Array, **look: Any) -> None:
     axes.plot(*thin(time, values), **look)
 
 
-def header(axes: Axes, title: str, columns: int = 4) -> None:
-    """Title at the left above the axes, its legend at the right: neither covers data."""
+def header(axes: Axes, title: str) -> None:
+    """Above the axes, from the top: title, legend, room for names of stretches."""
     from matplotlib.transforms import ScaledTranslation
 
-    axes.set_title(title, pad=22)
+    axes.set_title(title, pad=38)
     figure = axes.get_figure()
     assert figure is not None
-    above = axes.transAxes + ScaledTranslation(0, 16 / 72, figure.dpi_scale_trans)
-    if axes.get_legend_handles_labels()[0]:
-        axes.legend(
-            loc="lower right",
-            bbox_to_anchor=(1, 1),
-            bbox_transform=above,
-            ncols=columns,
-            borderaxespad=0,
-            handlelength=2.2,
-            columnspacing=1.4,
-        )
+    axes.legend(
+        loc="lower left",
+        bbox_to_anchor=(0, 1),
+        bbox_transform=axes.transAxes + ScaledTranslation(0, 17 / 72, figure.dpi_scale_trans),
+        ncols=5,
+        borderaxespad=0,
+        borderpad=0,
+        handlelength=2.2,
+        columnspacing=1.8,
+    )
 
 
 def margin_note(axes: Axes, text: str) -> None:
@@ -198,5 +205,5 @@ def symmetric(axes: Axes, half: float) -> None:
 
 
 def percent(value: float) -> str:
-    """A ratio for people; "-" where there is none."""
-    return f"{100 * value:.2g} %" if np.isfinite(value) else "-"
+    """A ratio with two digits for people; "-" where there is none."""
+    return f"{100 * value:#.2g}".rstrip(".") + " %" if np.isfinite(value) else "-"

@@ -22,7 +22,7 @@ def recorded_motion(log: Log) -> Motion | None:
         record = json.loads(Path(log.source).with_name(RECORD).read_text("utf-8"))
         if record["logs"][Path(log.source).name]["sha256"] != log.sha256:
             return None
-        (motion,) = [m for m in record["settings"]["motions"] if m["name"] == log.name]
+        (motion,) = [m for m in record["motions"] if m["name"] == log.name]
         return motion_from_dict(motion)
     except (OSError, ValueError, LookupError, TypeError, InputError, RecursionError):
         return None  # another program's record.json, or none: nothing is known

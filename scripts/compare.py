@@ -72,7 +72,7 @@ def main(
     if plots:
         from identification.plots import plot_comparison
 
-        for path in plot_comparison(result, plots):
+        for path in plot_comparison(result, plots, lengths):
             out.print(f"plot written to {path}")
 
 

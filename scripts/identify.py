@@ -67,9 +67,10 @@ def main(
 
     start = load_model(model) if model else None
     lengths = load_geometry(geometry) if geometry else None
+    read = read_logs(logs, geometry=lengths or (start and start.geometry))
     with progress(60 if output_error else 2, "identify") as advance:
         result = identify(
-            read_logs(logs, geometry=lengths or (start and start.geometry)),
+            read,
             geometry=lengths,
             start=start,
             output_error=output_error,
@@ -88,7 +89,7 @@ def main(
     if plots:
         from identification.plots import plot_identification
 
-        for path in plot_identification(result, plots):
+        for path in plot_identification(result, plots, read):
             out.print(f"plot written to {path}")
 
 
