@@ -64,7 +64,7 @@ def _printer() -> Any:
         def _print_sign(self, expr: Any) -> str:
             # Sympy's copysign(1, x) is not zero at zero.
             x = self._print(expr.args[0])
-            return f"(float({x} > 0) - float({x} < 0))"
+            return f"(1.0 if {x} > 0 else -1.0 if {x} < 0 else 0.0)"
 
     return Printer({"fully_qualified_modules": False})
 

@@ -426,7 +426,7 @@ def forward_dynamics(
 
 
 def state_derivative(
-    xp: Any, structure: Structure, geometry: Any, theta: Any, state: Sequence[Any], torque: Any
+    xp: Any, structure: Structure, geometry: Any, theta: Any, state: Any, torque: Any
 ) -> tuple[Any, ...]:
     """Time derivative of the state (``structure.state_names``) under interface torques [N m]."""
     twist, pose, angle, time = state[0:3], state[3:6], state[6:10], state[10]

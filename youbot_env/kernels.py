@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import atexit
 import hashlib
 import importlib.util
 import os
@@ -87,8 +88,7 @@ def _cached_source(structure: Structure) -> Path:
 
 def _private_source(structure: Structure) -> Path:
     """A read-only home must not keep anybody from simulating: compile for this process alone."""
-    path = Path(_private_folder().name) / f"kernel_{_key(structure)}.py"
-    return _write(path, _sealed_source(structure))
+    return _write(_private_folder() / f"kernel_{_key(structure)}.py", _sealed_source(structure))
 
 
 def _sealed_source(structure: Structure) -> str:
@@ -113,8 +113,10 @@ def _is_intact(path: Path) -> bool:
 
 
 @cache
-def _private_folder() -> tempfile.TemporaryDirectory[str]:
-    return tempfile.TemporaryDirectory(prefix="youbot-", ignore_cleanup_errors=True)
+def _private_folder() -> Path:
+    folder = tempfile.TemporaryDirectory(prefix="youbot-", ignore_cleanup_errors=True)
+    atexit.register(folder.cleanup)
+    return Path(folder.name)
 
 
 def _write(path: Path, source: str) -> Path:

@@ -66,7 +66,7 @@ def stiffness(structure: Structure, geometry: Geometry, theta: Array) -> float:
             for t in (0.0, 1.0)
         )
         rates.append(float(np.max(np.abs(np.subtract(fast, slow)))))
-    return max(rates)
+    return float(np.max(rates))  # not max(): a rate that is no number must show
 
 
 def substeps(model: Model, duration: float) -> int:
