@@ -46,7 +46,7 @@ def force_figure(
     floor : what measurement noise alone leaves in them, drawn as a band of 1.96 std
     """
     looks = {"label": "measured torques"}, {"label": "model", **look.PREDICTED}
-    figure, panels = _with_strips(traces, FORCES, looks, floor)
+    figure, panels = _with_strips(traces, Squares.of(traces), FORCES, looks, floor)
     look.header(panels[0], f"Filtered generalised forces: {name}")
     look.mark_stretches(panels, stretches)
     return figure
@@ -66,7 +66,7 @@ def free_run_figure(velocity: Traces, floor: Squares, *, name: str, length: floa
     traces = Traces(velocity.time, velocity.measured * scale, velocity.predicted * scale)
     noise = Squares(floor.residual * scale**2, floor.measured * scale**2)
     looks = {"label": "measured"}, {"label": "free run of the model", **look.PREDICTED}
-    figure, panels = _with_strips(traces, VELOCITIES, looks, noise)
+    figure, panels = _with_strips(traces, Squares.of(traces), VELOCITIES, looks, noise)
     look.header(panels[0], f"Velocities in free run on measured torques: {name}")
     return figure
 
@@ -75,13 +75,16 @@ def free_run_figure(velocity: Traces, floor: Squares, *, name: str, length: floa
 def tracking_figure(time: Array, twist: Array, reference: Array, *, name: str) -> Figure:
     """The paper's figure 3: response and reference (n, 3) in a multisine, and their difference."""
     looks = {"label": "response"}, {"label": "reference", **look.REFERENCE}
-    figure, panels = _with_strips(Traces(time, twist, reference), VELOCITIES, looks)
+    traces = Traces(time, twist, reference)
+    error = Squares((traces.residual**2).sum(axis=0), (reference**2).sum(axis=0))
+    figure, panels = _with_strips(traces, error, VELOCITIES, looks)
     look.header(panels[0], f"Reference and response: {name}")
     return figure
 
 
 def _with_strips(
     traces: Traces,
+    error: Squares,
     axes_labels: Sequence[tuple[str, str]],
     looks: tuple[Mapping[str, Any], Mapping[str, Any]],
     floor: Squares | None = None,
@@ -91,13 +94,12 @@ def _with_strips(
     grid = figure.add_gridspec(6, 1, height_ratios=[3, 1.1] * 3)
     panels = [figure.add_subplot(grid[0])]
     panels += [figure.add_subplot(grid[k], sharex=panels[0]) for k in range(1, 6)]
-    error = Squares.of(traces).by_axis
     for k, (symbol, unit) in enumerate(axes_labels):
         main, strip = panels[2 * k : 2 * k + 2]
         look.line(main, traces.time, traces.measured[:, k], **{**look.MEASURED, **looks[0]})
         look.line(main, traces.time, traces.predicted[:, k], **looks[1])
         main.set_ylabel(f"{symbol}  [{unit}]")
-        note = f"error\n{percent(error[k])}"
+        note = f"error\n{percent(error.by_axis[k])}"
         if floor is not None:
             note += f"\nnoise\n{percent(floor.by_axis[k])}"
         look.margin_note(main, note)

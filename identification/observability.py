@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from identification.filters import filter_samples, settled
 from identification.mecanum import Mecanum
-from identification.regression import Indices, Rows, hac_covariance
+from identification.regression import Indices, Rows, gauge_groups, hac_covariance
 from youbot_env.dynamics import Structure
 from youbot_env.geometry import Geometry
 from youbot_env.motions import Motion
@@ -69,10 +69,21 @@ def _combination(direction: Array, cutoff: float) -> str:
     return " ".join(terms)
 
 
-def observability(names: Sequence[str], columns: Array, dt: float, blind: float) -> Observability:
-    """From regressor columns (n, A, F) in paper units, rows ``dt`` [s] apart."""
+def observability(
+    names: Sequence[str],
+    columns: Array,
+    dt: float,
+    blind: float,
+    gauge: Array | None = None,
+) -> Observability:
+    """From regressor columns (n, A, F) in paper units, rows ``dt`` [s] apart.
+
+    ``gauge`` (k, F): unit vectors that are settled by convention (the mean of gains), not by data.
+    """
     flat = columns.reshape(-1, columns.shape[-1])
     gramian = flat.T @ flat * dt
+    if gauge is not None:
+        gramian = gramian + gauge.T @ gauge * np.diag(gramian).max()
     norm = np.sqrt(np.diag(gramian))
     # Measurement noise alone gives every column some length: short ones must not be blown up.
     norm = np.maximum(norm, SHORT * norm.max())
@@ -131,7 +142,11 @@ def log_observability(
     order = paper_order(mechanism)
     names = [mechanism.parameter_names[k] for k in order]
     columns = np.concatenate([item.columns for item in rows])[..., _places(mechanism)]
-    return observability(names, columns / mechanism.scale[order], rows[0].step, blind)
+    gauge = np.zeros((0, len(order)))
+    for members in gauge_groups(mechanism):
+        row = np.isin(_places(mechanism), members).astype(float)
+        gauge = np.vstack([gauge, row / np.sqrt(row.sum())])
+    return observability(names, columns / mechanism.scale[order], rows[0].step, blind, gauge)
 
 
 def _places(mechanism: Mecanum) -> Indices:

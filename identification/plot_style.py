@@ -166,7 +166,7 @@ def header(axes: Axes, title: str) -> None:
     axes.set_title(title, pad=38)
     figure = axes.get_figure()
     assert figure is not None
-    axes.legend(
+    legend = axes.legend(
         loc="lower left",
         bbox_to_anchor=(0, 1),
         bbox_transform=axes.transAxes + ScaledTranslation(0, 17 / 72, figure.dpi_scale_trans),
@@ -176,6 +176,7 @@ def header(axes: Axes, title: str) -> None:
         handlelength=2.2,
         columnspacing=1.8,
     )
+    legend.set_in_layout(False)  # wider than its panel, where there are two columns
 
 
 def margin_note(axes: Axes, text: str) -> None:
@@ -206,4 +207,6 @@ def symmetric(axes: Axes, half: float) -> None:
 
 def percent(value: float) -> str:
     """A ratio with two digits for people; "-" where there is none."""
-    return f"{100 * value:#.2g}".rstrip(".") + " %" if np.isfinite(value) else "-"
+    if not np.isfinite(value):
+        return "-"
+    return f"{100 * value:#.2g} %".replace(". %", " %") if value < 1 else f"{100 * value:.0f} %"

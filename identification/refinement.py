@@ -112,5 +112,5 @@ def _rows(
         progress()
     residual = _residual(mechanism, theta, samples)
     step = stride(samples.dt) * samples.dt
-    time = samples.time[0] + step * np.arange(1, len(residual) + 1)
+    time = samples.time[0] - samples.dt + step * np.arange(1, len(residual) + 1)
     return Rows(time, step, residual, np.stack(columns, axis=-1))

@@ -88,7 +88,7 @@ def regression_rows(mechanism: Mecanum, theta: Array, samples: Samples, free: In
     passes = 2 if mechanism.structure.has_actuator else 1
     filtered = reduce(np.moveaxis(stacked, 0, -1), samples.dt, passes)
     step = stride(samples.dt) * samples.dt
-    first = samples.time[0] + passes * settled(FILTER_RATE, samples.dt) * samples.dt
+    first = samples.time[0] + (passes * settled(FILTER_RATE, samples.dt) - 1) * samples.dt
     time = first + step * np.arange(1, len(filtered) + 1)
     return Rows(time, step, filtered[..., 0], filtered[..., 1:])
 
@@ -158,27 +158,32 @@ def _weighted(rows: Rows, weight: Array) -> Rows:
     )
 
 
+def gauge_groups(mechanism: Mecanum) -> list[Indices]:
+    """Places among the free parameters of those that are relative to each other, by group."""
+    labels = [label for label, free in zip(mechanism.labels, mechanism.free, strict=True) if free]
+    groups = dict.fromkeys(label.group for label in labels if label.group)
+    return [
+        np.array([k for k, label in enumerate(labels) if label.group == group], dtype=np.intp)
+        for group in groups
+    ]
+
+
 def gauge_basis(mechanism: Mecanum) -> Array:
     """(F, Q) directions of the free parameters that data can see at all.
 
     Of values that are relative to each other (gains, extra frictions) only differences can be
     seen: their sum is held at zero.
     """
-    names = [name for name, free in zip(mechanism.labels, mechanism.free, strict=True) if free]
-    columns: list[Array] = []
-    done: set[str] = set()
-    for k, label in enumerate(names):
-        group = label.group
-        if group is None:
-            columns.append(np.eye(len(names))[:, k : k + 1])
-        elif group not in done:
-            done.add(group)
-            members = [j for j, other in enumerate(names) if other.group == group]
-            block = np.zeros((len(names), len(members) - 1))
-            # Orthonormal complement of (1, ..., 1), from the QR factors of a full-rank matrix.
-            frame = np.column_stack([np.ones(len(members)), np.eye(len(members))[:, 1:]])
-            block[members] = np.linalg.qr(frame)[0][:, 1:]
-            columns.append(block)
+    size = int(mechanism.free.sum())
+    groups = gauge_groups(mechanism)
+    alone = np.setdiff1d(np.arange(size), np.concatenate([[], *groups]))
+    columns = [np.eye(size)[:, alone]]
+    for members in groups:
+        block = np.zeros((size, len(members) - 1))
+        # Orthonormal complement of (1, ..., 1), from the QR factors of a full-rank matrix.
+        frame = np.column_stack([np.ones(len(members)), np.eye(len(members))[:, 1:]])
+        block[members] = np.linalg.qr(frame)[0][:, 1:]
+        columns.append(block)
     return np.hstack(columns)
 
 
