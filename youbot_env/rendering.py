@@ -3,20 +3,18 @@
 from __future__ import annotations
 
 import math
-import os
 from collections import deque
-from collections.abc import Iterable, Mapping, Sequence
-from types import ModuleType
+from collections.abc import Iterable, Mapping
 from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from youbot_env.canvas import Canvas, Color, load_pygame, unit
 from youbot_env.errors import InputError
 from youbot_env.geometry import SIGN_LATERAL, SIGN_X, SIGN_Y, WHEELS, Geometry
 
 Array = NDArray[np.float64]
-Color = tuple[int, int, int]
 
 VIEW, PANEL = 640, 320
 """Width [px] of the square view, and of the panel of time courses beside it."""
@@ -35,69 +33,7 @@ BODY, TYRE, ROLLER = (214, 220, 228), (70, 74, 82), (168, 174, 184)
 TRUE, WANTED, PALE_WANTED = (31, 98, 190), (232, 128, 16), (250, 196, 132)
 FORWARD, BACKWARD, LIMIT = (30, 150, 90), (150, 80, 170), (214, 40, 40)
 
-AXES = (("VX", "m/s"), ("VY", "m/s"), ("W", "rad/s"))
-
-
-def load_pygame() -> ModuleType:
-    """pygame, or InputError that names the extra."""
-    os.environ.setdefault("PYGAME_HIDE_SUPPORT_PROMPT", "1")
-    try:
-        import pygame
-        import pygame.gfxdraw  # noqa: F401 - a submodule that pygame does not load itself
-    except ImportError:
-        raise InputError(
-            'rendering needs pygame; install it with: pip install "youbot[render]"'
-        ) from None
-    return pygame
-
-
-class Canvas:
-    """A surface to draw on, in pixels, with smooth edges."""
-
-    def __init__(self, width: int, height: int) -> None:
-        self.pygame = load_pygame()
-        self.pygame.font.init()
-        self.surface = self.pygame.Surface((width, height))
-        self._fonts: dict[int, Any] = {}
-
-    def polygon(self, points: ArrayLike, color: Color) -> None:
-        corners = np.rint(points).astype(int).clip(-4000, 4000).tolist()
-        self.pygame.gfxdraw.filled_polygon(self.surface, corners, color)
-        self.pygame.gfxdraw.aapolygon(self.surface, corners, color)
-
-    def line(self, points: ArrayLike, color: Color, width: int = 1) -> None:
-        corners = np.asarray(points, float).clip(-4000, 4000).tolist()
-        if width > 1:
-            self.pygame.draw.lines(self.surface, color, False, corners, width)
-        else:
-            self.pygame.draw.aalines(self.surface, color, False, corners)
-
-    def bar(self, start: Array, end: Array, color: Color, width: float) -> None:
-        along = _unit(end - start) * width / 2
-        across = np.array([-along[1], along[0]])
-        self.polygon([start + across, end + across, end - across, start - across], color)
-
-    def arrow(self, start: ArrayLike, reach: ArrayLike, color: Color, width: float) -> None:
-        start, reach = np.asarray(start, float), np.asarray(reach, float)
-        length = float(np.hypot(*reach))
-        if length < 3:
-            return
-        along = reach / length
-        across = np.array([-along[1], along[0]])
-        head = min(3.2 * width, length)
-        neck, tip = start + (length - head) * along, start + reach
-        self.bar(start, neck + along, color, width)
-        self.polygon([tip, neck + 0.45 * head * across, neck - 0.45 * head * across], color)
-
-    def text(
-        self, words: str, at: Sequence[float], color: Color = INK, size: int = 16, side: int = -1
-    ) -> None:
-        """``side``: -1 starts at the point, 0 is centred on it, 1 ends there."""
-        if size not in self._fonts:
-            self._fonts[size] = self.pygame.font.Font(None, round(1.35 * size))
-        drawn = self._fonts[size].render(words, True, color)
-        shift = (side + 1) / 2 * drawn.get_width()
-        self.surface.blit(drawn, (round(at[0] - shift), round(at[1] - drawn.get_height() / 2)))
+AXES = ("VX [m/s]", "VY [m/s]", "W [rad/s]")
 
 
 class Renderer:
@@ -277,19 +213,19 @@ class Renderer:
         angle = np.linspace(0, swing, max(2, math.ceil(abs(swing) / 0.05)))
         points = self._placed(radius * np.column_stack([np.cos(angle), np.sin(angle)]))
         canvas.line(points, color, round(0.6 * width))
-        canvas.arrow(points[-1], 14 * _unit(points[-1] - points[-2]), color, width)
+        canvas.arrow(points[-1], 14 * unit(points[-1] - points[-2]), color, width)
 
     def _panel(self, canvas: Canvas) -> None:
         info = self._info
         canvas.pygame.draw.rect(canvas.surface, (255, 255, 255), (VIEW, 0, PANEL, VIEW))
         canvas.line([(VIEW, 0), (VIEW, VIEW)], FAINT)
-        canvas.text(f"t = {info['time']:.2f} s", (14, 20), size=18)
+        canvas.text(f"t = {info['time']:.2f} s", (14, 20), INK, 18)
         canvas.text("grid 0.5 m", (14, 42), FAINT, 13)
         canvas.text("platform", (VIEW + 14, 20), TRUE)
         canvas.text("reference", (VIEW + 100, 20), WANTED)
         courses = np.array(self._courses)
-        for axis, (name, unit) in enumerate(AXES):
-            self._course(canvas, axis, f"{name} [{unit}]", courses[:, [axis + 3, axis]])
+        for axis, title in enumerate(AXES):
+            self._course(canvas, axis, title, courses[:, [axis + 3, axis]])
         self._torque_list(canvas, VIEW - 68)
 
     def _course(self, canvas: Canvas, axis: int, title: str, values: Array) -> None:
@@ -297,7 +233,7 @@ class Renderer:
         left, right, top, height = VIEW + 14, VIEW + PANEL - 14, 44 + 174 * axis, 124
         middle = top + 26 + height / 2
         error = float(self._info["tracking_error"][axis])
-        canvas.text(title, (left, top + 12), size=14)
+        canvas.text(title, (left, top + 12), INK, 14)
         canvas.text(f"error {error:+.3f}", (right, top + 12), INK, 14, side=1)
         reach = max(0.05, _round_up(float(np.nanmax(np.abs(values)))))
         for level in (-reach, 0.0, reach):
@@ -312,18 +248,13 @@ class Renderer:
                 canvas.line(np.column_stack([x, y]), color, width)
 
     def _torque_list(self, canvas: Canvas, top: float) -> None:
-        canvas.text("torque [N m]", (VIEW + 14, top), size=14)
+        canvas.text("torque [N m]", (VIEW + 14, top), INK, 14)
         torques: Iterable[float] = self._info["applied_torque"].tolist()
         for i, torque in enumerate(torques):
             color = LIMIT if self._info["saturated"][i] else INK
             at = VIEW + 14 + 74 * i
             canvas.text(WHEELS[i], (at, top + 22), FAINT, 13)
             canvas.text(f"{torque:+.2f}", (at + 66, top + 22), color, 14, side=1)
-
-
-def _unit(vector: Array) -> Array:
-    length = float(np.hypot(*vector))
-    return vector / length if length > 0 else np.zeros(2)
 
 
 def _box(x: float, y: float, half_length: float, half_width: float) -> Array:
