@@ -2,6 +2,7 @@
 # make test   the tests, less the slow ones; sets up .venv with every extra
 # make lint   ruff and pyright
 # make slow   the slow tests
+# make figures  draws the README's pictures anew
 # make clean  removes .venv and everything generated
 #
 # PYTHON=python3.12 make test   uses another interpreter (3.11 or newer).
@@ -17,7 +18,7 @@ PIP := PYTHONWARNINGS=ignore PIP_ROOT_USER_ACTION=ignore PIP_DISABLE_PIP_VERSION
 DEMO_READY := $(VENV)/.ready-demo
 ALL_READY := $(VENV)/.ready-all
 
-.PHONY: demo test lint slow clean
+.PHONY: demo test lint slow figures clean
 
 demo: $(DEMO_READY)
 	$(BIN)/youbot demo
@@ -32,6 +33,11 @@ lint: $(ALL_READY)
 
 slow: $(ALL_READY)
 	$(BIN)/python -m pytest -m slow
+
+figures: $(DEMO_READY)
+	$(BIN)/youbot demo --output demo_output
+	mkdir -p docs/figures
+	cp demo_output/plots/free_run_multisine_b.png docs/figures/
 
 clean:
 	rm -rf $(VENV) build dist *.egg-info demo_output

@@ -1,0 +1,200 @@
+"""Show the whole story on shipped logs."""
+
+from __future__ import annotations
+
+import json
+import shlex
+import sys
+from collections.abc import Sequence
+from dataclasses import dataclass
+from importlib import resources
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from youbot_scripts import cli
+from youbot_scripts.common import console, number, show_table, with_std
+
+if TYPE_CHECKING:
+    from rich.console import Console
+
+EXAMPLES = ("youbot demo", "youbot demo --output /tmp/demo")
+
+LOGS = ("calibration.csv.gz", "multisine_a.csv.gz", "multisine_b.csv.gz", "record.json")
+"""Shipped files: logs of the paper's platform, driven in simulation, and how they were made."""
+
+
+@dataclass(frozen=True)
+class Story:
+    """Where a demo prints and where its files are: what one step leaves for the next."""
+
+    out: Console
+    folder: Path
+
+    @property
+    def calibration(self) -> Path:
+        """Log that the model is fitted to."""
+        return self.folder / "logs" / "calibration.csv.gz"
+
+    @property
+    def held_out(self) -> Path:
+        """Log that the fit does not see."""
+        return self.folder / "logs" / "multisine_b.csv.gz"
+
+    @property
+    def model(self) -> Path:
+        """The identified model's file."""
+        return self.folder / "model.json"
+
+    def tell(self, text: str) -> None:
+        """Print a paragraph, wrapped at the terminal's width."""
+        self.out.print(text)
+
+    def command(self, *arguments: str | Path) -> None:
+        """Show a command as a user would type it, and run it here."""
+        typed = [str(argument) for argument in arguments]
+        self.out.print(f"$ youbot {shlex.join(typed)}", style="bold", soft_wrap=True)
+        status = cli.main(typed)
+        if status != cli.OK:
+            raise typer.Exit(status)  # the command has said why
+
+
+def main(
+    output: Annotated[
+        Path, typer.Option("--output", "-o", metavar="DIR", help="Folder for what it writes.")
+    ] = Path("demo_output"),
+) -> None:
+    """Check logs, identify the model, compare it with a run that it has not seen, draw plots.
+
+    Each step is a youbot command, shown as you would type it. The logs (50 Hz) come from a
+    simulated platform with the paper's parameters, so the truth is known.
+    """
+    story = Story(console(), output)
+    unpack(story)
+    for chapter, (title, step) in enumerate(STEPS.items(), 1):
+        _heading(story.out, f"{chapter}. {title}")
+        step(story)
+    finish(story)
+
+
+def _heading(out: Console, title: str) -> None:
+    out.print()
+    out.rule(title, align="left", style="default")
+
+
+def unpack(story: Story) -> None:
+    """Put the shipped logs where the commands can be typed again.
+
+    Raises
+    ------
+    InputError
+        If the folder cannot be made or written to.
+    """
+    from identification.writing import write_atomically
+    from youbot_env.errors import InputError
+
+    folder = story.calibration.parent
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise InputError(f"{folder}: cannot be made a folder: {error.strerror}") from None
+    shipped = resources.files("youbot_scripts").joinpath("data")
+    for name in LOGS:
+        write_atomically(folder / name, shipped.joinpath(name).read_bytes())
+
+
+def check(story: Story) -> None:
+    """What is in the logs, and what they can show."""
+    story.command("doctor", story.calibration, story.held_out)
+
+
+def identify(story: Story) -> None:
+    """Fit the seven parameters to the calibration run."""
+    story.tell(
+        "The paper's motions I, III, II and IV, 35 s each, under the platform's stock wheel-speed "
+        "control."
+    )
+    story.command(
+        "identify", story.calibration, "-o", story.model, "--plots", story.folder / "plots"
+    )
+    story.tell(
+        "A rank below 7 means that a motion is blind to the sums of x in its row: only together "
+        "do the motions tell all parameters apart."
+    )
+
+
+def judge(story: Story) -> None:
+    """The estimates beside the parameters that the logs were simulated with."""
+    from youbot_env.model_file import load_model
+
+    found, true = load_model(story.model), load_model("paper")
+    rows = []
+    for name, estimate in found.parameters.items():
+        truth, std = true.parameters[name].value, estimate.std or float("nan")
+        off = (estimate.value - truth) / std
+        rows.append(
+            (name, number(truth), with_std(estimate.value, std), f"{off:+.1f}", estimate.unit)
+        )
+    headers = ("name", "true", "identified ± std", "off by (std)", "unit")
+    show_table(story.out, "Against the truth", headers, rows, left=("unit",))
+    inside = sum(abs(float(row[3])) <= 1.96 for row in rows)
+    story.tell(f"{inside} of {len(rows)} true values lie within ± 1.96 std (95 % are expected to).")
+
+
+def compare(story: Story) -> None:
+    """The model on a multisine that the fit has not seen."""
+    story.tell("A velocity multisine of 0.5 to 3 rad/s, kept aside until now.")
+    result = story.folder / "compare.json"
+    plots = story.folder / "plots"
+    story.command("compare", story.model, story.held_out, "--plots", plots, "--json", result)
+    found = json.loads(result.read_text("utf-8"))
+    error, floor = (found[key]["velocity_error"] for key in ("total", "noise_floor"))
+    story.tell(
+        f"Driven by the measured torques alone for a minute, the model is {100 * error:.2f} % off the "
+        f"measured velocities; noise alone makes {100 * floor:.2f} %. "
+        + ("Nothing is missing from it." if error < 1.2 * floor else "Something is missing.")
+    )
+
+
+STEPS = {
+    "Are the logs sound, and what can they show?": check,
+    "Identify the model from the calibration run": identify,
+    "Is that the truth? (Simulated logs: it is known)": judge,
+    "Does the model predict a run that it has not seen?": compare,
+}
+"""The story, in order: title and step of each chapter."""
+
+
+def finish(story: Story) -> None:
+    """Where everything is, and what to type next."""
+    out, folder = story.out, story.folder
+    _heading(out, "What there is now")
+    _show_files(out, folder)
+    out.print("\nWhat to type next:")
+    for line, why in _next(story):
+        out.print(f"  {why}:")
+        out.print(f"    {line}", style="bold", soft_wrap=True)
+
+
+def _show_files(out: Console, folder: Path) -> None:
+    out.print(f"{folder.resolve()}", soft_wrap=True)
+    for path in sorted(folder.rglob("*")):
+        if path.is_file():
+            out.print(f"  {path.relative_to(folder)}", soft_wrap=True)
+
+
+def _next(story: Story) -> Sequence[tuple[str, str]]:
+    logs, model = story.calibration.parent, shlex.quote(str(story.model))
+    both = f"{shlex.quote(str(story.calibration))} {shlex.quote(str(logs / LOGS[1]))}"
+    return (
+        (f"youbot identify {both} -o better.json", "Fit to two logs at once"),
+        (f"youbot compare paper {shlex.quote(str(story.held_out))}", "The true model's errors"),
+        ("youbot record runs/ --effect floor_tilt", "Record a platform on a slope"),
+        (f"youbot compare {model} runs/multisine_b.csv", "... and see the model fail on it"),
+        ("youbot doctor my_log.csv", "Check a log of your own"),
+    )
+
+
+if __name__ == "__main__":
+    sys.exit(cli.run_script(__file__))
