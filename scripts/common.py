@@ -222,12 +222,32 @@ def number(value: float | None, digits: int = 4) -> str:
     return "-" if value is None or not math.isfinite(value) else f"{value:.{digits}g}"
 
 
+def percent(share: float) -> str:
+    """A share such as 0.0123 as "1.23 %"; "-" where it is not a number."""
+    return f"{100 * share:.2f} %" if share == share else "-"
+
+
 def with_std(value: float, std: float) -> str:
     """`value ± std`, both to the second significant digit of the standard deviation."""
-    if not (math.isfinite(value) and math.isfinite(std) and std > 0):
+    shown = to_digit_of(value, std)
+    return f"{shown} ± {to_digit_of(std, std)}" if math.isfinite(std) and std > 0 else shown
+
+
+def to_digit_of(value: float | None, std: float | None) -> str:
+    """`value` to the second significant digit of its standard deviation, where it has one."""
+    if (
+        value is None
+        or std is None
+        or not (math.isfinite(value) and math.isfinite(std) and std > 0)
+    ):
         return number(value)
-    decimals = max(0, 1 - math.floor(math.log10(std)))
-    return f"{value:.{decimals}f} ± {std:.{decimals}f}"
+    return f"{value:.{max(0, 1 - math.floor(math.log10(std)))}f}"
+
+
+def x_legend(names: Sequence[str]) -> str:
+    """Which parameter each x1, x2, ... stands for."""
+    pairs = (f"x{k + 1} {name}" for k, name in enumerate(names))
+    return f"x, scaled as in the paper: {', '.join(pairs)}"
 
 
 @contextmanager

@@ -17,6 +17,7 @@ from youbot_scripts.common import (
     PlotsOption,
     SeedOption,
     console,
+    percent,
     progress,
     show_table,
     write_result,
@@ -73,11 +74,7 @@ def main(
         from identification.plots import plot_comparison
 
         for path in plot_comparison(result, plots, lengths):
-            out.print(f"plot written to {path}")
-
-
-def _percent(value: float) -> str:
-    return f"{100 * value:.2f} %" if value == value else "-"
+            out.print(f"plot written to {path}", soft_wrap=True)
 
 
 def _print(out: Console, result: Comparison) -> None:
@@ -87,16 +84,16 @@ def _print(out: Console, result: Comparison) -> None:
         rows = []
         for name, entry in found["logs"].items():
             mark = " (fitted on)" if entry["seen_in_fit"] else ""
-            by_axis = [_percent(entry[f"{kind}_error_by_axis"][axis]) for axis in axes]
-            floor = _percent(entry["noise_floor"][f"{kind}_error"])
-            rows.append((name + mark, *by_axis, _percent(entry[f"{kind}_error"]), floor))
+            by_axis = [percent(entry[f"{kind}_error_by_axis"][axis]) for axis in axes]
+            floor = percent(entry["noise_floor"][f"{kind}_error"])
+            rows.append((name + mark, *by_axis, percent(entry[f"{kind}_error"]), floor))
         total, floor = (found[key][f"{kind}_error"] for key in ("total", "noise_floor"))
         if len(rows) > 1:
-            rows.append(("total", "", "", "", _percent(total), _percent(floor)))
+            rows.append(("total", "", "", "", percent(total), percent(floor)))
         show_table(out, title, ("log", *axes, "all", "noise floor"), rows)
     rows = [
-        (row["log"], row["axis"], f"{row['from']:.0f}-{row['to']:.0f} s",
-         _percent(row["force_error"]), _percent(row["share"]))
+        (row["log"], row["axis"], f"{row['from']:.1f}-{row['to']:.1f} s",
+         percent(row["force_error"]), percent(row["share"]))
         for row in found["where"]
     ]  # fmt: skip
     headers = ("log", "axis", "stretch", "force error", "share of all")
@@ -114,7 +111,7 @@ def _write_predictions(out: Console, result: Comparison, folder: Path) -> None:
     for item in result.logs:
         path = folder / f"{item.log.name}.csv"
         write_predictions(path, item)
-        out.print(f"predictions written to {path}")
+        out.print(f"predictions written to {path}", soft_wrap=True)
 
 
 if __name__ == "__main__":

@@ -14,6 +14,7 @@ from youbot_scripts.common import (
     console,
     show_table,
     write_result,
+    x_legend,
 )
 
 if TYPE_CHECKING:
@@ -109,6 +110,7 @@ def _shows(log: Log, geometry: Geometry | None) -> dict[str, Any]:
             | {"blind": blind}
         )
     return {
+        "names": list(total.names),
         "rank": total.rank,
         "blind": total.describe_blind(),
         "motion_that_shows": [motion_that_shows(mechanism, d) for d in total.blind],
@@ -121,15 +123,18 @@ def _print(out: Console, path: Path, report: dict[str, Any]) -> None:
         noise = report["noise"]
         out.print(
             f"{path}: {report['rows']} rows, {report['duration']:.1f} s at {report['rate']:.4g} Hz,"
-            f" noise {noise['speed']:.2g} rad/s and {noise['torque']:.2g} N m"
+            f" noise {noise['speed']:.2g} rad/s, {noise['torque']:.2g} N m",
+            soft_wrap=True,
         )
     else:
-        out.print(f"{path}: cannot be used", style="red")
+        out.print(f"{path}: cannot be used", style="red", soft_wrap=True)
     for finding in report["findings"]:
         place = f"row {finding['row']}: " if finding.get("row") is not None else ""
         column = f"column {finding['column']}: " if finding.get("column") else ""
         cure = f"; {finding['cure']}" if finding.get("cure") else ""
-        out.print(f"  {finding['level']}: {place}{column}{finding['message']}{cure}")
+        out.print(
+            f"  {finding['level']}: {place}{column}{finding['message']}{cure}", soft_wrap=True
+        )
     if report["usable"]:
         _print_shows(out, report["shows"])
 
@@ -140,6 +145,8 @@ def _print_shows(out: Console, shows: dict[str, Any]) -> None:
         for p in shows["parts"]
     ]
     show_table(out, "", ("motion", "stretch", "rank", "blind to"), rows, left=("blind to",))
+    if any(p["blind"] for p in shows["parts"]):
+        out.print(f"  {x_legend(shows['names'])}", soft_wrap=True)
     for direction, motion in zip(shows["blind"], shows["motion_that_shows"], strict=True):
         out.print(f"  cannot show {direction}: motion {motion} would (youbot record --motions)")
     if not shows["blind"]:

@@ -17,11 +17,14 @@ from youbot_scripts.common import (
     SeedOption,
     console,
     number,
+    percent,
     progress,
     provenance,
     show_table,
+    to_digit_of,
     with_std,
     write_result,
+    x_legend,
 )
 
 if TYPE_CHECKING:
@@ -84,13 +87,13 @@ def main(
     _print(out, result)
     if output:
         save_model(output, result.model)
-        out.print(f"model written to {output}")
+        out.print(f"model written to {output}", soft_wrap=True)
     write_result(json, result.to_dict(), seed)
     if plots:
         from identification.plots import plot_identification
 
         for path in plot_identification(result, plots, read):
-            out.print(f"plot written to {path}")
+            out.print(f"plot written to {path}", soft_wrap=True)
 
 
 def _print(out: Console, result: Identification) -> None:
@@ -100,14 +103,16 @@ def _print(out: Console, result: Identification) -> None:
         low, high = entry["interval"] or (None, None)
         std = entry["std"]
         value = number(entry["value"]) if std is None else with_std(entry["value"], std)
-        rows.append((name, value, f"{number(low)} ... {number(high)}", entry["unit"]))
+        interval = "-" if low is None else f"{to_digit_of(low, std)} ... {to_digit_of(high, std)}"
+        rows.append((name, value, interval, entry["unit"]))
     show_table(out, "Parameters", ("name", "value", "95 % interval", "unit"), rows, left=("unit",))
     _print_observability(out, found["observability"])
     errors = found["errors"]
     floor = errors["noise_floor"]["force_error"]
-    line = f"force error {errors['force_error']:.2%} on these logs (noise floor {floor:.2%})"
+    line = f"force error {percent(errors['force_error'])} on these logs"
+    line += f" (noise floor {percent(floor)})"
     if "velocity_error" in errors:
-        line += f", velocity error {errors['velocity_error']:.2%}"
+        line += f", velocity error {percent(errors['velocity_error'])}"
     out.print(line)
     for warning in found["warnings"]:
         out.print(f"warning: {warning}", style="yellow")
@@ -117,11 +122,12 @@ def _print_observability(out: Console, seen: dict) -> None:
     names = {name: f"x{k + 1}" for k, name in enumerate(seen["total"]["names"])}
     rows = []
     for part in seen["parts"]:
-        blocks = " ".join("{" + ",".join(names[n] for n in block) + "}" for block in part["blocks"])
+        blocks = " ".join(
+            "{" + ", ".join(names[n] for n in block) + "}" for block in part["blocks"]
+        )
         stretch = f"{part['from']:.0f}-{part['to']:.0f} s"
         blind = ", ".join(part["blind"]) or "-"
         rows.append((part["log"], part["kind"], stretch, part["rank"], blind, blocks))
-    legend = ", ".join(f"{x} {name}" for name, x in names.items())
     show_table(
         out,
         "What each motion shows",
@@ -129,7 +135,8 @@ def _print_observability(out: Console, seen: dict) -> None:
         rows,
         left=("motion", "blind to", "blocks"),
     )
-    out.print(f"x as in the paper: {legend}; all together: rank {seen['total']['rank']}")
+    total = seen["total"]
+    out.print(f"{x_legend(total['names'])}; all together: rank {total['rank']}")
 
 
 if __name__ == "__main__":
