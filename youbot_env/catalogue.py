@@ -166,9 +166,7 @@ def actuator_lag(xp, drive, time_constant):
 @effect(
     acts_at=CHANNEL,
     parameters=[
-        Parameter(
-            "gain", "1", lower=-0.9, upper=2.0, size=0.1, each_wheel=True, relative_to="mean"
-        )
+        Parameter("gain", "1", lower=-0.9, upper=2.0, size=0.1, each_wheel=True, relative_to="mean")
     ],
     source="Spread of motor torque constants and current sensors",
     recognise="The residual follows the torque of one wheel: its torque is mis-scaled in the log.",
@@ -176,3 +174,74 @@ def actuator_lag(xp, drive, time_constant):
 def torque_gain_error(xp, channel, gain):
     """True torque behind a mis-scaled channel [N m]: (1 + g_i) M_i."""
     return (1 + gain) * channel.torque
+
+
+@effect(
+    acts_at=WHEEL,
+    parameters=[
+        Parameter("torque", "N m", lower=0.0, upper=5.0, size=0.2),
+        Parameter("breakaway", "N m", lower=0.0, upper=5.0, size=0.15),
+        Parameter("stribeck_speed", "rad/s", default=0.5, lower=0.05, upper=5.0),
+        Parameter("smoothing", "rad/s", default=0.03, lower=1e-3, upper=1.0),
+    ],
+    source="Stribeck curve: Armstrong-Helouvry, Dupont, Canudas de Wit, Automatica 30(7), 1994",
+    recognise="As Coulomb friction, with an extra peak where a wheel hardly turns.",
+    dissipative=True,
+)
+def wheel_stribeck_friction(xp, wheel, torque, breakaway, stribeck_speed, smoothing):
+    """Dry friction with breakaway [N m]: (f_c + f_b exp(-(phi'/v_s)^2)) tanh(phi'/eps)."""
+    peak = breakaway * xp.exp(-((wheel.rate / stribeck_speed) ** 2))
+    return (torque + peak) * xp.tanh(wheel.rate / smoothing)
+
+
+@effect(
+    acts_at=ROLLER,
+    parameters=[
+        Parameter("torque", "N m", lower=0.0, upper=1.0, size=0.03),
+        Parameter("smoothing", "rad/s", default=0.1, lower=1e-3, upper=5.0),
+    ],
+    source="Coulomb friction, at the rollers' bushings",
+    recognise="A step in the residual where VY + W x_i reverses; none in driving straight ahead.",
+    dissipative=True,
+)
+def roller_coulomb_friction(xp, roller, torque, smoothing):
+    """Dry friction of each roller axle [N m]: f_c tanh(gamma'/eps)."""
+    return torque * xp.tanh(roller.rate / smoothing)
+
+
+@effect(
+    acts_at=WHEEL,
+    parameters=[Parameter("coefficient", "N m s^2", lower=0.0, upper=1.0, size=0.01)],
+    source="Turbulent (churning) losses: quadratic in the speed",
+    recognise="The residual bends upwards with the speed of the wheels.",
+    dissipative=True,
+)
+def quadratic_friction(xp, wheel, coefficient):
+    """Friction that grows with the square of a wheel's speed [N m]: k phi' |phi'|."""
+    return coefficient * wheel.rate * xp.abs(wheel.rate)
+
+
+@effect(
+    acts_at=WHEEL,
+    parameters=[
+        Parameter("fraction", "1", lower=0.0, upper=10.0, size=0.5),
+        Parameter("time_constant", "s", default=30.0, lower=2.0, upper=600.0),
+    ],
+    source="Grease that warms up: exponential approach to the warm friction",
+    recognise="Friction that fades over the first minute of each log.",
+    dissipative=True,
+)
+def friction_warmup(xp, wheel, fraction, time_constant):
+    """Extra viscous friction of cold wheel joints [N m]: mu1 f exp(-t/T) phi'."""
+    return wheel.base.mu1 * fraction * xp.exp(-wheel.time / time_constant) * wheel.rate
+
+
+@effect(
+    acts_at=ROLLER,
+    parameters=[Parameter("inertia", "kg m^2", lower=0.0, upper=1e-2, size=1e-4)],
+    source="Spin inertia of the rollers, which the base model neglects",
+    recognise="Sideways and turning motion feel heavier than driving ahead.",
+)
+def roller_inertia(xp, roller, inertia):
+    """Spin inertia of each roller on the floor [N m]: I_r gamma''."""
+    return inertia * roller.acceleration
