@@ -229,18 +229,13 @@ def percent(share: float) -> str:
 
 def with_std(value: float, std: float) -> str:
     """`value ± std`, both to the second significant digit of the standard deviation."""
-    shown = to_digit_of(value, std)
-    return f"{shown} ± {to_digit_of(std, std)}" if math.isfinite(std) and std > 0 else shown
-
-
-def to_digit_of(value: float | None, std: float | None) -> str:
-    """`value` to the second significant digit of its standard deviation, where it has one."""
-    if (
-        value is None
-        or std is None
-        or not (math.isfinite(value) and math.isfinite(std) and std > 0)
-    ):
+    if not (math.isfinite(value) and math.isfinite(std) and std > 0):
         return number(value)
+    return f"{to_digit_of(value, std)} ± {to_digit_of(std, std)}"
+
+
+def to_digit_of(value: float, std: float) -> str:
+    """`value` to the second significant digit of its standard deviation `std` > 0."""
     return f"{value:.{max(0, 1 - math.floor(math.log10(std)))}f}"
 
 

@@ -100,11 +100,10 @@ def _print(out: Console, result: Identification) -> None:
     found = result.to_dict()
     rows = []
     for name, entry in found["parameters"].items():
-        low, high = entry["interval"] or (None, None)
-        std = entry["std"]
-        value = number(entry["value"]) if std is None else with_std(entry["value"], std)
-        interval = "-" if low is None else f"{to_digit_of(low, std)} ... {to_digit_of(high, std)}"
-        rows.append((name, value, interval, entry["unit"]))
+        value, std, bounds = entry["value"], entry["std"], entry["interval"]
+        interval = " ... ".join(to_digit_of(bound, std) for bound in bounds) if std else "-"
+        shown = with_std(value, std) if std else number(value)
+        rows.append((name, shown, interval, entry["unit"]))
     show_table(out, "Parameters", ("name", "value", "95 % interval", "unit"), rows, left=("unit",))
     _print_observability(out, found["observability"])
     errors = found["errors"]
