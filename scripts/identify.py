@@ -101,8 +101,9 @@ def _print(out: Console, result: Identification) -> None:
     rows = []
     for name, entry in found["parameters"].items():
         value, std, bounds = entry["value"], entry["std"], entry["interval"]
-        interval = " ... ".join(to_digit_of(bound, std) for bound in bounds) if std else "-"
-        shown = with_std(value, std) if std else number(value)
+        known = std is not None and 0 < std < float("inf")
+        interval = " ... ".join(to_digit_of(bound, std) for bound in bounds) if known else "-"
+        shown = with_std(value, std) if known else number(value)
         rows.append((name, shown, interval, entry["unit"]))
     show_table(out, "Parameters", ("name", "value", "95 % interval", "unit"), rows, left=("unit",))
     _print_observability(out, found["observability"])
