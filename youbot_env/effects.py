@@ -22,7 +22,8 @@ feed-forward are all derived from these statements.
 from __future__ import annotations
 
 import inspect
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass
 from typing import Any, NamedTuple
 
@@ -232,6 +233,16 @@ class Registry:
     def names(self) -> tuple[str, ...]:
         """All registered names."""
         return tuple(self._effects)
+
+    @contextmanager
+    def restored_on_error(self) -> Iterator[None]:
+        """Take back what was registered in this block if it ends in an exception."""
+        before = dict(self._effects)
+        try:
+            yield
+        except BaseException:
+            self._effects = before
+            raise
 
 
 CATALOGUE = Registry()

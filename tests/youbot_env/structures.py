@@ -30,7 +30,7 @@ def catalogue_values(name: str) -> dict[str, float]:
     for parameter in CATALOGUE[name].parameters:
         for i, key in enumerate(parameter.names):
             part = SLOT_PATTERN[i] if parameter.each_wheel else 1.0
-            values[key] = parameter.default if parameter.is_shape else part * parameter.size
+            values[key] = part * parameter.size if parameter.default is None else parameter.default
     return values
 
 

@@ -1,0 +1,125 @@
+"""Effects from outside the package: a user's own file, or an installed package's entry points.
+
+Both run code of their author's, so both happen only where a user asks for them. A model file never
+does: it names effects, and one that is not registered is an error.
+"""
+
+from __future__ import annotations
+
+import importlib.util
+import sys
+import traceback
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from hashlib import sha256
+from importlib import metadata
+from pathlib import Path
+from typing import Any
+
+import youbot_env.catalogue  # noqa: F401 - a user's effect must not come before the shipped ones
+from youbot_env.effects import CATALOGUE, Effect
+from youbot_env.errors import InputError
+
+GROUP = "youbot.effects"
+"""Entry point group: each entry names a module that registers effects when imported."""
+
+
+def load_effects(path: str | Path) -> tuple[Effect, ...]:
+    """Run a user's Python file and return the effects that it registers (see ``effect``).
+
+    The effects are in the catalogue from then on, under their names. Loading the same file again is
+    harmless. If anything is wrong, the catalogue stays as it was.
+
+    Raises
+    ------
+    InputError
+        If the file cannot be read or run, registers nothing, takes a name that is in use, or holds
+        an effect that does not work on numbers and symbols: one line with file and row.
+    """
+    path = Path(path)
+    if not path.is_file():
+        raise InputError(f"{path}: no such file; give a Python file that registers effects")
+    if path.suffix != ".py":
+        raise InputError(f"{path}: not a Python file (its name must end in .py)")
+    name = f"youbot_effects_{sha256(str(path.resolve()).encode()).hexdigest()[:12]}"
+    return _registered(str(path), lambda: _run(name, path))
+
+
+def load_installed_effects() -> tuple[Effect, ...]:
+    """Import what installed packages offer under the entry point group ``youbot.effects``.
+
+    Raises
+    ------
+    InputError
+        If one of them fails: one line with the package's and the entry's name.
+    """
+    found: list[Effect] = []
+    for entry in metadata.entry_points(group=GROUP):
+        package = entry.dist.name if entry.dist else "an installed package"
+        found += _registered(f"{package}: {GROUP}: {entry.name}", entry.load)
+    return tuple(found)
+
+
+def _registered(source: str, run: Callable[[], Any]) -> tuple[Effect, ...]:
+    before = {item.name: item for item in CATALOGUE}
+    with _undone_on_error(source):
+        run()
+        new = tuple(item for item in CATALOGUE if before.get(item.name) is not item)
+        if not new and source.endswith(".py"):
+            raise InputError("registers no effect; decorate a function with @effect(...)")
+        for item in new:
+            _try_out(item)
+    return new
+
+
+@contextmanager
+def _undone_on_error(source: str) -> Iterator[None]:
+    with CATALOGUE.restored_on_error():
+        try:
+            yield
+        except InputError as error:
+            raise InputError(f"{source}: {error}") from None
+        except (Exception, SystemExit) as error:
+            raise InputError(f"{source}: {_where(error, source)}{_what(error)}") from None
+
+
+def _where(error: BaseException, source: str) -> str:
+    """Row of the user's file in which an exception arose."""
+    if isinstance(error, SyntaxError):
+        return f"row {error.lineno}: "
+    rows = [
+        frame.lineno
+        for frame in traceback.extract_tb(error.__traceback__)
+        if Path(frame.filename) == Path(source).absolute() or frame.filename == source
+    ]
+    return f"row {rows[-1]}: " if rows else ""
+
+
+def _what(error: BaseException) -> str:
+    return f"{type(error).__name__}: {error}" if str(error) else type(error).__name__
+
+
+def _run(name: str, path: Path) -> None:
+    spec = importlib.util.spec_from_file_location(name, path.absolute())
+    assert spec is not None and spec.loader is not None
+    module = importlib.util.module_from_spec(spec)
+    sys.modules[name] = module
+    try:
+        spec.loader.exec_module(module)
+    except BaseException:
+        del sys.modules[name]
+        raise
+
+
+def _try_out(item: Effect) -> None:
+    """Evaluate a new effect as a simulation will: on numbers, and on symbols for the compiler."""
+    from youbot_env.symbolic import try_out  # sympy is slow to load, and most runs need no plugin
+
+    for parameter in item.parameters:
+        size = parameter.size if parameter.default is None else parameter.default
+        if not parameter.lower <= size <= parameter.upper:
+            raise InputError(
+                f"effect {item.name}: {parameter.name} = {size:g} is outside its own bounds "
+                f"[{parameter.lower:g}, {parameter.upper:g}]"
+            )
+    try_out(item)
