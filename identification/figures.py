@@ -195,7 +195,7 @@ def estimates_figure(
     look.header(panels[0], "Estimates over time")
     for axes in panels[-2:]:
         axes.tick_params(labelbottom=True)
-    figure.supxlabel(TIME, fontsize=10)
+    figure.supxlabel("time from the first log's start [s]", fontsize=10)
     figure.align_ylabels(list(panels))
     for top in (0, 1):
         look.mark_stretches(panels[top::2], stretches)

@@ -151,8 +151,8 @@ def compare(story: Story) -> None:
     found = json.loads(result.read_text("utf-8"))
     error, floor = (found[key]["velocity_error"] for key in ("total", "noise_floor"))
     story.tell(
-        f"Driven by the measured torques alone for a minute, the model is {100 * error:.2f} % off the "
-        f"measured velocities; noise alone makes {100 * floor:.2f} %. "
+        f"Driven by the measured torques alone for a minute, the model is {100 * error:.2f} % off "
+        f"the measured velocities; noise alone makes {100 * floor:.2f} %. "
         + ("Nothing is missing from it." if error < 1.2 * floor else "Something is missing.")
     )
 
