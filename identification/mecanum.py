@@ -7,7 +7,7 @@ speeds (VX/L, VY/L, W) [rad/s] as in the paper, so that all axes weigh alike.
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import NamedTuple
@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 from identification.logs import Log
 from youbot_env import dynamics
 from youbot_env.dynamics import Instant, Points, Structure, component_wrench
-from youbot_env.effects import BASE, Effect, Parameter
+from youbot_env.effects import BASE, CATALOGUE, Effect, Parameter
 from youbot_env.errors import InputError
 from youbot_env.geometry import WHEELS, Geometry
 
@@ -99,6 +99,22 @@ class Mecanum:
     structure: Structure
 
     axes = ("VX", "VY", "W")
+
+    catalogue = CATALOGUE
+
+    def with_effects(self, effects: tuple[str, ...]) -> Mecanum:
+        """The same mechanism with other effects beside the base model."""
+        return replace(self, structure=Structure(effects))
+
+    def extended(self, name: str) -> Mecanum:
+        """The same mechanism with one effect more."""
+        return self.with_effects((*self.structure.effects, name))
+
+    def extend_theta(self, theta: Array, name: str, shapes: Mapping[str, float]) -> Array:
+        """theta (P,) followed by the parameters of effect ``name``: no strength, shapes as given."""
+        effect = self.catalogue[name]
+        values = effect.defaults | shapes
+        return np.concatenate([theta, [values[key] for key in effect.parameter_names]])
 
     @cached_property
     def force_scale(self) -> Array:
