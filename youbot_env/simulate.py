@@ -11,12 +11,16 @@ from youbot_env import dynamics
 from youbot_env.dynamics import Instant, Structure
 from youbot_env.errors import InputError
 from youbot_env.geometry import Geometry
+from youbot_env.hardware import MAX_BODY_SPEED, MAX_WHEEL_TORQUE
 from youbot_env.kernels import kernel
 from youbot_env.model import Model
 
 Array = NDArray[np.float64]
 
 MAX_SUBSTEPS = 2000
+
+FULL_SPEED = (MAX_BODY_SPEED, 0.25 * MAX_BODY_SPEED, 0.5)
+"""Twist [m/s, m/s, rad/s] at which one wheel turns at its greatest speed."""
 
 
 def initial_state(
@@ -48,15 +52,19 @@ def _vector(name: str, value: ArrayLike, size: int) -> Array:
 
 
 def stiffness(structure: Structure, geometry: Geometry, theta: Array) -> float:
-    """Fastest rate [1/s] of the twist (and drives) at rest, where friction is stiffest."""
-    size = 3
-    shift = 1e-5
-    twists = np.concatenate([shift * np.eye(size), -shift * np.eye(size)])
-    at = Instant((twists[:, 0], twists[:, 1], twists[:, 2]), torque=(1.0,) * 4)
+    """Fastest rate [1/s] of the twist (and drives) under full torque.
+
+    Sought at rest, where dry friction is stiffest, and at full speed, where drag is.
+    """
+    shift = 1e-5 * np.concatenate([np.eye(3), -np.eye(3)])
+    twists = np.array([np.zeros(3), FULL_SPEED])[:, None] + shift
+    at = Instant((twists[..., 0], twists[..., 1], twists[..., 2]), torque=(MAX_WHEEL_TORQUE,) * 4)
     acceleration = np.stack(
-        np.broadcast_arrays(*dynamics.forward_dynamics(np, structure, geometry, theta, at))
+        np.broadcast_arrays(*dynamics.forward_dynamics(np, structure, geometry, theta, at)), axis=-1
     )
-    jacobian = (acceleration[:, :size] - acceleration[:, size:]) / (2 * shift)
+    jacobian = (acceleration[:, :3] - acceleration[:, 3:]) / 2e-5
+    if not np.isfinite(jacobian).all():
+        return float("nan")
     rates = [float(np.abs(np.linalg.eigvals(jacobian)).max())]
     if structure.has_actuator:
         slow, fast = (
