@@ -1,4 +1,4 @@
-"""The catalogue of effects: what can be added to a model, and how to recognise it."""
+"""List the effects that can be added to a model, or print equations."""
 
 from __future__ import annotations
 

@@ -20,7 +20,8 @@ def collected(side: Any, motion: set[Any]) -> list[Group]:
     found: dict[Any, Any] = {}
     for term in sympy.Add.make_args(sympy.expand(tidy(sympy.sympify(side)))):
         coefficient, moved = term.as_independent(*motion, as_Add=False)
-        found[moved] = found.get(moved, 0) + coefficient
+        if not term.is_zero:
+            found[moved] = found.get(moved, 0) + coefficient
     shared: dict[Any, Any] = {}
     for moved, coefficient in found.items():
         is_function = not moved.is_polynomial(*motion)

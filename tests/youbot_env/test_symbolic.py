@@ -19,7 +19,7 @@ from youbot_env.dynamics import Instant, Structure
 from youbot_env.effects import BASE, CATALOGUE
 from youbot_env.errors import InputError
 from youbot_env.model import Model
-from youbot_env.printing import tidy
+from youbot_env.printing import collected, join, text, tidy
 from youbot_env.symbolic import SIDES, Equations, equation, formula
 
 AS_IN_THE_PAPER = """\
@@ -206,6 +206,12 @@ def test_formulas_read_as_a_person_would_write_them(name: str, expected: str):
 
 def test_every_effect_of_the_registry_was_seen():
     assert set(EFFECTS) == set(CATALOGUE.names()) and len(CASES) == len(EFFECTS) + 2
+
+
+@pytest.mark.parametrize("zero", [0, 0.0, sympy.Integer(0), sympy.Float(0.0)])
+def test_a_component_without_force_prints_as_zero(zero):
+    assert collected(zero, set()) == []
+    assert join([], text) == "0"
 
 
 def test_tidy_names_what_rounding_hid_and_leaves_the_rest():
