@@ -24,9 +24,9 @@ from identification.logs import Log
 from identification.mecanum import Mecanum
 from identification.noise import white_noise
 from youbot_env.errors import InputError
+from youbot_env.files import write_atomically
 from youbot_env.geometry import WHEELS, Geometry
 from youbot_env.model import Model
-from youbot_env.model_file import write_atomically
 
 Array = NDArray[np.float64]
 

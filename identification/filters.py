@@ -38,11 +38,14 @@ def first_order(start: Array, end: Array, rate: float, dt: float) -> Array:
     weight_end = 1.0 - (1.0 - decay) / (rate * dt)
     weight_start = (1.0 - decay) - weight_end
     steps = weight_start * np.asarray(start, float) + weight_end * np.asarray(end, float)
-    return _accumulate(steps.reshape(len(steps), -1), decay).reshape(-1, *steps.shape[1:])
+    return accumulate(steps.reshape(len(steps), -1), decay).reshape(-1, *steps.shape[1:])
 
 
-def _accumulate(steps: Array, decay: float) -> Array:
-    """y[k+1] = decay y[k] + steps[k] by blocks: one matrix product does _BLOCK steps at a time."""
+def accumulate(steps: Array, decay: float) -> Array:
+    """y (N, W) of y[k+1] = decay y[k] + steps[k], y[0] = 0, for steps (N - 1, W).
+
+    By blocks: one matrix product does _BLOCK steps at a time.
+    """
     count, width = steps.shape
     blocks = -(-count // _BLOCK)
     padded = np.zeros((blocks * _BLOCK, width))

@@ -111,7 +111,7 @@ class Mecanum:
         return self.with_effects((*self.structure.effects, name))
 
     def extend_theta(self, theta: Array, name: str, shapes: Mapping[str, float]) -> Array:
-        """theta (P,) followed by the parameters of effect ``name``: no strength, shapes as given."""
+        """theta (P,) followed by those of effect ``name``: no strength, shapes as given."""
         effect = self.catalogue[name]
         values = effect.defaults | shapes
         return np.concatenate([theta, [values[key] for key in effect.parameter_names]])
@@ -222,8 +222,8 @@ def _ends(signal: Array) -> tuple[Array, ...]:
 class Demand:
     """Force (2, N - 1, 3) demanded at both ends of each interval, and its columns in theta.
 
-    Within an interval the twist goes linearly, so the acceleration is constant there and the
-    filtered force holds the filtered derivative a_f (s - s_f) of the paper exactly.
+    The acceleration's mean over an interval is the difference of the twist, so the filtered force
+    holds the paper's filtered derivative a_f (s - s_f).
     """
 
     def __init__(self, mechanism: Mecanum, theta: Array, samples: Samples) -> None:
@@ -235,7 +235,12 @@ class Demand:
     def _instant(self) -> Instant:
         s = self.samples
         slope = np.diff(s.twist, axis=0) / s.dt
-        acceleration = tuple(np.broadcast_to(slope[:, i], (2, len(slope))) for i in range(3))
+        # Held constant, the acceleration would lag within a step and bias the frictions by
+        # (omega dt)^2: a quarter of a standard deviation at 50 Hz.
+        bend = np.zeros_like(slope)
+        bend[1:-1] = 0.25 * (slope[2:] - slope[:-2])
+        ends = np.stack([slope - bend, slope + bend])
+        acceleration = tuple(np.moveaxis(ends, -1, 0))
         return Instant(
             twist=_ends(s.twist),  # type: ignore[arg-type]
             acceleration=acceleration,  # type: ignore[arg-type]

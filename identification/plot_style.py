@@ -12,8 +12,8 @@ from typing import TYPE_CHECKING, Any, ParamSpec
 import numpy as np
 from numpy.typing import NDArray
 
-from identification.writing import write_atomically
 from youbot_env.errors import InputError
+from youbot_env.files import write_atomically
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

@@ -38,6 +38,9 @@ IMPOSSIBLE_SLIP = 0.35
 WRONG_POWER = -0.3
 """Net over gross power, below which an effort's sign is wrong; sound logs have above 0.9."""
 
+DRIVING = 0.3
+"""Share of the strongest joint's gross power from which on a joint counts as driving."""
+
 _MOMENT = 0.2
 _STUCK = 0.02
 _EXPLAINED = 0.3
@@ -52,9 +55,14 @@ def slip_ratio(wheel_speed: NDArray[np.float64], direction: NDArray[np.float64] 
 
 
 def power_share(log: Log) -> NDArray[np.float64]:
-    """Net over gross power (k,) of each joint, from -1 to 1: positive where friction takes it."""
+    """Net over gross power (k,) of each joint, from -1 to 1: positive where friction takes it.
+
+    NaN for a joint that others drag along (motions I and II have two): its power says nothing.
+    """
     power = log.velocity * log.effort
-    return power.mean(axis=0) / np.maximum(np.abs(power).mean(axis=0), 1e-300)
+    gross = np.abs(power).mean(axis=0)
+    share = power.mean(axis=0) / np.maximum(gross, 1e-300)
+    return np.where(gross > DRIVING * gross.max(), share, np.nan)
 
 
 def _identity(log: Log, limits: Limits) -> Iterator[Finding]:

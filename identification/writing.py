@@ -5,7 +5,6 @@ from __future__ import annotations
 import gzip
 import io
 import os
-import tempfile
 from collections.abc import Sequence
 from pathlib import Path
 
@@ -14,6 +13,7 @@ from numpy.typing import NDArray
 
 from identification.findings import fault
 from identification.formats import import_parquet
+from youbot_env.files import write_atomically
 
 DECIMALS = 6
 """Microseconds, microradians: two digits beyond what such sensors resolve."""
@@ -47,37 +47,6 @@ def write_table(
     else:
         raise fault(str(path), "unknown kind of file", "a log ends in .csv, .csv.gz or .parquet")
     write_atomically(path, content)
-
-
-def write_atomically(path: Path, content: bytes) -> None:
-    """Replace a file's content at once, by way of a temporary file beside it.
-
-    Raises
-    ------
-    InputError
-        If the folder is missing or the file cannot be written.
-    """
-    if not path.parent.is_dir():
-        raise fault(str(path), f"there is no folder {path.parent}", "create it first")
-    temporary = ""
-    try:
-        handle, temporary = tempfile.mkstemp(prefix=f".{path.name}.", dir=path.parent)
-        with os.fdopen(handle, "wb") as file:
-            file.write(content)
-        os.chmod(temporary, 0o666 & ~_umask())  # mkstemp's own mode shuts others out
-        os.replace(temporary, path)
-    except OSError as error:
-        reason = error.strerror or str(error)
-        raise fault(str(path), f"cannot be written ({reason})", "check folder and disk") from None
-    finally:
-        if temporary and os.path.exists(temporary):
-            os.unlink(temporary)
-
-
-def _umask() -> int:
-    mask = os.umask(0)
-    os.umask(mask)
-    return mask
 
 
 def _csv(names: Sequence[str], values: NDArray[np.float64], decimals: int) -> bytes:

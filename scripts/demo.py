@@ -91,8 +91,8 @@ def unpack(story: Story) -> None:
     InputError
         If the folder cannot be made or written to.
     """
-    from identification.writing import write_atomically
     from youbot_env.errors import InputError
+    from youbot_env.files import write_atomically
 
     folder = story.calibration.parent
     try:

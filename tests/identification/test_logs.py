@@ -308,3 +308,12 @@ def test_noise_of_the_nominal_logs(platform: str) -> None:
         speed, effort = noise_estimate(read_log(path))
         assert speed == pytest.approx(truth["speed_noise"], rel=0.1)
         assert effort == pytest.approx(truth["torque_noise"], rel=0.1)
+
+
+def test_wheels_that_are_dragged_along_are_not_taken_for_wrong_signs():
+    """In motion I the left wheels hardly turn; what power they take back is no fault."""
+    from identification.wheel_checks import power_share
+    from tests.identification.recordings import recording
+
+    share = power_share(recording("I"))
+    assert np.isnan(share[[0, 2]]).all() and (share[[1, 3]] > 0.5).all()
