@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import importlib.util
 import json
 import shlex
 import sys
@@ -46,6 +47,13 @@ class Story:
     def model(self) -> Path:
         """The identified model's file."""
         return self.folder / "model.json"
+
+    @property
+    def plots(self) -> tuple[str | Path, ...]:
+        """Option that draws the figures; none without matplotlib, an extra."""
+        if importlib.util.find_spec("matplotlib") is None:
+            return ()
+        return ("--plots", self.folder / "plots")
 
     def tell(self, text: str) -> None:
         """Print a paragraph, wrapped at the terminal's width."""
@@ -115,9 +123,7 @@ def identify(story: Story) -> None:
         "The paper's motions I, III, II and IV, 35 s each, under the platform's stock wheel-speed "
         "control."
     )
-    story.command(
-        "identify", story.calibration, "-o", story.model, "--plots", story.folder / "plots"
-    )
+    story.command("identify", story.calibration, "-o", story.model, *story.plots)
     story.tell(
         "A rank below 7 means that a motion is blind to the sums of x in its row: only together "
         "do the motions tell all parameters apart."
@@ -146,8 +152,7 @@ def compare(story: Story) -> None:
     """The model on a multisine that the fit has not seen."""
     story.tell("A velocity multisine of 0.5 to 3 rad/s, kept aside until now.")
     result = story.folder / "compare.json"
-    plots = story.folder / "plots"
-    story.command("compare", story.model, story.held_out, "--plots", plots, "--json", result)
+    story.command("compare", story.model, story.held_out, *story.plots, "--json", result)
     found = json.loads(result.read_text("utf-8"))
     error, floor = (found[key]["velocity_error"] for key in ("total", "noise_floor"))
     story.tell(
@@ -171,6 +176,8 @@ def finish(story: Story) -> None:
     out, folder = story.out, story.folder
     _heading(out, "What there is now")
     _show_files(out, folder)
+    if not story.plots:
+        out.print('No plots without matplotlib: pip install "youbot[plots]"')
     out.print("\nWhat to type next:")
     for line, why in _next(story):
         out.print(f"  {why}:")

@@ -134,9 +134,18 @@ def _show(console: Any, model: Model, rows: dict[str, dict[str, Any]], out_dir: 
             for name, row in rows.items()
         ],
     )
-    first = shlex.quote(str(out_dir / next(iter(rows))))
-    console.print(f"How they were made: {out_dir / 'record.json'}")
-    console.print(f"Next: youbot identify {first} -o model.json", soft_wrap=True)
+    console.print(f"How they were made: {out_dir / 'record.json'}", soft_wrap=True)
+    logs = shlex.join(str(out_dir / name) for name in to_fit(list(rows)))
+    console.print(f"Next: youbot identify {logs} -o model.json", soft_wrap=True)
+
+
+def to_fit(names: list[str]) -> list[str]:
+    """The logs to identify from: the calibration run, or all motions but the multisines."""
+    for prefix in ("calibration.", ""):
+        found = [n for n in names if n.startswith(prefix) and not n.startswith("multisine")]
+        if found:
+            return found
+    return names
 
 
 if __name__ == "__main__":

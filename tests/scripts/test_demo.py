@@ -91,6 +91,14 @@ def test_what_to_type_next_can_be_typed(shown: tuple[Path, str], monkeypatch):
             assert main(arguments) == 0, line
 
 
+def test_without_matplotlib_the_story_is_told_without_plots(tmp_path: Path, monkeypatch, capsys):
+    monkeypatch.setitem(sys.modules, "matplotlib", None)
+    assert main(["demo", "--output", str(tmp_path / "out")]) == 0
+    printed = capsys.readouterr().out
+    assert 'pip install "youbot[plots]"' in printed and "--plots" not in printed
+    assert not (tmp_path / "out" / "plots").exists()
+
+
 def test_the_readme_s_picture_is_what_the_demo_draws(shown: tuple[Path, str]):
     """`make figures` renews it; other releases of matplotlib may move a letter."""
     name = "free_run_multisine_b.png"

@@ -239,3 +239,17 @@ def test_the_shipped_logs_are_what_their_command_makes():
         assert [f for f in shipped.findings if f.level != "info"] == []
         for kind in ("time", "velocity", "effort", "pose"):
             np.testing.assert_allclose(getattr(shipped, kind), getattr(made, kind), atol=6e-5)
+
+
+@pytest.mark.parametrize(
+    ("names", "expected"),
+    [
+        (["I.csv", "calibration.csv", "multisine_a.csv"], ["calibration.csv"]),
+        (["I.csv", "II.csv", "multisine_a.csv"], ["I.csv", "II.csv"]),
+        (["multisine_a.csv", "multisine_b.csv"], ["multisine_a.csv", "multisine_b.csv"]),
+    ],
+)
+def test_what_to_identify_next_is_what_shows_the_parameters(names, expected):
+    from youbot_scripts.record import to_fit
+
+    assert to_fit(names) == expected
