@@ -22,7 +22,8 @@ def write_atomically(path: str | os.PathLike[str], content: str | bytes) -> None
     data = content.encode("utf-8") if isinstance(content, str) else content
     target = Path(os.path.realpath(path))
     if not target.parent.is_dir():
-        raise InputError(f"{path}: cannot be written: there is no folder {target.parent}; create it first")
+        reason = f"there is no folder {target.parent}; create it first"
+        raise InputError(f"{path}: cannot be written: {reason}")
     temporary = ""
     try:
         if target.exists() and not target.is_file() and not target.is_dir():
