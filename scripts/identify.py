@@ -36,6 +36,7 @@ EXAMPLES = (
     "youbot identify runs/calibration.csv -o model.json",
     "youbot identify runs/I.csv runs/II.csv --output-error --json result.json",
     "youbot identify runs/calibration.csv --model model.json -o again.json",
+    "youbot identify drive.csv --mechanism axis --unit m -o axis.json",
 )
 
 
@@ -49,6 +50,14 @@ def main(
         ),
     ] = None,
     geometry: GeometryOption = None,
+    mechanism: Annotated[
+        str,
+        typer.Option("--mechanism", metavar="NAME", help="What the logs are of: mecanum, axis."),
+    ] = "mecanum",
+    unit: Annotated[
+        str,
+        typer.Option("--unit", help="Of an axis' position: rad (rad/s, N m) or m (m/s, N)."),
+    ] = "rad",
     output_error: Annotated[
         bool, typer.Option("--output-error", help="Refine in free run after the fit on forces.")
     ] = False,
@@ -66,11 +75,22 @@ def main(
     """
     from identification.fitting import identify
     from identification.logs import read_logs
-    from youbot_env.model_file import load_geometry, load_model, save_model
+    from identification.mechanisms import (
+        kind,
+        kind_of,
+        load_any_model,
+        refuse_figures,
+        save_any_model,
+    )
+    from youbot_env.model_file import load_geometry
 
-    start = load_model(model) if model else None
+    start = load_any_model(model) if model else None
     lengths = load_geometry(geometry) if geometry else None
-    read = read_logs(logs, geometry=lengths or (start and start.geometry))
+    of = kind_of(start) if start else kind(mechanism)
+    if plots:
+        refuse_figures(of)
+    read = read_logs(logs, of.joints, geometry=lengths or getattr(start, "geometry", None))
+    start = start or of.start(read, unit)
     with progress(60 if output_error else 2, "identify") as advance:
         result = identify(
             read,
@@ -86,7 +106,7 @@ def main(
     out = console(json)
     _print(out, result)
     if output:
-        save_model(output, result.model)
+        save_any_model(output, result.model)
         out.print(f"model written to {output}", soft_wrap=True)
     write_result(json, result.to_dict(), seed)
     if plots:
@@ -101,9 +121,10 @@ def _print(out: Console, result: Identification) -> None:
     rows = []
     for name, entry in found["parameters"].items():
         value, std, bounds = entry["value"], entry["std"], entry["interval"]
-        known = std is not None and 0 < std < float("inf")
-        interval = " ... ".join(to_digit_of(bound, std) for bound in bounds) if known else "-"
-        shown = with_std(value, std) if known else number(value)
+        shown, interval = number(value), "-"
+        if std is not None and 0 < std < float("inf"):
+            shown = with_std(value, std)
+            interval = " ... ".join(to_digit_of(bound, std) for bound in bounds)
         rows.append((name, shown, interval, entry["unit"]))
     show_table(out, "Parameters", ("name", "value", "95 % interval", "unit"), rows, left=("unit",))
     _print_observability(out, found["observability"])
