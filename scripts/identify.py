@@ -36,7 +36,6 @@ EXAMPLES = (
     "youbot identify runs/calibration.csv -o model.json",
     "youbot identify runs/I.csv runs/II.csv --output-error --json result.json",
     "youbot identify runs/calibration.csv --model model.json -o again.json",
-    "youbot identify drive.csv --mechanism axis --unit m -o axis.json",
 )
 
 
@@ -50,14 +49,6 @@ def main(
         ),
     ] = None,
     geometry: GeometryOption = None,
-    mechanism: Annotated[
-        str,
-        typer.Option("--mechanism", metavar="NAME", help="What the logs are of: mecanum, axis."),
-    ] = "mecanum",
-    unit: Annotated[
-        str,
-        typer.Option("--unit", help="Of an axis' position: rad (rad/s, N m) or m (m/s, N)."),
-    ] = "rad",
     output_error: Annotated[
         bool, typer.Option("--output-error", help="Refine in free run after the fit on forces.")
     ] = False,
@@ -75,22 +66,11 @@ def main(
     """
     from identification.fitting import identify
     from identification.logs import read_logs
-    from identification.mechanisms import (
-        kind,
-        kind_of,
-        load_any_model,
-        refuse_figures,
-        save_any_model,
-    )
-    from youbot_env.model_file import load_geometry
+    from youbot_env.model_file import load_geometry, load_model, save_model
 
-    start = load_any_model(model) if model else None
+    start = load_model(model) if model else None
     lengths = load_geometry(geometry) if geometry else None
-    of = kind_of(start) if start else kind(mechanism)
-    if plots:
-        refuse_figures(of)
-    read = read_logs(logs, of.joints, geometry=lengths or getattr(start, "geometry", None))
-    start = start or of.start(read, unit)
+    read = read_logs(logs, geometry=lengths or (start and start.geometry))
     with progress(60 if output_error else 2, "identify") as advance:
         result = identify(
             read,
@@ -106,7 +86,7 @@ def main(
     out = console(json)
     _print(out, result)
     if output:
-        save_any_model(output, result.model)
+        save_model(output, result.model)
         out.print(f"model written to {output}", soft_wrap=True)
     write_result(json, result.to_dict(), seed)
     if plots:
