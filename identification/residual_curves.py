@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from identification.residual_rows import Table
-from identification.signals import Signals
+from identification.signals import Signals, smooth
 
 Array = NDArray[np.float64]
 
@@ -91,7 +91,7 @@ def _of_component(
     if kind == "acceleration":
         k, unit = first.axes.index(which), ACCELERATION.get(which, "")
         label = f"acceleration {which}".strip()
-        return label, unit, [log.acceleration[:, k] for log in signals], None
+        return label, unit, [smooth(log.acceleration, _dt(log))[:, k] for log in signals], None
     k, name = first.joints.index(which), kind.rpartition("_")[2]
     label = f"{kind.replace('_', ' ')} {which}".strip()
     logs = [_required(getattr(log, name))[:, k] for log in signals]
@@ -99,7 +99,13 @@ def _of_component(
         turn = 2 * np.pi / cycles
         label += f", {cycles} times a turn" if cycles > 1 else ""
         return label, "rad", [np.mod(values, turn) for values in logs], turn
+    if name == "torque":
+        logs = [smooth(log.torque, _dt(log))[:, k] for log in signals]
     return label, UNITS[name], logs, None
+
+
+def _dt(signals: Signals) -> float:
+    return float(signals.time[1] - signals.time[0])
 
 
 def _required(values: Array | None) -> Array:

@@ -51,7 +51,7 @@ class Scales:
         """Pooled over logs."""
         sizes = {
             name: _rms(np.concatenate([getattr(log, name) for log in logs]))
-            for name in ("twist", "rates", "acceleration", "jerk", "torque", "torque_rate")
+            for name in ("twist", "rates", "acceleration", "jerk", "torque", "load", "torque_rate")
         }
         for name in ("speed", "departure"):
             if getattr(logs[0], name) is not None:
@@ -147,14 +147,14 @@ def _of_torque(signals: Signals, scales: Scales, k: int) -> Array:
     rate = scales.scaled(signals, "torque_rate")[:, k]
     moving = signals.twist if signals.speed is None else signals.speed
     speed = moving[:, k] / scales.sizes["twist" if signals.speed is None else "speed"][k]
-    signed = [np.abs(torque) * np.tanh(speed / width) for width in SHARP[:2]]
-    return np.column_stack([torque, torque * np.abs(torque), rate, *signed])
+    load = scales.scaled(signals, "load")[:, k]
+    signed = [load * np.tanh(speed / width) for width in SHARP[:2]]
+    return np.column_stack([torque, rate, *signed])
 
 
 def _of_acceleration(signals: Signals, scales: Scales, k: int) -> Array:
-    acceleration = scales.scaled(signals, "acceleration")[:, k]
-    jerk = scales.scaled(signals, "jerk")[:, k]
-    return np.column_stack([acceleration, jerk, acceleration * np.abs(acceleration)])
+    names = ("acceleration", "jerk")
+    return np.column_stack([scales.scaled(signals, name)[:, k] for name in names])
 
 
 def _of_heading(signals: Signals, scales: Scales) -> Array:

@@ -37,6 +37,9 @@ Array = NDArray[np.float64]
 LEVEL = 0.01
 """Family-wise: of a hundred maps of sound models one shows a share that chance made."""
 
+LEAST = 0.005
+"""Shares below this are not told: significance is not relevance."""
+
 SHORTEST = 20.0
 """Seconds of logs below which nothing can be told."""
 
@@ -140,7 +143,7 @@ def residual_map(
     start = [0.0, *[min(gained, 0.0)] * len(rest)]
     shares = []
     for group, gain, loss, p_value in zip(table.groups, explained, start, p_values, strict=True):
-        told = p_value <= LEVEL and gain[0] + loss > 0
+        told = p_value <= LEVEL and gain[0] + loss > LEAST * total
         share = float((gain[0] + loss) / total) if told else 0.0
         cycles = None
         if group.pairs and told:

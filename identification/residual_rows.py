@@ -32,9 +32,11 @@ MOST_ROWS = 60_000
 class Reduction:
     """From samples (N, ...) at ``dt`` [s] to rows (n, ...): the filter, then means of blocks.
 
-    passes: twice through the filter where an actuator's effect takes a derivative more.
+    rate: of the filter [rad/s]; passes: twice through it where an actuator's effect takes a
+    derivative more.
     """
 
+    rate: float
     dt: float
     passes: int
     size: int
@@ -45,16 +47,16 @@ class Reduction:
         return self.size * self.dt
 
     def __call__(self, signal: Array) -> Array:
-        return self._finished(filter_samples(signal, FILTER_RATE, self.dt))
+        return self._finished(filter_samples(signal, self.rate, self.dt))
 
     def ends(self, ends: Array) -> Array:
         """The same from interval ends (2, N - 1, ...)."""
-        return self._finished(first_order(ends[0], ends[1], FILTER_RATE, self.dt))
+        return self._finished(first_order(ends[0], ends[1], self.rate, self.dt))
 
     def _finished(self, filtered: Array) -> Array:
         for _ in range(self.passes - 1):
-            filtered = filter_samples(filtered, FILTER_RATE, self.dt)
-        return block_mean(filtered[self.passes * settled(FILTER_RATE, self.dt) :], self.size)
+            filtered = filter_samples(filtered, self.rate, self.dt)
+        return block_mean(filtered[self.passes * settled(self.rate, self.dt) :], self.size)
 
 
 @dataclass(frozen=True)
@@ -76,9 +78,13 @@ def make_table(mechanism: Mechanism, theta: Array, logs: Sequence[Any]) -> Table
     """Residual, columns and features of logs at theta (P,)."""
     slow = [slowed(samples) for samples in logs]
     seconds = sum(samples.dt * len(samples) for samples in slow)
-    rate = min(ROW_RATE, MOST_ROWS / seconds)
+    rows_a_second = min(ROW_RATE, MOST_ROWS / seconds)
     passes = 2 if mechanism.structure.has_actuator else 1
-    reductions = [Reduction(s.dt, passes, max(1, round(1.0 / (rate * s.dt)))) for s in slow]
+    filter_rate = getattr(mechanism, "filter_rate", FILTER_RATE)
+    reductions = [
+        Reduction(filter_rate, s.dt, passes, max(1, round(1.0 / (rows_a_second * s.dt))))
+        for s in slow
+    ]
     pairs = [
         _residual_and_signals(mechanism, theta, samples, reduction)
         for samples, reduction in zip(slow, reductions, strict=True)

@@ -20,19 +20,23 @@ Array = NDArray[np.float64]
 RATE = 100.0
 """Hz: logs above it are averaged down to it; a ripple of 120 rad/s still lies well below."""
 
-SMOOTHING = 40.0
-"""Rate [rad/s] of the filter, once forwards and once backwards, ahead of every derivative."""
+SMOOTHING = 20.0
+"""Rate [rad/s] of the filter, once forwards and once backwards, ahead of products and jerks."""
 
 
 @dataclass(frozen=True)
 class Signals:
     """Variables of one log of N samples; a mechanism may lack those that may be None.
 
-    time (N,) [s]; twist (N, A) as in the log, its acceleration and jerk (N, A), smoothed; rates
-    (N, K): functions of the twist at which surfaces slide (body, wheels, rollers); torque (N, W)
-    that the model predicts and torque_rate; heading (N,) [rad], position (N, D) [m] in the world;
-    angle (N, W) [rad], speed (N, W) of the wheels; departure (N, W): what no rigid motion explains
-    in the speeds. axes, joints, places: names of A, W and D, as variables end on them.
+    time (N,) [s]; twist (N, A) as in the log, its acceleration and jerk (N, A); rates (N, K):
+    functions of the twist at which surfaces slide (body, wheels, rollers); torque (N, W) that the
+    model predicts, its size, load, and its rate; heading (N,) [rad], position (N, D) [m] in the
+    world; angle (N, W) [rad], speed (N, W) of the wheels; departure (N, W): what no rigid motion
+    explains in the speeds. axes, joints, places: names of A, W and D, as variables end on them.
+
+    Acceleration and torque are not smoothed: the model's columns are not either, and what holds
+    less noise than they do would seem to explain the residual of a sound model, whose masses noise
+    has attenuated. Jerk, load and torque_rate are.
     """
 
     axes: tuple[str, ...]
@@ -44,6 +48,7 @@ class Signals:
     acceleration: Array
     jerk: Array
     torque: Array
+    load: Array
     torque_rate: Array
     position: Array
     heading: Array | None = None
@@ -84,8 +89,7 @@ def _of_platform(mechanism: Mecanum, samples: Samples, force: Array) -> Signals:
     geometry, dt = mechanism.geometry, samples.dt
     rolling = geometry.wheel_speeds(samples.twist)
     rollers = samples.twist @ geometry.roller_jacobian[::2].T
-    torque = smooth(geometry.wheel_torque(force / mechanism.force_scale), dt)
-    acceleration = derivative(samples.twist, dt)
+    torque = geometry.wheel_torque(force / mechanism.force_scale)
     return Signals(
         axes=("x", "y", "yaw"),
         joints=WHEELS,
@@ -93,10 +97,7 @@ def _of_platform(mechanism: Mecanum, samples: Samples, force: Array) -> Signals:
         time=samples.time,
         twist=samples.twist,
         rates=np.column_stack([samples.twist, rolling, rollers]),
-        acceleration=acceleration,
-        jerk=derivative(acceleration, dt),
-        torque=torque,
-        torque_rate=np.gradient(torque, dt, axis=0),
+        **_derived(samples.twist, torque, dt),
         position=samples.pose[:, :2],
         heading=samples.pose[:, 2],
         angle=samples.wheel_angle,
@@ -108,7 +109,6 @@ def _of_platform(mechanism: Mecanum, samples: Samples, force: Array) -> Signals:
 def _of_axis(mechanism: Mechanism, samples: Any, force: Array) -> Signals:
     """Of one axis: its speed is its twist; what it lacks stays None."""
     dt, twist = samples.dt, mechanism.measured_speed(samples)
-    acceleration, torque = derivative(twist, dt), smooth(force, dt)
     return Signals(
         axes=("",),
         joints=("",),
@@ -116,17 +116,20 @@ def _of_axis(mechanism: Mechanism, samples: Any, force: Array) -> Signals:
         time=samples.time,
         twist=twist,
         rates=twist,
-        acceleration=acceleration,
-        jerk=derivative(acceleration, dt),
-        torque=torque,
-        torque_rate=np.gradient(torque, dt, axis=0),
+        **_derived(twist, force, dt),
         position=samples.position[:, None],
     )
 
 
-def derivative(values: Array, dt: float) -> Array:
-    """Rate of change (N, ...) of smoothed values."""
-    return np.gradient(smooth(values, dt), dt, axis=0)
+def _derived(twist: Array, torque: Array, dt: float) -> dict[str, Array]:
+    slow = smooth(torque, dt)
+    return {
+        "acceleration": np.gradient(twist, dt, axis=0),
+        "jerk": np.gradient(smooth(np.gradient(smooth(twist, dt), dt, axis=0), dt), dt, axis=0),
+        "torque": torque,
+        "load": np.abs(slow),
+        "torque_rate": np.gradient(slow, dt, axis=0),
+    }
 
 
 def smooth(values: Array, dt: float) -> Array:
