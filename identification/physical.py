@@ -10,9 +10,9 @@ from numpy.typing import NDArray
 
 from identification.mecanum import Mecanum
 from identification.regression import Fit
-from youbot_env.effects import CATALOGUE
 from youbot_env.errors import InputError
 from youbot_env.model import BASE_UNITS, Estimate, Model
+from youbot_env.public_form import jacobian, public_parameters, to_public
 
 Array = NDArray[np.float64]
 
@@ -42,25 +42,23 @@ def settle_gauge(mechanism: Mecanum, theta: Array) -> tuple[Array, Array]:
     return theta, change
 
 
-def physical_names(mechanism: Mecanum) -> tuple[str, ...]:
-    """Names of the fitted parameters in physical form: m0 ... mu2, then ``effect.parameter``."""
-    rename = {"m_aX": "aX", "m_aY": "aY"}
-    names = [mechanism.parameter_names[k] for k in np.flatnonzero(mechanism.free)]
-    return tuple(rename.get(name, name) for name in names)
+def physical_covariance(mechanism: Mecanum, fit: Fit) -> tuple[tuple[str, ...], Array]:
+    """Names (F,) of the fitted parameters as people state them, and their covariance (F, F).
 
-
-def physical_covariance(mechanism: Mecanum, fit: Fit) -> Array:
-    """(F, F) covariance of ``physical_names``, first order."""
+    First order. What the fit leaves without any place (the anchor of a tether that does not pull)
+    is left out.
+    """
+    structure = mechanism.structure
     theta, change = settle_gauge(mechanism, fit.theta)
-    to_physical = np.eye(len(theta))
-    names = list(mechanism.parameter_names)
-    mass = theta[names.index("m0")] - 4 * mechanism.geometry.m1
-    for name in ("m_aX", "m_aY"):
-        row = names.index(name)
-        to_physical[row, row] = 1.0 / mass
-        to_physical[row, names.index("m0")] = -theta[row] / mass**2
-    total = (to_physical @ change)[np.ix_(fit.free, fit.free)]
-    return total @ fit.covariance @ total.T
+    slope = (jacobian(structure, mechanism.geometry, theta) @ change)[:, fit.free]
+    declared = public_parameters(structure)
+    kept = [
+        k
+        for k, (row, parameter) in enumerate(zip(slope, declared.values(), strict=True))
+        if not parameter.is_shape and row.any()
+    ]
+    names = list(declared)
+    return tuple(names[k] for k in kept), slope[kept] @ fit.covariance @ slope[kept].T
 
 
 def fitted_model(
@@ -80,32 +78,28 @@ def fitted_model(
         If the fit is not physical (a negative mass, say): the logs do not show the parameters.
     """
     theta, _ = settle_gauge(mechanism, fit.theta)
-    covariance = physical_covariance(mechanism, fit)
-    names = physical_names(mechanism)
+    names, covariance = physical_covariance(mechanism, fit)
     std = dict(zip(names, np.sqrt(np.maximum(np.diag(covariance), 0.0)), strict=True))
-    values = dict(zip(mechanism.parameter_names, map(float, theta), strict=True))
-    mass = values["m0"] - 4 * mechanism.geometry.m1
-    if mass <= 0:
+    declared = public_parameters(mechanism.structure)
+    values = to_public(mechanism.structure, mechanism.geometry, theta)
+    if values["m0"] <= 4 * mechanism.geometry.m1:
         raise InputError(
             f"the fitted mass m0 = {values['m0']:.3g} kg is below that of the four wheels "
             f"({4 * mechanism.geometry.m1:.3g} kg): the logs do not show it; record motions "
             "I and II, or check the torques' unit and the geometry"
         )
-    values |= {"aX": values["m_aX"] / mass, "aY": values["m_aY"] / mass}
 
-    def entry(key: str, unit: str) -> Estimate:
-        return Estimate(values[key], unit, float(std[key]) if key in std else None)
+    def entry(key: str) -> Estimate:
+        return Estimate(values[key], declared[key].unit, float(std[key]) if key in std else None)
 
-    effects = {
-        effect: {
-            key: entry(f"{effect}.{key}", CATALOGUE[effect].parameter(key).unit)
-            for key in CATALOGUE[effect].parameter_names
-        }
-        for effect in mechanism.structure.effects
-    }
+    effects: dict[str, dict[str, Estimate]] = {name: {} for name in mechanism.structure.effects}
+    for key in declared:
+        effect, dot, parameter = key.partition(".")
+        if dot:
+            effects[effect][parameter] = entry(key)
     return Model(
         geometry=mechanism.geometry,
-        parameters={key: entry(key, unit) for key, unit in BASE_UNITS.items()},
+        parameters={key: entry(key) for key in BASE_UNITS},
         effects=effects,
         covariance=covariance,
         covariance_names=names,

@@ -69,7 +69,7 @@ def _barely(model: Model) -> list[str]:
         f"{effect}.{name}": estimate
         for effect, parameters in model.effects.items()
         for name, estimate in parameters.items()
-        if CATALOGUE[effect].parameter(name).relative_to is None
+        if CATALOGUE[effect].public_parameter(name).relative_to is None
     }
     for name, estimate in estimates.items():
         scale = model.geometry.l if name in OFFSETS else abs(estimate.value)

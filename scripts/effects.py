@@ -94,7 +94,7 @@ def describe(item: Effect) -> dict[str, Any]:
                 "upper": parameter.upper,
                 "relative_to": parameter.relative_to,
             }
-            for parameter in item.parameters
+            for parameter in item.public_parameters
             for name in parameter.names
         },
         "dissipative": item.dissipative,
@@ -118,7 +118,7 @@ def parameters(item: Effect) -> str:
     """One parameter a line, with its unit."""
     return "\n".join(
         f"{parameter.name}{'_fl .. _br' if parameter.each_wheel else ''} [{parameter.unit}]"
-        for parameter in item.parameters
+        for parameter in item.public_parameters
     )
 
 
@@ -126,7 +126,7 @@ def sizes(item: Effect) -> str:
     """Catalogue sizes in the order of the parameters; a shape constant's default in brackets."""
     return "\n".join(
         number(parameter.size) if parameter.default is None else f"[{number(parameter.default)}]"
-        for parameter in item.parameters
+        for parameter in item.public_parameters
     )
 
 

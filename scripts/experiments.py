@@ -106,8 +106,8 @@ def catalogue_size(effect: Effect) -> dict[str, float]:
     Where each wheel has its own value only the front left one has that size: what all four share
     belongs to the base model.
     """
-    values = effect.defaults
-    for parameter in effect.parameters:
+    values = effect.public_defaults
+    for parameter in effect.public_parameters:
         if not parameter.is_shape:
             values[parameter.names[0]] = parameter.size
     return values

@@ -5,15 +5,19 @@ To add an effect, write one function and register it; nothing else in the projec
 
 from __future__ import annotations
 
+from math import atan2, hypot
+
 from youbot_env.effects import (
     ACTUATOR,
     BASE,
     BODY,
     CHANNEL,
+    CLOCK,
     ROLLER,
     WHEEL,
     WORLD,
     Parameter,
+    Public,
     effect,
 )
 
@@ -23,15 +27,44 @@ GRAVITY = 9.80665
 _PAPER = "Identification of the KUKA youBot's parameters, RFBR 16-01-00429-a"
 
 
+def _per(moment: float, strength: float) -> float:
+    """moment / strength; zero where there is no strength, and so no place that it acts at."""
+    return moment / strength if strength else 0.0
+
+
+def _centre_of_mass(geometry, m0, I0, m_aX, m_aY):  # noqa: N803
+    mass = m0 - 4 * geometry.m1
+    return m0, I0, _per(m_aX, mass), _per(m_aY, mass)
+
+
+def _mass_moments(xp, geometry, m0, I0, aX, aY):  # noqa: N803
+    mass = m0 - 4 * geometry.m1
+    return m0, I0, mass * aX, mass * aY
+
+
+_MASS = Parameter("m0", "kg", lower=0.0, size=35.0)
+_INERTIA = Parameter("I0", "kg m^2", lower=0.0, size=4.0)
+
+
 @effect(
     registry=BASE,
     acts_at=BODY,
     parameters=[
-        Parameter("m0", "kg", lower=0.0, size=35.0),
-        Parameter("I0", "kg m^2", lower=0.0, size=4.0),
+        _MASS,
+        _INERTIA,
         Parameter("m_aX", "kg m", size=0.5),
         Parameter("m_aY", "kg m", size=0.5),
     ],
+    public=Public(
+        parameters=(
+            _MASS,
+            _INERTIA,
+            Parameter("aX", "m", size=0.02),
+            Parameter("aY", "m", size=0.02),
+        ),
+        forward=_centre_of_mass,
+        inverse=_mass_moments,
+    ),
     source=f"Appell's equations; {_PAPER}",
     recognise="Part of the base model.",
 )
@@ -245,3 +278,122 @@ def friction_warmup(xp, wheel, fraction, time_constant):
 def roller_inertia(xp, roller, inertia):
     """Spin inertia of each roller on the floor [N m]: I_r gamma''."""
     return inertia * roller.acceleration
+
+
+_CYCLES = Parameter(
+    "cycles", "1", default=12.0, lower=1.0, upper=40.0, grid=tuple(float(n) for n in range(1, 41))
+)
+
+
+@effect(
+    acts_at=WHEEL,
+    parameters=[Parameter("sine", "N m", size=0.2), Parameter("cosine", "N m", size=0.2), _CYCLES],
+    public=Public(
+        parameters=(
+            Parameter("amplitude", "N m", lower=0.0, upper=5.0, size=0.2),
+            Parameter("phase", "rad", lower=-6.3, upper=6.3, size=0.5),
+            _CYCLES,
+        ),
+        forward=lambda geometry, sine, cosine, cycles: (
+            hypot(sine, cosine),
+            atan2(cosine, sine),
+            cycles,
+        ),
+        inverse=lambda xp, geometry, amplitude, phase, cycles: (
+            amplitude * xp.cos(phase),
+            amplitude * xp.sin(phase),
+            cycles,
+        ),
+    ),
+    source="Cogging and gear errors: Holtz, Springob, IEEE Trans. Ind. Electron. 43(2), 1996",
+    recognise="The residual swings with the angle of each wheel, faster the faster it turns.",
+)
+def torque_ripple(xp, wheel, sine, cosine, cycles):
+    """Periodic resistance of each wheel [N m]: a sin(n phi + p) = a cos p sin(n phi) + ..."""
+    return sine * xp.sin(cycles * wheel.angle) + cosine * xp.cos(cycles * wheel.angle)
+
+
+@effect(
+    acts_at=WORLD,
+    parameters=[
+        # Not down to zero, so that a constant pull can still be stated as that of a far anchor.
+        Parameter("stiffness", "N/m", lower=1e-3, upper=1e4, size=5.0),
+        Parameter("pull_x", "N", size=5.0),
+        Parameter("pull_y", "N", size=5.0),
+    ],
+    public=Public(
+        parameters=(
+            Parameter("stiffness", "N/m", lower=0.0, upper=1e4, size=5.0),
+            Parameter("anchor_x", "m", size=1.0),
+            Parameter("anchor_y", "m", size=1.0),
+        ),
+        forward=lambda geometry, stiffness, pull_x, pull_y: (
+            stiffness,
+            _per(pull_x, stiffness),
+            _per(pull_y, stiffness),
+        ),
+        inverse=lambda xp, geometry, stiffness, anchor_x, anchor_y: (
+            stiffness,
+            stiffness * anchor_x,
+            stiffness * anchor_y,
+        ),
+    ),
+    source="Hooke's law: a cable or hose that pulls O towards a point of the world",
+    recognise="A force in the world that grows with the distance from one point of the floor.",
+)
+def tether(xp, world, stiffness, pull_x, pull_y):
+    """Force against a spring from O to an anchor [N]: k (x - x_A), k (y - y_A)."""
+    return stiffness * world.x - pull_x, stiffness * world.y - pull_y, 0.0
+
+
+LIGHTEST = 0.01
+"""Mass [kg] under which a payload's moments are not taken for those of a mass far out."""
+
+_TIME = Parameter(
+    "time", "s", default=30.0, lower=0.0, grid=tuple(float(t) for t in range(5, 125, 5))
+)
+
+
+@effect(
+    acts_at=BODY,
+    parameters=[
+        Parameter("mass", "kg", lower=LIGHTEST, upper=200.0, size=5.0),
+        Parameter("mass_x", "kg m", size=0.5),
+        Parameter("mass_y", "kg m", size=0.5),
+        _TIME,
+    ],
+    public=Public(
+        parameters=(
+            Parameter("mass", "kg", lower=0.0, upper=200.0, size=5.0),
+            Parameter("x", "m", size=0.1),
+            Parameter("y", "m", size=0.1),
+            _TIME,
+        ),
+        forward=lambda geometry, mass, mass_x, mass_y, time: (
+            mass,
+            _per(mass_x, mass),
+            _per(mass_y, mass),
+            time,
+        ),
+        inverse=lambda xp, geometry, mass, x, y, time: (mass, mass * x, mass * y, time),
+    ),
+    source="Rigid body dynamics: a point mass on the platform, from one moment on",
+    recognise="From one moment of the log on the platform is heavier, or its mass lies elsewhere.",
+)
+def payload_change(xp, body, mass, mass_x, mass_y, time):
+    """Wrench of a point mass at (x, y) that was put on at ``time``: m (a + ...), as the body's."""
+    is_on = xp.where(body.time >= time, 1.0, 0.0)
+    inertia = (mass_x**2 + mass_y**2) / xp.maximum(mass, LIGHTEST)
+    force_x, force_y, moment = rigid_body(xp, body, mass, inertia, mass_x, mass_y)
+    return is_on * force_x, is_on * force_y, is_on * moment
+
+
+@effect(
+    acts_at=CLOCK,
+    parameters=[Parameter("delay", "s", lower=-0.2, upper=0.5, size=0.025)],
+    source="Communication and computation between torque command, drive and log",
+    recognise="The speeds answer late, by a time that is the same for slow and fast motion.",
+)
+def torque_delay(xp, clock, delay):
+    """Time [s] by which the true torque follows the logged one: M_true(t) = M(t - d)."""
+    return delay

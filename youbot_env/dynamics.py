@@ -22,11 +22,13 @@ from youbot_env.effects import (
     BODY,
     CATALOGUE,
     CHANNEL,
+    CLOCK,
     WHEEL,
     WORLD,
     Actuator,
     Body,
     Channel,
+    Clock,
     Effect,
     Place,
     Roller,
@@ -91,6 +93,9 @@ class Structure:
         if sum(item.acts_at is ACTUATOR for item in self.components) > 1:
             raise InputError("a model holds one actuator effect at most")
 
+    def __getstate__(self) -> dict[str, Any]:
+        return {"effects": self.effects}  # the effects themselves are found again by name
+
     @cached_property
     def components(self) -> tuple[Effect, ...]:
         """Base components, then the effects by name."""
@@ -118,16 +123,26 @@ class Structure:
     def depends_on_load(self) -> bool:
         """Whether a wheel effect reads the torque: probed, so that no effect has to declare it."""
         light, heavy = (Wheel(0.7, 0.7, 0.7, t, 0.7, Base(*[1.0] * 7)) for t in (0.3, 1.9))
+        return self._tells_apart(light, heavy)
+
+    @cached_property
+    def depends_on_angle(self) -> bool:
+        """Whether a wheel effect reads the wheel's angle: probed."""
+        here, there = (Wheel(0.7, 0.7, a, 0.7, 0.7, Base(*[1.0] * 7)) for a in (0.3, 1.9))
+        return self._tells_apart(here, there)
+
+    def _tells_apart(self, first: Wheel, second: Wheel) -> bool:
         return any(
-            item.evaluate(floats, light, [0.5] * (where.stop - where.start))
-            != item.evaluate(floats, heavy, [0.5] * (where.stop - where.start))
+            item.evaluate(floats, first, [0.5] * (where.stop - where.start))
+            != item.evaluate(floats, second, [0.5] * (where.stop - where.start))
             for item, where in self.at(WHEEL)
         )
 
     @cached_property
     def only_wrenches(self) -> bool:
-        """Whether the interface torque is the torque that acts: no drive, no channel."""
-        return all(item.acts_at.kind == "wrench" for item, _ in self.slices)
+        """Whether the interface torque is the torque that acts, at some time: no drive, no
+        channel."""
+        return all(item.acts_at.kind in ("wrench", "shift") for item, _ in self.slices)
 
     @cached_property
     def base_readers(self) -> frozenset[str]:
@@ -142,6 +157,16 @@ class Structure:
     def is_linear(self) -> bool:
         """Whether the interface force is linear in the base parameters, whatever the others are."""
         return self.only_wrenches and not self.base_readers and not self.depends_on_load
+
+    @cached_property
+    def nonlinear(self) -> frozenset[str]:
+        """Names of the effects in whose own parameters the interface force is not linear, even if
+        all else is given: shifts, and wrenches that are found so by probing."""
+        return frozenset(
+            item.name
+            for item, _ in self.slices
+            if item.acts_at is CLOCK or (item.acts_at.kind == "wrench" and not _is_linear(item))
+        )
 
     @cached_property
     def slices(self) -> tuple[tuple[Effect, slice], ...]:
@@ -174,6 +199,27 @@ def _reads_base(item: Effect, count: int) -> bool:
     return component_wrench(floats, item, values, first) != component_wrench(
         floats, item, values, second
     )
+
+
+def _is_linear(item: Effect) -> bool:
+    """Whether an effect's wrench is linear in its own parameters, shape constants apart."""
+    declared = [item.parameter(name) for name in item.parameter_names]
+    shape = [parameter.default or 0.0 for parameter in declared]
+    size = [0.0 if parameter.is_shape else parameter.size for parameter in declared]
+    at = Instant((0.3, 0.4, 0.5), (0.6, 0.7, 0.8), (0.1, 0.2, 0.3), (0.5,) * 4, (0.6,) * 4)
+    # Early and late, since some effects begin and others fade.
+    points = [
+        Points(floats, Geometry(), [1.0] * 7, replace(at, time=time)) for time in (0.7, 1000.0)
+    ]
+
+    def force(*parts: float) -> list[float]:
+        # Neighbours get parts out of proportion, so that products and ratios are seen to change.
+        share = [parts[k % len(parts)] for k in range(len(declared))]
+        values = [c + s * part for c, s, part in zip(shape, size, share, strict=True)]
+        return [f for point in points for f in component_wrench(floats, item, values, point)]
+
+    rows = zip(force(0.5, 0.7, 0.3), force(0.4, 0.2, 0.8), force(1.3, 1.1, 1.9), strict=True)
+    return all(abs(a + 2 * b - both) <= 1e-9 * (abs(a) + abs(b)) for a, b, both in rows)
 
 
 def wheel_rates(geometry: Any, twist: Triple) -> tuple[Any, ...]:
@@ -335,10 +381,21 @@ def channel_torque(
     return true
 
 
+def torque_delay(xp: Any, structure: Structure, theta: Any) -> Any:
+    """Delay d [s] of the torque channels: what acts at t is what the interface said at t - d.
+
+    All else here speaks of one instant and is the same for any delay; whoever has a whole course
+    of torques moves it by this much.
+    """
+    shifts = structure.at(CLOCK)
+    return sum((item.evaluate(xp, Clock(), theta[where]) for item, where in shifts), 0.0)
+
+
 def interface_torque(xp: Any, structure: Structure, theta: Any, at: Instant) -> tuple[Any, ...]:
     """Torque [N m] at the interface (command, log) where ``at.torque`` acts on the wheels.
 
     Inverts the channels, which are affine in the torque, and asks the actuator for its command.
+    It belongs to a time earlier than ``at`` by :func:`torque_delay`.
     """
     wanted = actuator_command(xp, structure, theta, at)
     zero = channel_torque(xp, structure, theta, [0.0 * value for value in wanted], at.time)
@@ -384,7 +441,9 @@ def inverse_dynamics(
 ) -> tuple[Any, ...]:
     """Interface torques [N m] (fl, fr, bl, br) that drive a motion: the feed-forward.
 
-    With an actuator ``at.torque_rate`` must hold the rate of the acting torques.
+    With an actuator ``at.torque_rate`` must hold the rate of the acting torques. With a delay the
+    torques must be commanded that much before the motion: evaluate them on the reference
+    :func:`torque_delay` ahead.
     """
     torque = acting_torque(xp, structure, geometry, theta, at)
     return interface_torque(xp, structure, theta, replace(at, torque=torque))
@@ -428,7 +487,10 @@ def forward_dynamics(
 def state_derivative(
     xp: Any, structure: Structure, geometry: Any, theta: Any, state: Any, torque: Any
 ) -> tuple[Any, ...]:
-    """Time derivative of the state (``structure.state_names``) under interface torques [N m]."""
+    """Time derivative of the state (``structure.state_names``) under interface torques [N m].
+
+    Where there is a delay ``torque`` is what the interface said that much earlier.
+    """
     twist, pose, angle, time = state[0:3], state[3:6], state[6:10], state[10]
     command = channel_torque(xp, structure, theta, torque, time)
     acting = tuple(state[11:15]) if structure.has_actuator else command

@@ -15,8 +15,13 @@ the point at which it acts; the rest are its parameters, by name::
 
 *Wrench* effects say what a motion demands (so resistance is positive with the speed); an
 *actuator* says which command a torque and its rate demand; a *channel* says which torque was truly
-there when the interface (the log, the command) said ``torque``. Simulation, regression and
-feed-forward are all derived from these statements.
+there when the interface (the log, the command) said ``torque``; a *shift* says how much later [s]
+than that it was there. Simulation, regression and feed-forward are all derived from these
+statements.
+
+A function takes its parameters in the form in which it is linear, or nearly so, since that is how
+they are identified. Where people state them in another form (an anchor's place, not its pull), the
+effect has a :class:`Public` form, and models, files and tables hold that one.
 """
 
 from __future__ import annotations
@@ -93,6 +98,11 @@ class Channel(NamedTuple):
     time: Any
 
 
+class Clock(NamedTuple):
+    """The clock of all torque channels. An effect here returns the delay d [s] that is constant:
+    the true torque at t is what the interface said at t - d."""
+
+
 @dataclass(frozen=True)
 class Place:
     """Where an effect acts: its kind, its words for a table, and whether it acts at each wheel."""
@@ -109,6 +119,7 @@ ROLLER = Place("roller axle", "wrench", Roller, True)
 WORLD = Place("world", "wrench", World, False)
 ACTUATOR = Place("drive", "actuator", Actuator, True)
 CHANNEL = Place("log channel", "channel", Channel, True)
+CLOCK = Place("log clock", "shift", Clock, False)
 
 
 @dataclass(frozen=True)
@@ -124,6 +135,7 @@ class Parameter:
     each_wheel : one value a wheel, called ``<name>_fl`` ... ``<name>_br``
     relative_to : "mean" or "least" for values of which only differences can be seen; the common
         part belongs to ``absorbed_by``, a base parameter (None: it cannot be known)
+    grid : values of a shape constant that a search should try
     """
 
     name: str
@@ -135,6 +147,7 @@ class Parameter:
     each_wheel: bool = False
     relative_to: str | None = None
     absorbed_by: str | None = None
+    grid: tuple[float, ...] = ()
 
     @property
     def names(self) -> tuple[str, ...]:
@@ -150,6 +163,24 @@ class Parameter:
 
 
 @dataclass(frozen=True)
+class Public:
+    """How people state an effect's parameters, where its function takes them in another form.
+
+    Attributes
+    ----------
+    parameters : as models, files and tables hold them
+    forward : ``forward(geometry, *internal)`` returns their values, from the function's own ones;
+        plain numbers. At zero strength it must stay finite (a place that nothing shows is zero).
+    inverse : ``inverse(xp, geometry, *public)`` returns the function's own values; in the
+        arithmetic of ``xp``, since printed formulas use it
+    """
+
+    parameters: tuple[Parameter, ...]
+    forward: Callable[..., tuple[float, ...]]
+    inverse: Callable[..., tuple[Any, ...]]
+
+
+@dataclass(frozen=True)
 class Effect:
     """A registered effect: one function and what a person must know to use it."""
 
@@ -160,29 +191,56 @@ class Effect:
     source: str
     recognise: str
     dissipative: bool = False
+    public: Public | None = None
 
     @property
     def parameter_names(self) -> tuple[str, ...]:
         """Scalar parameter names, in the order in which ``evaluate`` takes their values."""
-        return tuple(name for parameter in self.parameters for name in parameter.names)
+        return _names(self.parameters)
+
+    def parameter(self, name: str) -> Parameter:
+        """The declaration behind a scalar parameter name of the function."""
+        return self._declared(name, self.parameters)
+
+    @property
+    def public_parameters(self) -> tuple[Parameter, ...]:
+        """The parameters as people state them; the function's own without a public form."""
+        return self.public.parameters if self.public else self.parameters
+
+    @property
+    def public_names(self) -> tuple[str, ...]:
+        """Scalar names of the parameters as people state them."""
+        return _names(self.public_parameters)
 
     @property
     def defaults(self) -> dict[str, float]:
-        """A value for each scalar parameter: shape constants at their default, others at zero."""
-        return {
-            name: parameter.default or 0.0
-            for parameter in self.parameters
-            for name in parameter.names
-        }
+        """A value for each parameter name: shape constants at their default, others at zero."""
+        return _defaults(self.parameters)
 
-    def parameter(self, name: str) -> Parameter:
-        """The declaration behind a scalar parameter name."""
-        for parameter in self.parameters:
+    @property
+    def public_defaults(self) -> dict[str, float]:
+        """The same for each public name."""
+        return _defaults(self.public_parameters)
+
+    def public_parameter(self, name: str) -> Parameter:
+        """The declaration behind a scalar public name."""
+        return self._declared(name, self.public_parameters)
+
+    def _declared(self, name: str, parameters: Iterable[Parameter]) -> Parameter:
+        for parameter in parameters:
             if name in parameter.names:
                 return parameter
-        raise InputError(
-            f"effect {self.name}: no parameter {name!r}; it has {', '.join(self.parameter_names)}"
-        )
+        known = ", ".join(_names(parameters))
+        raise InputError(f"effect {self.name}: no parameter {name!r}; it has {known}")
+
+    def to_public(self, geometry: Any, values: Iterable[float]) -> tuple[float, ...]:
+        """Values as people state them, from those that ``evaluate`` takes."""
+        values = tuple(float(value) for value in values)
+        return self.public.forward(geometry, *values) if self.public else values
+
+    def to_internal(self, xp: Any, geometry: Any, values: Iterable[Any]) -> tuple[Any, ...]:
+        """Values that ``evaluate`` takes, from those that people state."""
+        return self.public.inverse(xp, geometry, *values) if self.public else tuple(values)
 
     def evaluate(self, xp: Any, point: Any, values: Any, wheel: int = 0) -> Any:
         """Call the function at ``point`` (of wheel number ``wheel``) with scalar ``values``."""
@@ -191,6 +249,14 @@ class Effect:
             arguments.append(values[start + wheel] if parameter.each_wheel else values[start])
             start += len(parameter.names)
         return self.function(xp, point, *arguments)
+
+
+def _names(parameters: Iterable[Parameter]) -> tuple[str, ...]:
+    return tuple(name for parameter in parameters for name in parameter.names)
+
+
+def _defaults(parameters: Iterable[Parameter]) -> dict[str, float]:
+    return {name: item.default or 0.0 for item in parameters for name in item.names}
 
 
 class Registry:
@@ -259,17 +325,19 @@ def effect(
     source: str,
     recognise: str,
     dissipative: bool = False,
+    public: Public | None = None,
     registry: Registry = CATALOGUE,
 ) -> Callable[[Callable[..., Any]], Callable[..., Any]]:
     """Register the decorated function as an effect under its own name.
 
     Parameters
     ----------
-    acts_at : BODY, WHEEL, ROLLER, WORLD, ACTUATOR or CHANNEL
+    acts_at : BODY, WHEEL, ROLLER, WORLD, ACTUATOR, CHANNEL or CLOCK
     parameters : what it takes after ``xp`` and the point, by name and in this order
     source : where the formula comes from
     recognise : one sentence on how a user sees it in measurements
     dissipative : True for friction, which must never add energy (tested)
+    public : how people state the parameters, if not as the function takes them
 
     Raises
     ------
@@ -286,7 +354,9 @@ def effect(
                 f"effect {name!r}: the function takes {takes} after (xp, point), "
                 f"but declares {[parameter.name for parameter in declared]}"
             )
-        registry.add(Effect(name, acts_at, function, declared, source, recognise, dissipative))
+        registry.add(
+            Effect(name, acts_at, function, declared, source, recognise, dissipative, public)
+        )
         return function
 
     return register

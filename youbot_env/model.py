@@ -15,6 +15,7 @@ from youbot_env.dynamics import Instant, Structure
 from youbot_env.effects import CATALOGUE
 from youbot_env.errors import InputError
 from youbot_env.geometry import Geometry
+from youbot_env.public_form import to_public, to_theta
 
 Array = NDArray[np.float64]
 
@@ -82,8 +83,9 @@ class Model:
 
     def _check_bounds(self) -> None:
         for effect in self.effects:
-            for key in CATALOGUE[effect].parameter_names:
-                known, value = CATALOGUE[effect].parameter(key), self.values[f"{effect}.{key}"]
+            for key in CATALOGUE[effect].public_names:
+                known = CATALOGUE[effect].public_parameter(key)
+                value = self.values[f"{effect}.{key}"]
                 # A fit that ends at a bound may lie outside it by its rounding.
                 slack = 1e-9 * known.size
                 if not known.lower - slack <= value <= known.upper + slack:
@@ -140,7 +142,7 @@ class Model:
         """All parameters by full name: m0 ... mu2, then ``effect.parameter``."""
         found = {name: float(self.parameters[name].value) for name in BASE_UNITS}
         for effect, parameters in self.effects.items():
-            for name in CATALOGUE[effect].parameter_names:
+            for name in CATALOGUE[effect].public_names:
                 if name not in parameters:
                     raise InputError(f"model {self.name}: effect {effect} lacks {name!r}")
                 found[f"{effect}.{name}"] = float(parameters[name].value)
@@ -148,11 +150,8 @@ class Model:
 
     @cached_property
     def theta(self) -> Array:
-        """(P,) parameters in the order of ``structure.parameter_names`` (m_aX = m aX)."""
-        values = self.values
-        mass = values["m0"] - 4 * self.geometry.m1
-        values = values | {"m_aX": mass * values["aX"], "m_aY": mass * values["aY"]}
-        return np.array([values[name] for name in self.structure.parameter_names])
+        """(P,) parameters in the order and form of ``structure.parameter_names`` (m_aX = m aX)."""
+        return to_theta(self.structure, self.geometry, self.values)
 
     @cached_property
     def lengths(self) -> Array:
@@ -160,16 +159,14 @@ class Model:
         g = self.geometry
         return np.array([g.l, g.h, g.R, g.r])
 
+    @cached_property
+    def delay(self) -> float:
+        """[s] by which torques act later than the interface says so; 0 without such an effect."""
+        return float(dynamics.torque_delay(np, self.structure, self.theta))
+
     def with_theta(self, theta: Sequence[float] | Array) -> Model:
         """The same model at other parameters (P,), without the old ones' uncertainty."""
-        by_name = dict(zip(self.structure.parameter_names, map(float, theta), strict=True))
-        mass = by_name["m0"] - 4 * self.geometry.m1
-        moments = {"aX": by_name.pop("m_aX"), "aY": by_name.pop("m_aY")}
-        if not mass > 0:
-            raise InputError(
-                f"model {self.name}: m0 = {by_name['m0']:g} kg is less than its wheels"
-            )
-        return self.with_values(by_name | {key: value / mass for key, value in moments.items()})
+        return self.with_values(to_public(self.structure, self.geometry, theta))
 
     def with_values(self, values: Mapping[str, float]) -> Model:
         """The same model with the parameters named (full names) replaced and no covariance.
@@ -188,8 +185,10 @@ class Model:
         parameters = {name: Estimate(merged[name], unit) for name, unit in BASE_UNITS.items()}
         effects = {
             effect: {
-                name: Estimate(merged[f"{effect}.{name}"], CATALOGUE[effect].parameter(name).unit)
-                for name in CATALOGUE[effect].parameter_names
+                name: Estimate(
+                    merged[f"{effect}.{name}"], CATALOGUE[effect].public_parameter(name).unit
+                )
+                for name in CATALOGUE[effect].public_names
             }
             for effect in self.effects
         }
@@ -209,8 +208,8 @@ class Model:
         """
         effect = CATALOGUE[name]
         estimates = {
-            key: Estimate(float(value), effect.parameter(key).unit)
-            for key, value in (effect.defaults | values).items()
+            key: Estimate(float(value), effect.public_parameter(key).unit)
+            for key, value in (effect.public_defaults | values).items()
         }
         effects = dict(self.effects) | {name: estimates}
         return replace(self, effects=effects, covariance=None, covariance_names=())
@@ -256,7 +255,8 @@ class Model:
         """Interface torques (..., 4) [N m] that drive a motion (see :meth:`wrench`).
 
         A model with an actuator reads ``torque_rate`` (..., 4) [N m/s], the rate of the torques
-        that act at the wheels.
+        that act at the wheels. Where torques act late they must be commanded ``delay`` before the
+        motion: feed forward from the reference that much ahead.
         """
         instant = _instant(twist, acceleration, at)
         return _stack(
@@ -273,7 +273,7 @@ class Model:
     def state_derivative(self, state: ArrayLike, torque: ArrayLike) -> Array:
         """Time derivative (..., S) of the state (``structure.state_names``) under torques (..., 4).
 
-        ``torque`` [N m] is what the interface commands or logs.
+        ``torque`` [N m] is what the interface commands or logs (``delay`` earlier, with a delay).
         """
         return _stack(
             dynamics.state_derivative(

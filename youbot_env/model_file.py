@@ -231,13 +231,13 @@ def _effects(data: Any, source: str) -> dict[str, dict[str, Estimate]]:
             effect = CATALOGUE[name]
         except InputError as error:
             raise InputError(f"{source}: {error}") from None
-        units = {key: effect.parameter(key).unit for key in effect.parameter_names}
+        units = {key: effect.public_parameter(key).unit for key in effect.public_names}
         parameters = _mapping(entry, source, f"effects.{name}").get("parameters", {})
         where = f"effects.{name}.parameters"
         filled = {
             key: {"value": value}
-            for key, value in effect.defaults.items()
-            if effect.parameter(key).is_shape
+            for key, value in effect.public_defaults.items()
+            if effect.public_parameter(key).is_shape
         } | _mapping(parameters, source, where)
         found[name] = _estimates(filled, units, source, where)
     return found

@@ -115,7 +115,7 @@ def _try_out(item: Effect) -> None:
     """Evaluate a new effect as a simulation will: on numbers, and on symbols for the compiler."""
     from youbot_env.symbolic import try_out  # sympy is slow to load, and most runs need no plugin
 
-    for parameter in item.parameters:
+    for parameter in {*item.parameters, *item.public_parameters}:
         size = parameter.size if parameter.default is None else parameter.default
         if not parameter.lower <= size <= parameter.upper:
             raise InputError(

@@ -76,9 +76,25 @@ class _Text(_Ordered, StrPrinter):
     def _print_Abs(self, expr: Any) -> str:
         return f"|{self._print(expr.args[0])}|"
 
+    def _print_Piecewise(self, expr: Any) -> str:
+        """A switch as Iverson's bracket: one where its condition holds, else zero."""
+        condition = _switched_on(expr)
+        return self._print_Function(expr) if condition is None else f"[{self._print(condition)}]"
+
 
 class _Latex(_Ordered, LatexPrinter):
-    pass
+    def _print_Piecewise(self, expr: Any) -> str:
+        condition = _switched_on(expr)
+        if condition is None:
+            return super()._print_Piecewise(expr)
+        return rf"\left[{self._print(condition)}\right]"
+
+
+def _switched_on(expr: Any) -> Any:
+    """The condition of a piecewise function that is one where it holds and zero elsewhere."""
+    (first, condition), *rest = expr.args
+    is_switch = (first - 1).is_zero and len(rest) == 1 and rest[0].args[0].is_zero
+    return condition if is_switch else None
 
 
 def text(expression: Any) -> str:

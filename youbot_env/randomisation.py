@@ -124,7 +124,7 @@ def _range(model: Model, name: str, pair: object) -> tuple[float, float]:
         raise InputError(f"randomise: {name}: {low:g} to {high:g} is empty")
     if "." in name:
         effect, parameter = name.split(".")
-        bounds = CATALOGUE[effect].parameter(parameter)
+        bounds = CATALOGUE[effect].public_parameter(parameter)
         if low < bounds.lower or high > bounds.upper:
             raise InputError(
                 f"randomise: {name}: {low:g} to {high:g} {bounds.unit} leaves "

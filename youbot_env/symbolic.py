@@ -19,14 +19,17 @@ from youbot_env.backends import floats, symbols
 from youbot_env.dynamics import Instant, Points, Structure
 from youbot_env.effects import (
     ACTUATOR,
+    BASE,
     BODY,
     CHANNEL,
+    CLOCK,
     ROLLER,
     WHEEL,
     WORLD,
     Actuator,
     Body,
     Channel,
+    Clock,
     Effect,
     Place,
     Roller,
@@ -34,6 +37,7 @@ from youbot_env.effects import (
     World,
 )
 from youbot_env.errors import InputError
+from youbot_env.geometry import Geometry
 from youbot_env.model import Model
 from youbot_env.printing import Group, collected, join, latex, text, tidy, with_values
 
@@ -49,6 +53,7 @@ WORDS: dict[Place, tuple[str, ...]] = {
     ROLLER: ("dM_roller",),
     ACTUATOR: ("M_command",),
     CHANNEL: ("M_true",),
+    CLOCK: ("T_late",),
 }
 """What an effect's function returns, by the place where it acts."""
 
@@ -84,11 +89,17 @@ def equation(what: Structure | Model, form: Form = "text") -> str:
 def formula(item: Effect, form: Literal["text", "latex"] = "text") -> str:
     """One line: what an effect adds to the motion's demand (``d...``), from its own function.
 
+    Printed in its public form; that of the base model as in the paper, with m = m0 - 4 m1.
+    ``[...]`` is one where it is true and zero elsewhere; ``T_late`` is how late torques act.
     Parameters and points are those of one wheel: ``phi'`` its rate, ``phi''`` its acceleration,
     ``M`` the torque that acts on it, ``gamma'`` its roller's rate; ``xC``, ``yC`` lead from O to
     the centre of mass along world axes.
     """
-    values = _real(_SPACED.get(parameter.name, parameter.name) for parameter in item.parameters)
+    if item.public is not None and item.name not in BASE:
+        stated = _real(parameter.name for parameter in item.public_parameters)
+        values = item.public.inverse(symbols(), _LENGTHS, *stated)
+    else:
+        values = _real(_SPACED.get(parameter.name, parameter.name) for parameter in item.parameters)
     point = _POINTS[item.acts_at]
     found = item.function(symbols(), point, *values)
     returned = found if isinstance(found, tuple) else (found,)
@@ -111,6 +122,7 @@ def try_out(item: Effect) -> None:
     """
     point, count = _POINTS[item.acts_at], len(WORDS[item.acts_at])
     plain = [0.3 + 0.1 * k for k in range(len(item.parameter_names))]
+    _try_public(item, plain)
     trials = (
         ("numbers", floats, _numeric(point), plain),
         ("symbols", symbols(), point, _real(item.parameter_names)),
@@ -131,6 +143,28 @@ def try_out(item: Effect) -> None:
             raise InputError(f"effect {item.name}: returns {found!r}, not {wanted}")
 
 
+def _try_public(item: Effect, values: list[float]) -> None:
+    """There and back again must be the same values, and no strength no error."""
+    if item.public is None:
+        return
+    geometry = Geometry()
+    try:
+        there = item.to_public(geometry, values)
+        back = item.to_internal(floats, geometry, there)
+        nothing = item.to_public(geometry, item.defaults.values())
+        item.to_internal(symbols(), _LENGTHS, _real(item.public_names))
+    except Exception as error:
+        raise InputError(
+            f"effect {item.name}: its public form fails ({type(error).__name__}: {error})"
+        ) from None
+    if len(there) != len(item.public_names) or len(nothing) != len(there):
+        raise InputError(f"effect {item.name}: forward must return one value a public parameter")
+    if len(back) != len(values) or any(
+        not abs(a - b) <= 1e-9 for a, b in zip(back, values, strict=True)
+    ):
+        raise InputError(f"effect {item.name}: inverse does not undo forward: {values} -> {back}")
+
+
 def _numeric(point: Any) -> Any:
     """The same point with numbers in place of symbols."""
     parts = (_numeric(part) if isinstance(part, tuple) else 0.7 for part in point)
@@ -149,6 +183,9 @@ def _real(names: str | Iterable[str]) -> list[sympy.Symbol]:
 
 _SPACED = {"m_aX": "m aX", "m_aY": "m aY"}
 
+_LENGTHS = SimpleNamespace(**{name: _real(name)[0] for name in ("l", "h", "R", "r", "m1")})
+"""The geometry of a public form, as symbols."""
+
 _BASE = dynamics.Base(*_real(["m0", "I0", "m aX", "m aY", "I1", "mu1", "mu2"]))
 _TWIST, _ACCELERATION = _real("VX VY W"), _real("VX' VY' W'")
 _POSE, _TIME = _real("x y psi"), _real("t")[0]
@@ -160,6 +197,7 @@ _POINTS: dict[Place, Any] = {
     WORLD: World(*_real("x y psi x' y' xC yC t"), base=_BASE),
     ACTUATOR: Actuator(*_real("M M' t")),
     CHANNEL: Channel(*_real("M t")),
+    CLOCK: Clock(),
 }
 
 
@@ -284,4 +322,16 @@ class Equations:
             if any(side.has(symbol) for side in self.sides):
                 lines.append(f"{show(symbol)} = {show(with_values(value, values))}")
         others = [item for item in self.structure.components if item.acts_at.kind != "wrench"]
+        lines += self._stated(show)
         return lines + [formula(item, "latex" if show is latex else "text") for item in others]
+
+    def _stated(self, show: Any) -> list[str]:
+        """Parameters of the equations in terms of those that a model holds."""
+        lines = []
+        for item, where in self.structure.slices[len(BASE) :]:
+            stated = _real(item.public_names)
+            inner = item.to_internal(symbols(), _LENGTHS, stated)
+            for symbol, value in zip(self.theta[where], inner, strict=True):
+                if value not in stated:
+                    lines.append(f"{show(symbol)} = {show(sympy.sympify(value))}")
+        return lines

@@ -26,7 +26,7 @@ def test_every_effect_is_explained(capsys: pytest.CaptureFixture[str]):
     for item in CATALOGUE:
         assert f" {item.name} " in shown, "a name must not fold at 80 columns"
         assert item.recognise in shown and item.acts_at.name in shown
-        for parameter in item.parameters:
+        for parameter in item.public_parameters:
             assert parameter.name in shown and f"[{parameter.unit}]" in shown
 
 
@@ -37,11 +37,11 @@ def test_the_catalogue_as_json(tmp_path: Path):
     assert set(found) == set(CATALOGUE.names())
     for item in CATALOGUE:
         row = found[item.name]
-        assert list(row["parameters"]) == list(item.parameter_names)
+        assert list(row["parameters"]) == list(item.public_names)
         assert row["acts_at"] == item.acts_at.name and row["recognise"] == item.recognise
         for name, entry in row["parameters"].items():
-            assert entry["unit"] == item.parameter(name).unit
-            assert (entry["size"] is None) == item.parameter(name).is_shape
+            assert entry["unit"] == item.public_parameter(name).unit
+            assert (entry["size"] is None) == item.public_parameter(name).is_shape
 
 
 def test_json_on_standard_output_stands_alone(capsys: pytest.CaptureFixture[str]):

@@ -11,6 +11,7 @@ import numpy as np
 
 from youbot_env.dynamics import Instant, Structure
 from youbot_env.effects import CATALOGUE
+from youbot_env.geometry import Geometry
 from youbot_env.model import Model
 from youbot_env.model_file import load_model
 
@@ -25,9 +26,9 @@ SLOT_PATTERN = np.array([1.0, 0.0, 0.3, 0.6])
 
 
 def catalogue_values(name: str) -> dict[str, float]:
-    """An effect's parameters at catalogue size, shape constants at their defaults."""
+    """An effect's parameters, as people state them, at catalogue size; shapes at their defaults."""
     values: dict[str, float] = {}
-    for parameter in CATALOGUE[name].parameters:
+    for parameter in CATALOGUE[name].public_parameters:
         for i, key in enumerate(parameter.names):
             part = SLOT_PATTERN[i] if parameter.each_wheel else 1.0
             values[key] = part * parameter.size if parameter.default is None else parameter.default
@@ -42,6 +43,12 @@ def model(case: str) -> Model:
     for name in effects:
         made = made.with_effect(name, **catalogue_values(name))
     return made
+
+
+def internal_values(name: str) -> np.ndarray:
+    """The same in the form that the effect's function takes."""
+    stated = catalogue_values(name).values()
+    return np.array(CATALOGUE[name].to_internal(np, Geometry(), stated), float)
 
 
 def together() -> tuple[str, ...]:
@@ -69,7 +76,8 @@ def random_instant(rng: np.random.Generator, count: int | None = None) -> Instan
         wheel_angle=draw(50.0, 50.0, 50.0, 50.0),
         torque=draw(2.0, 2.0, 2.0, 2.0),
         torque_rate=draw(20.0, 20.0, 20.0, 20.0),
-        time=draw(30.0)[0],
+        # As often before as after the moment at which an effect begins.
+        time=draw(30.0)[0] + 30.0,
     )
 
 

@@ -196,7 +196,7 @@ def test_theta_and_values_are_each_others_inverse():
     again = m.with_theta(m.theta)
     assert again.values == pytest.approx(m.values, rel=1e-14)
     np.testing.assert_allclose(again.theta, m.theta, rtol=1e-14)
-    with pytest.raises(InputError, match="less than its wheels"):
+    with pytest.raises(InputError, match="four wheels"):
         m.with_theta(np.concatenate([[5.6], m.theta[1:]]))
 
 
