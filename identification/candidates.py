@@ -107,8 +107,7 @@ def _try_shape(
     theta = mechanism.extend_theta(base.theta, name, shapes)
     own = np.arange(len(base.theta), len(theta), dtype=np.intp)
     new = own[mechanism.free[own]]
-    passes = 2 if base.mechanism.structure.has_actuator else 1
-    columns = tuple(_columns(mechanism, theta, item, new, passes) for item in samples)
+    columns = tuple(_columns(mechanism, theta, item, new) for item in samples)
     joined = [np.concatenate([a, b], axis=-1) for a, b in zip(base.columns, columns, strict=True)]
     free = np.flatnonzero(mechanism.free)
     basis = gauge_basis(mechanism) / mechanism.scale[free][:, None]
@@ -118,9 +117,9 @@ def _try_shape(
     )
 
 
-def _columns(mechanism: Any, theta: Array, samples: Any, new: Indices, passes: int) -> Array:
+def _columns(mechanism: Any, theta: Array, samples: Any, new: Indices) -> Array:
     ends = np.moveaxis(mechanism.demand(theta, samples).columns(new), 0, -1)
-    return reduce(ends, samples.dt, passes, RATE)
+    return reduce(ends, samples.dt, RATE)
 
 
 def contains(larger: Candidate, smaller: Candidate, base: Fitted, enough: float = 0.995) -> bool:

@@ -16,6 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from identification.logs import Log
+from identification.resampling import RATE_SMOOTHING, moved, smoothed
 from youbot_env import dynamics
 from youbot_env.dynamics import Instant, Points, Structure, component_wrench
 from youbot_env.effects import BASE, CATALOGUE, Effect, Parameter
@@ -157,7 +158,7 @@ class Mecanum:
     @property
     def is_linear(self) -> bool:
         """Whether the demanded force is linear in the free parameters."""
-        return self.structure.is_linear
+        return self.structure.is_linear and not self.structure.nonlinear
 
     @cached_property
     def scale(self) -> Array:
@@ -278,6 +279,12 @@ class Demand:
 
     def _finish(self, force: Array | None, theta: Array) -> Array:
         """From the force that acts (None: to be found) to the force of the interface torque."""
+        delay = dynamics.torque_delay(np, self.mechanism.structure, theta)
+        # What acts at t + delay was logged at t. The measured side stays as it is: to shift or
+        # filter it would shrink its noise and make any delay look good.
+        return moved(self._interface(force, theta), float(delay) / self.samples.dt)
+
+    def _interface(self, force: Array | None, theta: Array) -> Array:
         structure, geometry = self.mechanism.structure, self.mechanism.geometry
         if force is None:
             torque = dynamics.acting_torque(
@@ -293,13 +300,16 @@ class Demand:
         return self._scaled(dynamics.body_force(geometry, interface))
 
     def _rates(self, torque: tuple[Array, ...]) -> tuple[Array, ...]:
-        """Rates of the acting torques: differences between samples, whose two ends are averaged."""
+        """Rates of the acting torques: differences between smoothed samples."""
+        if not self.mechanism.structure.has_actuator:
+            return torque  # nobody asks
         rates = []
         for value in torque:
             node = np.concatenate(
                 [value[0, :1], 0.5 * (value[1, :-1] + value[0, 1:]), value[1, -1:]]
             )
-            rates.append(np.broadcast_to(np.diff(node) / self.samples.dt, value.shape))
+            slope = np.diff(smoothed(node, RATE_SMOOTHING / self.samples.dt)) / self.samples.dt
+            rates.append(np.broadcast_to(slope, value.shape))
         return tuple(rates)
 
     def columns(self, indices: Iterable[int]) -> Array:
@@ -316,7 +326,7 @@ class Demand:
         if item.name in BASE and structure.is_linear:
             unit = np.zeros(where.stop - where.start)
             unit[index - where.start] = 1.0
-            return self._component(item, unit, self._points)
+            return self._finish(self._component(item, unit, self._points), self.theta)
         step = 1e-3 * item.parameter(item.parameter_names[index - where.start]).size
         ahead, behind = (self._shifted(item, index, sign * step) for sign in (1.0, -1.0))
         return (ahead - behind) / (2 * step)

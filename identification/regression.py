@@ -12,7 +12,6 @@ from identification.filters import (
     FILTER_RATE,
     accumulate,
     block_mean,
-    filter_samples,
     first_order,
     settled,
 )
@@ -85,29 +84,22 @@ def stride(dt: float, rate: float = ROW_RATE) -> int:
 def regression_rows(
     mechanism: Mecanum, theta: Array, samples: Samples, free: Indices, rate: float = ROW_RATE
 ) -> Rows:
-    """Filtered residual and columns of one log, ``rate`` rows a second.
-
-    An actuator's effect on the logged torque takes a derivative more; a second pass through the
-    same filter, on both sides, keeps the noise of that derivative finite.
-    """
+    """Filtered residual and columns of one log, ``rate`` rows a second."""
     demand = mechanism.demand(theta, samples)
     measured = mechanism.measured_force(samples)
     residual = np.stack([measured[:-1], measured[1:]]) - demand.force
     stacked = np.concatenate([residual[None], demand.columns(free)])
-    passes = 2 if mechanism.structure.has_actuator else 1
-    filtered = reduce(np.moveaxis(stacked, 0, -1), samples.dt, passes, rate)
+    filtered = reduce(np.moveaxis(stacked, 0, -1), samples.dt, rate)
     step = stride(samples.dt, rate) * samples.dt
-    first = samples.time[0] + (passes * settled(FILTER_RATE, samples.dt) - 1) * samples.dt
+    first = samples.time[0] + (settled(FILTER_RATE, samples.dt) - 1) * samples.dt
     time = first + step * np.arange(1, len(filtered) + 1)
     return Rows(time, step, filtered[..., 0], filtered[..., 1:])
 
 
-def reduce(ends: Array, dt: float, passes: int = 1, rate: float = ROW_RATE) -> Array:
+def reduce(ends: Array, dt: float, rate: float = ROW_RATE) -> Array:
     """Filter interval ends (2, N - 1, ...) and average into regression rows (n, ...)."""
     filtered = first_order(ends[0], ends[1], FILTER_RATE, dt)
-    for _ in range(passes - 1):
-        filtered = filter_samples(filtered, FILTER_RATE, dt)
-    return block_mean(filtered[passes * settled(FILTER_RATE, dt) :], stride(dt, rate))
+    return block_mean(filtered[settled(FILTER_RATE, dt) :], stride(dt, rate))
 
 
 def fit(

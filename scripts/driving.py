@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from controllers.interface import Controller, Observation, Reference
 from identification.logs import Log
+from youbot_env.delay import DelayLine
 from youbot_env.errors import InputError
 from youbot_env.geometry import WHEELS
 from youbot_env.kernels import kernel
@@ -66,7 +67,8 @@ class Run:
     reference : (N + 1, 3) twist that was asked for [m/s, m/s, rad/s]
     states : (N + 1, S) true states in the order of ``model.structure.state_names``
     wheel_speed : (N + 1, 4) as measured, so with noise [rad/s]
-    command : (N + 1, 4) torque commanded at a tick and held until the next [N m]
+    command : (N + 1, 4) torque commanded at a tick and held until the next [N m]; with a delay
+        in the plant it acts that much later
     """
 
     name: str
@@ -161,6 +163,7 @@ def _loop(
     states, speed, command = record
     advance, steps = kernel(model.structure).advance, substeps(model, dt)
     lengths, theta = model.lengths, model.theta[None]
+    line = DelayLine(model.delay) if model.delay else None
     to_wheels = model.geometry.wheel_jacobian
     to_body = np.linalg.pinv(to_wheels)
     controller.reset()
@@ -175,7 +178,8 @@ def _loop(
         last[:] = controller(seen, Reference(twist[k], acceleration[k], ahead))
         if k < end:
             states[k + 1] = state
-            advance(states[k + 1 : k + 2], command[k : k + 1], lengths, theta, dt, steps)
+            for acting, piece in line.passed(last, dt) if line else ((last, dt),):
+                advance(states[k + 1 : k + 2], acting[None], lengths, theta, piece, steps)
         if progress is not None and k % 500 == 499:
             progress(500 * dt)
     if progress is not None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import os
 from collections.abc import Sequence
 from dataclasses import replace
@@ -11,8 +12,9 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from youbot_env import dynamics
+from youbot_env.delay import DelayLine
 from youbot_env.dynamics import DRIVE_STATE, STATE
-from youbot_env.effects import ACTUATOR, CATALOGUE, CHANNEL
+from youbot_env.effects import ACTUATOR, CATALOGUE, CHANNEL, CLOCK
 from youbot_env.errors import InputError
 from youbot_env.kernels import kernel
 from youbot_env.model import Model
@@ -35,6 +37,7 @@ the whole speed and torque, a dry friction's kink the last mm/s alone."""
 class Plant:
     """A mecanum platform that integrates its model under wheel torques.
 
+    Where the model has a delay, a torque acts that much after its step, and none after a reset.
     This is what ``YouBotTracking-v0`` runs on, and the way to put an identified model into an
     environment of one's own::
 
@@ -82,6 +85,8 @@ class Plant:
         self._lengths = model.lengths
         self._substeps = substeps
         self._needed: dict[float, int] = {}
+        late = count if self.structure.at(CLOCK) else 0
+        self._lines = [DelayLine(model.delay) for _ in range(late)]
         self._advance: Any = kernel(self.structure).advance
 
     def reset(
@@ -100,6 +105,8 @@ class Plant:
             if model is not None and model is not self.models[index]:
                 self._use(model, index)
             self.states[index] = initial_state(self.models[index], **start)
+            if self._lines:
+                self._lines[index] = DelayLine(self.models[index].delay)
         return self.state
 
     def _use(self, model: Model, row: int) -> None:
@@ -126,7 +133,14 @@ class Plant:
     def advance(self, torque: Array, duration: float) -> None:
         """``step`` for C-contiguous rows (n, 4), unchecked and without a result."""
         count = self._needed.get(duration) or self._count(duration)
-        self._advance(self.states, torque, self._lengths, self._theta, duration, count)
+        if not self._lines:
+            self._advance(self.states, torque, self._lengths, self._theta, duration, count)
+            return
+        for row, line in enumerate(self._lines):
+            state, theta = self.states[row : row + 1], self._theta[row : row + 1]
+            for acting, piece in line.passed(torque[row], duration):
+                steps = math.ceil(count * piece / duration)
+                self._advance(state, acting[None], self._lengths, theta, piece, steps)
 
     def _count(self, duration: float) -> int:
         distinct = {id(model): model for model in self.models}.values()
@@ -138,6 +152,8 @@ class Plant:
         """Torques (n, 4) [N m] that act at the wheels now, under the commands (n, 4)."""
         if self.structure.has_actuator:
             return self.states[:, DRIVES].copy()
+        if self._lines:
+            command = np.stack([line.acting for line in self._lines])
         if not self.structure.at(CHANNEL):
             return command
         time = self.states[:, len(STATE) - 1]

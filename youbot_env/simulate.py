@@ -23,6 +23,11 @@ FULL_SPEED = (MAX_BODY_SPEED, 0.25 * MAX_BODY_SPEED, 0.5)
 """Twist [m/s, m/s, rad/s] at which one wheel turns at its greatest speed."""
 
 
+PHASE_SHARE = 1.0 / 3.0
+"""Share of a ripple's frequency that counts as stiffness: it drives the twist and does not feed
+back, so that three quarters of a radian in a step cost only 1e-4 of what it adds."""
+
+
 def initial_state(
     model: Model,
     *,
@@ -74,7 +79,23 @@ def stiffness(structure: Structure, geometry: Geometry, theta: Array) -> float:
             for t in (0.0, 1.0)
         )
         rates.append(float(np.max(np.abs(np.subtract(fast, slow)))))
+    if structure.depends_on_angle:
+        rates.append(PHASE_SHARE * ripple_rate(structure, geometry, theta))
     return float(np.max(rates))  # not max(): a rate that is no number must show
+
+
+def ripple_rate(structure: Structure, geometry: Geometry, theta: Array) -> float:
+    """Angular frequency [rad/s] at full speed of forces that vary with the wheels' angles."""
+    step = 0.01
+    angle = step * np.arange(700)
+    at = Instant(FULL_SPEED, wheel_angle=(angle,) * 4)
+    force = np.stack(np.broadcast_arrays(*dynamics.wrench(np, structure, geometry, theta, at)))
+    swing = np.abs(force - force.mean(axis=1, keepdims=True)).max()
+    if swing <= 1e-9 * np.abs(force).max():
+        return 0.0
+    bend = np.abs(np.diff(force, 2, axis=1)).max() / step**2
+    fastest = np.abs(dynamics.wheel_rates(geometry, FULL_SPEED)).max()
+    return float(np.sqrt(bend / swing) * fastest)
 
 
 def substeps(model: Model, duration: float) -> int:
@@ -102,7 +123,8 @@ def _substeps(structure: Structure, geometry: Geometry, theta: Array, duration: 
 def simulate(model: Model, time: ArrayLike, torque: ArrayLike, start: ArrayLike) -> Array:
     """Free run: states (N, S) at ``time`` (N,) [s] from ``start`` (S,).
 
-    ``torque`` (N, 4) [N m] is what the interface commands or logs, linear between samples.
+    ``torque`` (N, 4) [N m] is what the interface commands or logs, linear between samples. With a
+    delay it acts that much later, and its first value before.
     A run that diverges holds inf or NaN from there on.
 
     Raises
@@ -132,22 +154,37 @@ def simulate_theta(
     For searches, which pass through parameters that no :class:`Model` would accept.
     """
     state = _vector("start", start, len(structure.state_names))
-    # A gap between samples must be as finely stepped as the rest.
-    usual = float(np.median(duration)) if len(duration) else 1.0
-    pieces = np.ceil(np.asarray(duration) / (1.5 * usual)).astype(int)
-    fine = np.repeat(duration / pieces, pieces)
-    out = np.empty((len(fine) + 1, len(state)))
+    time = np.concatenate([[0.0], np.cumsum(duration)])
+    delay = float(dynamics.torque_delay(np, structure, theta))
+    grid = _grid(time, delay)
+    fine, torque = np.diff(grid), np.asarray(torque, float)
+    acting = np.stack([np.interp(grid - delay, time, column) for column in torque.T], axis=1)
+    out = np.empty((len(grid), len(state)))
     lengths = np.array([geometry.l, geometry.h, geometry.R, geometry.r])
     count = _substeps(structure, geometry, theta, float(fine.max(initial=0.0)))
     theta = np.ascontiguousarray(theta, float)
-    kernel(structure).rollout(state, _cut(torque, pieces), fine, lengths, theta, count, out)
-    return out[np.concatenate([[0], np.cumsum(pieces)])]
+    kernel(structure).rollout(state, acting, fine, lengths, theta, count, out)
+    return out[np.searchsorted(grid, time)]
 
 
-def _cut(torque: Array, pieces: NDArray[np.int_]) -> Array:
-    """Torque (M, 4) with interval k of its samples (N, 4) cut into ``pieces[k]``, linear within."""
+def _grid(time: Array, delay: float) -> Array:
+    """Instants (M,) between which the torques that act are linear, those of ``time`` among them.
+
+    A gap between samples must be as finely stepped as the rest, so it is cut.
+    """
+    duration = np.diff(time)
+    if not len(duration):
+        return time
+    usual = float(np.median(duration))
+    pieces = np.ceil(duration / (1.5 * usual)).astype(int)
     at = np.repeat(np.arange(len(pieces)), pieces)
     part = (np.arange(len(at)) - (np.cumsum(pieces) - pieces)[at]) / pieces[at]
-    torque = np.asarray(torque, float)
-    within = torque[at] + part[:, None] * (torque[at + 1] - torque[at])
-    return np.concatenate([within, torque[-1:]])
+    grid = np.append(time[at] + part * duration[at], time[-1])
+    if delay == 0.0:
+        return grid
+    # Late samples bend the course of the torque between the grid's own instants.
+    late = time + delay
+    late = late[(late > time[0]) & (late < time[-1])]
+    after = np.searchsorted(grid, late).clip(1, len(grid) - 1)
+    apart = np.minimum(late - grid[after - 1], grid[after] - late)
+    return np.union1d(grid, late[apart > 1e-6 * usual])

@@ -16,6 +16,7 @@ from youbot_env.errors import InputError
 from youbot_env.geometry import SIGN_X
 from youbot_env.model_file import load_model
 from youbot_env.motions import calibration, motion_i, motion_iii, multisine, sequence
+from youbot_env.plant import Plant
 from youbot_env.simulate import simulate
 from youbot_scripts.driving import Run, control_step, drive, run, ticks_per_row
 from youbot_scripts.experiments import catalogue_size
@@ -106,6 +107,18 @@ def test_each_command_is_held_until_the_next():
     np.testing.assert_allclose(found.states[50, :10], fine[-1, :10], atol=1e-6)
 
 
+@pytest.mark.parametrize("delay", [0.02, 0.0213])
+def test_a_command_acts_a_delay_later(delay: float):
+    plant = PAPER.with_effect("torque_delay", delay=delay)
+    torques = np.random.default_rng(1).uniform(-1, 1, (2001, 4))
+    found = run(plant, SHORT, Spy(torques), rate=100, speed_noise=0.0)
+    reference = Plant(plant)
+    for k in range(50):
+        np.testing.assert_allclose(found.states[k], reference.state, atol=1e-7)
+        reference.step(torques[k], found.dt)
+    assert found.states[10, :3].any() == (delay < 10 * found.dt)
+
+
 def test_a_preview_shows_the_coming_references():
     spy = Spy(np.zeros((1, 4)))
     found = run(PAPER, SHORT, spy, rate=50, preview=3)
@@ -159,9 +172,13 @@ def test_the_regression_gives_the_plant_back(rate: float):
     assert (found.std < 0.1 * np.abs(PAPER.theta)).all()
 
 
+EARLY = {"payload_change": {"time": 4.0}}
+"""Effects that would begin after the motion of the test."""
+
+
 @pytest.mark.parametrize("name", CATALOGUE.names())
 def test_every_effect_of_the_catalogue_can_be_driven(name: str):
-    plant = PAPER.with_effect(name, **catalogue_size(CATALOGUE[name]))
+    plant = PAPER.with_effect(name, **catalogue_size(CATALOGUE[name]) | EARLY.get(name, {}))
     motion = sequence(
         [motion_i(duration=5.0, frequency=5.0), multisine(np.random.default_rng(1), duration=5.0)]
     )

@@ -20,6 +20,8 @@ MODELS = {
     "fast lag": {"actuator_lag": {"time_constant": 0.005}},
     "tilt": {"floor_tilt": {"tilt_x": 0.02}},
     "dry friction": {"wheel_coulomb_friction": {"torque": 0.25}},
+    "ripple": {"torque_ripple": {"amplitude": 0.2}},
+    "tether": {"tether": {"stiffness": 5.0, "anchor_x": 1.0}},
     "load": {"load_dependent_friction": {"share": 0.15}},
 }
 
@@ -130,6 +132,66 @@ def test_torque_that_acts_follows_drive_and_channel():
     )
     wrong = Plant(with_effects({"torque_gain_error": {"gain_fl": 0.2}}))
     assert wrong.acting_torque(command)[0].tolist() == [1.2, 1.0, 1.0, 1.0]
+
+
+LATE = {"torque_delay": {"delay": 0.0237}}
+
+
+@pytest.mark.parametrize("effects", [LATE, {**LATE, **LAG}, {"torque_delay": {"delay": 0.02}}])
+@pytest.mark.parametrize("duration", [0.01, 0.04])
+def test_commands_act_a_delay_later(effects, duration):
+    """Against a platform without delay that is given each torque when it is to act."""
+    late = with_effects(effects)
+    prompt = with_effects({name: v for name, v in effects.items() if name != "torque_delay"})
+    commands = np.random.default_rng(0).uniform(-2, 2, (20, 4))
+    plant, fine = Plant(late), Plant(prompt, substeps=20)
+    plant.reset(twist=(0.2, 0.1, -0.3))
+    fine.reset(twist=(0.2, 0.1, -0.3))
+    ends = duration * np.arange(1, 21)
+    moments = np.unique(np.round([0.0, *ends, *(ends + late.delay), late.delay], 9))
+    now = 0.0
+    for k, command in enumerate(commands):
+        plant.step(command, duration)
+        for moment in moments[(moments > now + 1e-8) & (moments < ends[k] + 1e-8)]:
+            which = int(np.floor((0.5 * (now + moment) - late.delay) / duration))
+            acting = commands[which] if which >= 0 else np.zeros(4)
+            fine.step(acting, moment - now)
+            now = moment
+        shared = fine.state.size - (4 if "actuator_lag" in effects else 0)
+        assert plant.state[:shared] == pytest.approx(fine.state[:shared], abs=2e-7)
+        if "actuator_lag" not in effects:
+            assert plant.acting_torque(command[None])[0].tolist() == acting.tolist()
+
+
+def test_rows_with_delays_of_their_own_do_not_touch_each_other():
+    model = with_effects(LATE)
+    other = model.with_values({"torque_delay.delay": 0.005})
+    together, alone = Plant(model, platforms=2), [Plant(model), Plant(other)]
+    together.reset(other, row=1)
+    rng = np.random.default_rng(1)
+    for k in range(30):
+        if k == 15:  # a platform that begins anew forgets what was on its way to it alone
+            together.reset(row=1)
+            alone[1].reset()
+        torque = rng.uniform(-2, 2, (2, 4))
+        together.step(torque, 0.01)
+        for plant, row in zip(alone, torque, strict=True):
+            plant.step(row, 0.01)
+        assert np.array_equal(together.state, [plant.state for plant in alone])
+
+
+def test_a_copy_has_the_same_commands_on_their_way():
+    plant = Plant(with_effects(LATE))
+    plant.step((1.0, 0.5, 0.2, 0.1), 0.01)
+    twin = pickle.loads(pickle.dumps(plant))
+    for _ in range(5):
+        assert np.array_equal(plant.step([0.0] * 4, 0.01), twin.step([0.0] * 4, 0.01))
+    assert plant.twist.any()
+
+
+def test_nothing_acts_before_it_is_commanded():
+    with pytest.raises(InputError, match="before it is commanded"):
+        Plant(with_effects({"torque_delay": {"delay": -0.01}}))
 
 
 def test_what_cannot_be_is_one_clear_line():

@@ -16,14 +16,26 @@ from youbot_env.dynamics import Instant, Points, component_wrench
 from youbot_env.errors import InputError
 from youbot_env.kernels import kernel
 from youbot_env.model import Model
-from youbot_env.simulate import initial_state, simulate, substeps
+from youbot_env.simulate import FULL_SPEED, initial_state, ripple_rate, simulate, substeps
+
+LATE = 40.0
+"""[s] When the runs begin: what begins later than a log is there by then."""
 
 
 def moving(m: Model) -> np.ndarray:
     """A platform on its way somewhere."""
     return initial_state(
-        m, twist=(0.2, -0.1, 0.3), pose=(0.4, -0.2, 0.5), wheel_angle=(1.0, 2.0, 3.0, 4.0)
+        m,
+        twist=(0.2, -0.1, 0.3),
+        pose=(0.4, -0.2, 0.5),
+        wheel_angle=(1.0, 2.0, 3.0, 4.0),
+        time=LATE,
     )
+
+
+def delayed(m: Model, time: np.ndarray, torque: np.ndarray) -> np.ndarray:
+    """The interface's torques at the times at which they act."""
+    return np.stack([np.interp(time - m.delay, time, column) for column in torque.T], axis=1)
 
 
 def instants(m: Model, states: np.ndarray, torque: np.ndarray) -> Instant:
@@ -37,7 +49,8 @@ def instants(m: Model, states: np.ndarray, torque: np.ndarray) -> Instant:
     )
     if m.structure.has_actuator:
         return replace(at, torque=tuple(columns[11:15]))
-    true = dynamics.channel_torque(np, m.structure, m.theta, list(torque.T), columns[10])
+    late = delayed(m, columns[10], torque)
+    true = dynamics.channel_torque(np, m.structure, m.theta, list(late.T), columns[10])
     return replace(at, torque=true)
 
 
@@ -66,7 +79,9 @@ def test_energy_balance_closes(run: tuple[Model, np.ndarray, Instant]):
     acceleration times the twist, so that the rigid body's own (Coriolis, centrifugal) must vanish.
     """
     m, states, at = run
-    matrix = m.mass_matrix()
+    matrix = dynamics.mass_matrix(
+        np, m.structure, m.geometry, m.theta, Instant((0.0, 0.0, 0.0), time=LATE)
+    )
     kinetic = 0.5 * np.einsum("ni,ij,nj->n", states[:, :3], matrix, states[:, :3])
     driving = power(dynamics.body_force(m.geometry, at.torque), at)
     points = Points(np, m.geometry, m.theta, at)
@@ -118,15 +133,16 @@ def test_integrator_is_of_fourth_order(case: str):
     The platform goes from one motion to another in which no wheel and no roller reverses.
     """
     m = model(case)
-    torque = m.inverse_dynamics((0.7, 0.4, 0.15), np.zeros(3), torque_rate=np.zeros(4))[None]
-    start = initial_state(m, twist=(0.9, 0.3, 0.1), torque=0.8 * torque[0])
+    at_rest = {"torque_rate": np.zeros(4), "time": LATE}
+    torque = m.inverse_dynamics((0.7, 0.4, 0.15), np.zeros(3), **at_rest)[None]
+    start = initial_state(m, twist=(0.9, 0.3, 0.1), torque=0.8 * torque[0], time=LATE)
 
     def final(steps: int) -> np.ndarray:
         state = start[None].copy()
         kernel(m.structure).advance(state, torque, m.lengths, m.theta[None], 0.4, steps)
         return state[0]
 
-    coarse = 24
+    coarse = 192 if m.structure.depends_on_angle else 24
     reference = final(32 * coarse)
     errors = [np.abs(final(n * coarse) - reference).max() for n in (1, 2, 4)]
     orders = np.log2(np.array(errors[:-1]) / errors[1:])
@@ -138,13 +154,12 @@ def reference_run(m: Model, time: np.ndarray, torque: np.ndarray, start: np.ndar
     """The same free run by scipy's eighth-order method, interval by interval."""
     theta = [float(v) for v in m.theta]
     states = [start]
+
+    def rates(t: float, y: np.ndarray):
+        now = [float(np.interp(t - m.delay, time, column)) for column in torque.T]
+        return dynamics.state_derivative(floats, m.structure, m.geometry, theta, y, now)
+
     for k in range(len(time) - 1):
-        slope = (torque[k + 1] - torque[k]) / (time[k + 1] - time[k])
-
-        def rates(t: float, y: np.ndarray, k: int = k, slope: np.ndarray = slope):
-            now = torque[k] + slope * (t - time[k])
-            return dynamics.state_derivative(floats, m.structure, m.geometry, theta, y, now)
-
         solved = solve_ivp(
             rates, time[k : k + 2], states[-1], method="DOP853", rtol=1e-10, atol=1e-12
         )
@@ -165,6 +180,22 @@ def test_free_run_equals_a_tight_reference(case: str):
     place = np.abs(states[:, 3:6] - expected[:, 3:6]).max()
     print(f"{case}: velocity {speed:.1e}, pose {place:.1e}")
     assert speed < 5e-6 and place < 5e-7
+
+
+@pytest.mark.parametrize("delay", [0.013, 0.02, -0.017, 0.5])
+def test_a_delay_moves_the_torques_and_nothing_else(delay: float):
+    """As exactly as any run, for torques that are linear between samples."""
+    base = model("base")
+    m = base.with_effect("torque_delay", delay=delay)
+    time = np.linspace(0.0, 0.8, 41)
+    torque = drive(time, 2.0)
+    knots = np.union1d(time, np.clip(time + m.delay, 0.0, 0.8))
+    knots = knots[np.diff(knots, prepend=-1.0) > 1e-9]
+    late = np.stack([np.interp(knots - m.delay, time, column) for column in torque.T], axis=1)
+    expected = simulate(base, knots, late, moving(base))
+    states = simulate(m, time, torque, moving(m))
+    at = [int(np.abs(knots - t).argmin()) for t in time]
+    np.testing.assert_allclose(states, expected[at], rtol=0, atol=5e-6)
 
 
 def test_batch_rows_do_not_touch_each_other():
@@ -210,6 +241,17 @@ def test_substeps_follow_the_stiffest_mode():
     slope = v["wheel_coulomb_friction.torque"] / v["wheel_coulomb_friction.smoothing"] + v["mu1"]
     surge = 4 * slope / g.R**2 / (v["m0"] + 4 * v["I1"] / g.R**2)
     assert substeps(dry, 0.01) >= 0.01 * surge / 0.25
+
+
+def test_substeps_follow_a_ripple():
+    """A run must not step over the waves of a force, and need not where there is none."""
+    for cycles in (5.0, 20.0):
+        m = model("base").with_effect("torque_ripple", amplitude=0.1, cycles=cycles)
+        rate = ripple_rate(m.structure, m.geometry, m.theta)
+        fastest = np.abs(m.geometry.wheel_speeds(np.array(FULL_SPEED))).max()
+        assert rate == pytest.approx(cycles * fastest, rel=0.05)
+        assert 0.01 * rate / substeps(m, 0.01) < 0.76
+    assert substeps(m.with_effect("torque_ripple", amplitude=0.0), 0.01) == 1
 
 
 def test_a_drive_without_lag_is_called_too_stiff():
