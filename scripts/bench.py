@@ -1,0 +1,135 @@
+"""Test the diagnosis on blind cases from a simulator of its own."""
+
+from __future__ import annotations
+
+import sys
+from pathlib import Path
+from typing import Annotated, Any
+
+import typer
+
+from youbot_env.errors import InputError
+from youbot_scripts import common
+from youbot_scripts.blind.cases import KINDS, write_case
+from youbot_scripts.blind.report import show, show_sizes
+from youbot_scripts.blind.scores import score
+from youbot_scripts.blind.sizes import force_ratio, size_table, sizings
+from youbot_scripts.blind.spread import spread
+from youbot_scripts.blind.trial import Record
+from youbot_scripts.blind.trials import Spec, plan, run_trials
+from youbot_scripts.cli import run_script
+
+EXAMPLES = (
+    "youbot bench --cases 200 --kinds none --resume bench/",
+    "youbot bench --cases 60 --kinds one,quarter,two,unknown --jobs 2 --resume bench/",
+    "youbot bench --cases 105 --kinds sweep",
+    "youbot bench --cases 3 --kinds floor_tilt --write cases/",
+    "youbot bench --sizes --cases 2",
+)
+
+DEFAULT_KINDS = "none,one,quarter,two,unknown"
+
+
+def main(
+    cases: Annotated[int, typer.Option(min=1, metavar="N", help="Cases of each kind.")] = 15,
+    kinds: Annotated[
+        str,
+        typer.Option(metavar="A,B,...", help=f"Of {', '.join(KINDS)}, or effects by name."),
+    ] = DEFAULT_KINDS,
+    rates: Annotated[
+        str,
+        typer.Option(
+            metavar="HZ,...", help="Log rates; default 100 Hz, and 50, 100, 250 for none."
+        ),
+    ] = "",
+    noise: Annotated[
+        float | None,
+        typer.Option(min=0.0, help="Noise, times 0.03 N m and 0.01 rad/s; default: by kind."),
+    ] = None,
+    jobs: Annotated[int, typer.Option(min=1, metavar="N", help="Processes.")] = 2,
+    resume: Annotated[
+        Path | None,
+        typer.Option(metavar="DIR", help="Keep each trial here, and do not do again those here."),
+    ] = None,
+    write: Annotated[
+        Path | None,
+        typer.Option(
+            metavar="DIR", help="Only write the cases: logs and truth.json, a folder each."
+        ),
+    ] = None,
+    sizes: Annotated[
+        bool, typer.Option("--sizes", help="Only measure how large each effect must be to matter.")
+    ] = False,
+    seed: common.SeedOption = 0,
+    json: common.JsonOption = None,
+) -> None:
+    """Test the diagnosis on blind cases: random platforms with something planted.
+
+    Cases come from a simulator of its own, which shares no line with the models that are fitted;
+    they look like logs of the stock loop on the calibration motions and two multisines. Kinds:
+    none (nothing planted), one (an effect of about catalogue size), quarter (a quarter of it under
+    twice the noise), two (two effects), unknown (something outside the catalogue), sweep (each
+    effect at 1/16 to 4 times its size). Each case is diagnosed from the published model, whose
+    parameters are not the platform's.
+    """
+    out = common.console(json)
+    if sizes:
+        _measure_sizes(out, cases, seed, jobs, json)
+        return
+    specs = plan(_words(kinds), cases, seed, _rates(rates), noise)
+    if write is not None:
+        _write(specs, write, out)
+        return
+    records = bench(specs, jobs=jobs, folder=resume)
+    scores = score(records)
+    show(out, scores, records)
+    common.write_result(json, {**scores, "trials": records}, seed)
+
+
+def bench(specs: list[Spec], *, jobs: int = 1, folder: Path | None = None) -> list[Record]:
+    """Diagnose the cases, with a progress bar."""
+    from identification.diagnosis import diagnose
+
+    with common.progress(len(specs), "diagnosing") as advance:
+        return run_trials(specs, diagnose, jobs=jobs, folder=folder, progress=advance)
+
+
+def _words(text: str) -> list[str]:
+    words = [word.strip() for word in text.split(",") if word.strip()]
+    if not words:
+        raise InputError(f"kinds: none is named; use {DEFAULT_KINDS}")
+    return words
+
+
+def _rates(text: str) -> list[float]:
+    try:
+        return [float(word) for word in text.split(",") if word.strip()]
+    except ValueError:
+        raise InputError(
+            f"rates: {text!r} is no list of numbers; write for instance 50,100"
+        ) from None
+
+
+def _write(specs: list[Spec], folder: Path, out: Any) -> None:
+    with common.progress(len(specs), "writing") as advance:
+        for spec in specs:
+            case = spec.draw()
+            write_case(folder / case.key, case)
+            advance()
+    out.print(f"{len(specs)} cases: {folder}", soft_wrap=True)
+
+
+def _measure_sizes(out: Any, cases: int, seed: int, jobs: int, json: Path | None) -> None:
+    wanted = sizings(cases, seed)
+    found = []
+    with common.progress(len(wanted), "measuring") as advance:
+        for row in spread(force_ratio, wanted, jobs):
+            found.append(row)
+            advance()
+    table = size_table(found)
+    show_sizes(out, table)
+    common.write_result(json, {"sizes": table}, seed)
+
+
+if __name__ == "__main__":
+    sys.exit(run_script(__file__))

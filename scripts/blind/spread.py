@@ -1,0 +1,42 @@
+"""Work spread over processes, one result at a time, that Ctrl-C ends cleanly."""
+
+from __future__ import annotations
+
+import multiprocessing
+import signal
+from collections.abc import Callable, Iterator, Sequence
+from concurrent.futures import ProcessPoolExecutor, as_completed
+from typing import TypeVar
+
+Item = TypeVar("Item")
+Result = TypeVar("Result")
+
+
+def spread(
+    function: Callable[[Item], Result], items: Sequence[Item], jobs: int
+) -> Iterator[tuple[Item, Result]]:
+    """Items with what the function makes of them, as they get done.
+
+    Parameters
+    ----------
+    function : picklable if ``jobs`` is more than one
+    jobs : processes; one works in this process, in order
+    """
+    if jobs == 1:
+        for item in items:
+            yield item, function(item)
+        return
+    # A fork would inherit the threads of compiled code, half alive.
+    context = multiprocessing.get_context("spawn")
+    pool = ProcessPoolExecutor(min(jobs, len(items) or 1), context, initializer=_leave_interrupts)
+    try:
+        waiting = {pool.submit(function, item): item for item in items}
+        for done in as_completed(waiting):
+            yield waiting[done], done.result()
+    finally:
+        pool.shutdown(wait=True, cancel_futures=True)
+
+
+def _leave_interrupts() -> None:
+    """Ctrl-C reaches all processes of a terminal; the parent alone decides what it means."""
+    signal.signal(signal.SIGINT, signal.SIG_IGN)

@@ -1,0 +1,155 @@
+"""Many blind trials: planned, spread over processes, kept as they are done, and taken up again."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Callable, Iterable, Sequence
+from dataclasses import dataclass
+from functools import partial
+from itertools import chain, zip_longest
+from pathlib import Path
+
+from youbot_env.errors import InputError
+from youbot_scripts.blind.cases import Case, draw_case
+from youbot_scripts.blind.effects import CATALOGUE
+from youbot_scripts.blind.spread import spread
+from youbot_scripts.blind.trial import Diagnose, Record, run_trial
+
+RESULTS = "results.jsonl"
+"""File of a folder of results: one trial a line."""
+
+
+@dataclass(frozen=True)
+class Spec:
+    """What makes a case: see :func:`youbot_scripts.blind.cases.draw_case`."""
+
+    kind: str
+    index: int
+    seed: int
+    rate: float | None = None
+    noise: float | None = None
+
+    def draw(self) -> Case:
+        """The case."""
+        return draw_case(self.kind, self.index, self.seed, self.rate, self.noise)
+
+
+def plan(
+    kinds: Sequence[str],
+    cases: int,
+    seed: int,
+    rates: Sequence[float] = (),
+    noise: float | None = None,
+) -> list[Spec]:
+    """``cases`` cases of each kind, the kinds in turn, so that a part of them is a fair sample.
+
+    Parameters
+    ----------
+    rates : of the logs [Hz], in turn; empty: as each kind has it
+    noise : factor on the base noise; None: as each kind has it
+
+    Raises
+    ------
+    InputError
+        If a kind or rate cannot be.
+    """
+    columns = []
+    for kind in kinds:
+        # A full turn through the effects before the next rate, so that each meets each.
+        turn = len(CATALOGUE) if kind in ("one", "quarter", "sweep") else 1
+        columns.append(
+            [
+                Spec(kind, i, seed, rates[i // turn % len(rates)] if rates else None, noise)
+                for i in range(cases)
+            ]
+        )
+        if cases:
+            columns[-1][0].draw()
+    return [spec for spec in chain.from_iterable(zip_longest(*columns)) if spec is not None]
+
+
+def try_case(diagnose: Diagnose, spec: Spec) -> Record:
+    """One trial; a crash becomes part of the record, so that it does not end the others."""
+    case = spec.draw()
+    try:
+        return run_trial(case, diagnose)
+    except Exception as error:
+        message = f"{type(error).__name__}: {error}"
+        return {"case": case.to_dict(), "carriers": [], "seconds": 0.0, "error": message}
+
+
+def read_results(folder: Path) -> dict[str, Record]:
+    """Trials that a folder holds, by the case's key; a last line cut short is taken away.
+
+    Raises
+    ------
+    InputError
+        If a line is no trial.
+    """
+    path = folder / RESULTS
+    if not path.exists():
+        return {}
+    text = path.read_text("utf-8")
+    whole = text[: text.rfind("\n") + 1]
+    found = {}
+    for row, line in enumerate(whole.splitlines(), 1):
+        try:
+            record = json.loads(line)
+            found[record["case"]["key"]] = record
+        except (ValueError, KeyError, TypeError):
+            raise InputError(f"{path}: row {row}: not a trial; name another folder") from None
+    if whole != text:
+        path.write_text(whole, "utf-8")
+    return found
+
+
+def run_trials(
+    specs: Sequence[Spec],
+    diagnose: Diagnose,
+    *,
+    jobs: int = 1,
+    folder: Path | None = None,
+    progress: Callable[[], None] = lambda: None,
+) -> list[Record]:
+    """Trials of all cases, in their order.
+
+    Parameters
+    ----------
+    diagnose : ``diagnose(model, logs, seed=...)``; picklable if ``jobs`` is more than one
+    folder : where each trial is noted as it is done; those that are there are not done again
+
+    Raises
+    ------
+    InputError
+        If the folder cannot be made or holds something else.
+    """
+    done = {} if folder is None else read_results(folder)
+    keys = {spec: spec.draw().key for spec in specs}
+    waiting = [spec for spec in specs if keys[spec] not in done]
+    for _ in range(len(specs) - len(waiting)):
+        progress()
+    for _, record in spread(partial(try_case, diagnose), waiting, jobs):
+        record = json.loads(json.dumps(record, default=_plain))
+        done[record["case"]["key"]] = record
+        if folder is not None:
+            _append(folder, record)
+        progress()
+    return [done[keys[spec]] for spec in specs]
+
+
+def _append(folder: Path, record: Record) -> None:
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+        with (folder / RESULTS).open("a", encoding="utf-8") as file:
+            file.write(json.dumps(record) + "\n")
+    except OSError as error:
+        raise InputError(f"{folder}: cannot be written: {error.strerror}") from None
+
+
+def _plain(value: object) -> object:
+    return value.tolist() if hasattr(value, "tolist") else str(value)  # type: ignore[attr-defined]
+
+
+def errors_of(records: Iterable[Record]) -> list[str]:
+    """What went wrong, by case."""
+    return [f"{r['case']['key']}: {r['error']}" for r in records if "error" in r]

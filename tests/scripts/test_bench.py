@@ -1,0 +1,487 @@
+"""The blind bench: its simulator against the package's own, its cases, and its scores."""
+
+from __future__ import annotations
+
+import ast
+import json
+import math
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from identification.logs import read_logs
+from tests.identification.shared_data import DATA, needs_data
+from youbot_env.effects import CATALOGUE as REGISTERED
+from youbot_env.errors import InputError
+from youbot_env.model import Model
+from youbot_env.simulate import initial_state, simulate
+from youbot_scripts import blind
+from youbot_scripts.blind import cases, effects, motions, plant, scores, trial, trials
+from youbot_scripts.blind.sizes import Sizing, size_table
+from youbot_scripts.blind.spread import spread
+from youbot_scripts.cli import main
+
+FOLDER = Path(next(iter(blind.__path__)))
+
+
+# --- the simulator ---------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("module", ["plant", "motions", "effects", "cases"])
+def test_the_generator_shares_no_physics_with_the_package(module: str):
+    tree = ast.parse((FOLDER / f"{module}.py").read_text())
+    names = {node.module for node in ast.walk(tree) if isinstance(node, ast.ImportFrom)}
+    names |= {
+        alias.name
+        for node in ast.walk(tree)
+        if isinstance(node, ast.Import)
+        for alias in node.names
+    }
+    ours = {n for n in names if n and n.startswith(("youbot", "identification", "controllers"))}
+    logs_alone = {"identification.logs", "youbot_env.errors"} if module == "cases" else set()
+    assert {name for name in ours if not name.startswith("youbot_scripts.blind")} <= logs_alone
+
+
+def derivative(case: cases.Case, state: np.ndarray, torque: np.ndarray) -> np.ndarray:
+    """What the generator says of a state in the order of the package's own."""
+    (vx, vy, wz), pose, time = state[:3], state[3:6], state[10]
+    c, s = np.cos(pose[2]), np.sin(pose[2])
+    q = np.zeros(14)
+    q[:3], q[3:6], q[6:10] = pose, (c * vx - s * vy, s * vx + c * vy, wz), state[6:10]
+    q[10:] = state[11:15] if len(state) > 11 else 0.0
+    p, dq = cases.physics(case), np.zeros(14)
+    plant.derivative(p, q, torque, time, time >= p.load_time, np.empty((5, 3)), dq)
+    ax, ay = c * dq[3] + s * dq[4] + wz * vy, c * dq[4] - s * dq[3] - wz * vx
+    rates = [ax, ay, dq[5], *dq[:3], *dq[6:10], 1.0]
+    return np.array([*rates, *dq[10:]] if len(state) > 11 else rates)
+
+
+def truth_of(case: cases.Case) -> Model:
+    found = trial.true_model(case)
+    if found is None:
+        pytest.skip("the effect is not in the catalogue yet")
+    return found
+
+
+@pytest.mark.parametrize("name", ["none", *(n for n in effects.CATALOGUE if n != "torque_delay")])
+def test_two_statements_of_the_same_physics_agree(name: str):
+    """Each effect on random platforms, sizes and states: to rounding."""
+    rng = np.random.default_rng(1)
+    for index in range(3):
+        case = cases.draw_case(name, index, 7)
+        model = truth_of(case)
+        size = len(model.structure.state_names)
+        for _ in range(20):
+            state = (
+                rng.standard_normal(size) * np.r_[0.2, 0.2, 0.5, np.ones(7), 0, np.ones(size - 11)]
+            )
+            state[10] = rng.uniform(0.0, 60.0)
+            torque = rng.standard_normal(4)
+            expected = model.state_derivative(state, torque)
+            np.testing.assert_allclose(derivative(case, state, torque), expected, 1e-9, 1e-9)
+
+
+def held(time: np.ndarray, command: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Times and torques of a held command for a simulation that goes linearly between samples."""
+    ends = time[1:] - 1e-9
+    return np.sort(np.r_[time, ends]), np.repeat(command, 2, axis=0)[: 2 * len(time) - 1]
+
+
+def test_a_free_run_of_the_package_follows_the_generator():
+    case = cases.draw_case("none", 4, 0)
+    twist = motions.calibration(0.002)[:5000]
+    speed, command, pose = cases.simulate(case, twist, 0.002)
+    model = truth_of(case)
+    time, torque = held(0.002 * np.arange(len(twist)), command)
+    states = simulate(model, time, torque, initial_state(model))[::2]
+    own = motions.wheel_speeds(states[:, :3])
+    assert np.abs(speed).max() > 5.0
+    assert np.abs(own - speed).max() < 1e-5
+    assert np.abs(states[:, 3:6] - pose).max() < 1e-6
+
+
+def test_a_positive_delay_means_that_speeds_lag_torques():
+    """True torque at t is the logged one at t - delay."""
+    late = replace(cases.draw_case("torque_delay", 0, 0, noise=0.0), has_pose=False)
+    late = replace(late, planted=(replace(late.planted[0], values={"delay": 0.05}),))
+    prompt = replace(late, planted=())
+    twist = motions.calibration(0.002)[:5001]
+    logs = [cases.log_along(case, "part", twist) for case in (late, prompt)]
+    assert np.array_equal(logs[0].velocity, logs[1].velocity)
+    assert np.array_equal(logs[0].effort[:-5], logs[1].effort[5:])
+
+
+@pytest.mark.parametrize("name", effects.EVERYTHING)
+def test_steps_are_fine_enough_for_every_effect(name: str, monkeypatch):
+    case = cases.draw_case(name, 0, 3, factor=2.0)
+    twist = motions.calibration(0.002)[::4][:1500]
+    usual, *_ = cases.simulate(case, twist, 0.002)
+    monkeypatch.setattr(plant, "steps_for", lambda p, dt: 16)
+    fine, *_ = cases.simulate(case, twist, 0.002)
+    assert np.isfinite(usual).all() and np.abs(usual).max() > 1.0
+    # A load that comes within a step, or a dry contact, is late by one step at most.
+    assert np.abs(usual - fine).max() < 2e-3
+
+
+@pytest.mark.parametrize("name", ["carpet_nap", "sticky_patch"])
+def test_dry_ground_takes_energy_away(name: str):
+    case = cases.draw_case(name, 0, 0)
+    bare = replace(case, planted=())
+    rng = np.random.default_rng(0)
+    for _ in range(200):
+        state = rng.standard_normal(11) * np.r_[0.2, 0.2, 0.5, np.ones(8)]
+        at = (state, np.zeros(4))
+        change = derivative(case, *at) - derivative(bare, *at)
+        power = state[:3] @ truth_of(bare).mass_matrix() @ change[:3]
+        assert power <= 1e-12
+
+
+# --- the cases -------------------------------------------------------------------------------
+
+
+GIVEN = ("nominal_1", "wheel_coulomb_friction", "floor_tilt", "actuator_lag", "unknown_carpet_nap")
+
+
+def given_case(name: str) -> tuple[cases.Case, np.ndarray]:
+    """The case that a given folder was made of, and its calibration log."""
+    known = json.loads((DATA / name / "truth.json").read_text())
+    keys = {"aX": "ax", "aY": "ay"}
+    platform = {key: known[keys.get(key, key)] for key in cases.RANGES}
+    short = {value: key for key, value in cases.SHORT_NAMES.items()}
+    planted: dict[str, dict[str, float]] = {}
+    for key, value in known["effects"].items():
+        effect, _, parameter = short[key].partition(".")
+        planted.setdefault(effect, {})[parameter] = value
+    rows = np.loadtxt(DATA / name / "calibration.csv", delimiter=",", skiprows=1)
+    what = tuple(effects.Planted(key, 1.0, values) for key, values in planted.items())
+    return cases.Case("given", 0, 0, 100.0, 1.0, True, platform, what), rows
+
+
+@needs_data
+@pytest.mark.parametrize("name", GIVEN)
+def test_a_given_log_comes_out_again_but_for_its_noise(name: str):
+    """Same platform, loop and motions: what is left of the given log is its stated noise."""
+    case, rows = given_case(name)
+    speed, command, _ = cases.simulate(case, motions.calibration(0.002), 0.002)
+    at = 5 * np.arange(1, len(rows) + 1)
+    assert (rows[:, 1:5] - speed[at]).std() == pytest.approx(0.010, rel=0.05)
+    effort = 0.5 * (command[at] + command[at - 1])
+    assert (rows[:, 5:9] - effort).std() == pytest.approx(0.030, rel=0.02)
+
+
+@needs_data
+def test_multisines_are_like_the_given_ones():
+    def twist_rms(log: np.ndarray) -> np.ndarray:
+        to_body = np.linalg.pinv(motions.wheel_speeds(np.eye(3)).T)
+        return (log @ to_body.T).std(axis=0)
+
+    given = [
+        twist_rms(np.loadtxt(path, delimiter=",", skiprows=1)[:, 1:5])
+        for path in sorted(DATA.glob("*/multisine_[ab].csv"))
+        if not path.parent.name.startswith("mujoco")
+    ]
+    own = [
+        twist_rms(log.velocity)
+        for index in range(12)
+        for log in cases.logs_of(cases.draw_case("none", index, 0, rate=50.0))[1:]
+    ]
+    assert np.mean(own, axis=0) == pytest.approx(np.mean(given, axis=0), rel=0.12)
+
+
+def test_the_same_seed_gives_the_same_logs():
+    for kind in ("none", "two", "unknown"):
+        first, again, other = (cases.logs_of(cases.draw_case(kind, 3, seed)) for seed in (5, 5, 6))
+        for a, b, c in zip(first, again, other, strict=True):
+            assert np.array_equal(a.effort, b.effort) and np.array_equal(a.velocity, b.velocity)
+            assert not np.array_equal(a.effort, c.effort)
+
+
+@pytest.mark.parametrize("rate", [20.0, 30.0, 50.0, 100.0, 250.0, 1000.0])
+def test_rows_come_at_the_rate_asked_for(rate: float):
+    calibration, a, b = cases.logs_of(cases.draw_case("none", 0, 0, rate=rate))
+    assert calibration.rate == pytest.approx(rate)
+    assert calibration.duration == pytest.approx(140.0, abs=3 / rate)
+    assert a.duration == pytest.approx(60.0, abs=3 / rate)
+    assert not np.array_equal(a.velocity, b.velocity)
+    with pytest.raises(InputError, match="20 to 1000"):
+        cases.draw_case("none", 0, 0, rate=5.0)
+
+
+def test_noise_is_white_and_of_the_size_asked_for():
+    loud, quiet = (
+        cases.logs_of(cases.draw_case("none", 0, 0, rate=100.0, noise=x))[0] for x in (2.0, 0.0)
+    )
+    noise = np.column_stack([loud.effort - quiet.effort, loud.velocity - quiet.velocity])
+    assert noise[:, :4].std() == pytest.approx(0.06, rel=0.02)
+    assert noise[:, 4:].std() == pytest.approx(0.02, rel=0.02)
+    assert abs(np.mean(noise[1:] * noise[:-1])) < 1e-4 * 0.06
+
+
+def test_every_effect_meets_its_turn():
+    names = list(effects.CATALOGUE)
+    kinds = {"one": 15, "quarter": 15, "unknown": len(effects.OUTSIDE)}
+    for kind, turn in kinds.items():
+        drawn = [cases.draw_case(kind, i, 0) for i in range(turn)]
+        assert len({case.planted[0].name for case in drawn}) == turn
+    assert cases.draw_case("none", 0, 0).planted == ()
+    for index in range(30):
+        two = [item.name for item in cases.draw_case("two", index, 0).planted]
+        assert len(set(two)) == 2 and set(two) <= set(names)
+    sweep = [cases.draw_case("sweep", i, 0) for i in range(7 * 15)]
+    assert {(case.planted[0].name, case.planted[0].factor) for case in sweep} == {
+        (name, factor) for name in names for factor in cases.SWEEP
+    }
+    with pytest.raises(InputError, match="not known"):
+        cases.draw_case("carpets", 0, 0)
+
+
+@pytest.mark.parametrize("name", effects.CATALOGUE)
+def test_drawn_values_are_parameters_of_the_effect_within_its_bounds(name: str):
+    if name not in REGISTERED:
+        pytest.skip("the effect is not in the catalogue yet")
+    for index in range(5):
+        assert trial.true_model(cases.draw_case(name, index, 0, factor=4.0)) is not None
+
+
+def test_relative_values_are_relative():
+    for index in range(10):
+        gains = cases.draw_case("torque_gain_error", index, 0).planted[0].values
+        extra = cases.draw_case("uneven_wheel_friction", index, 0).planted[0].values
+        assert sum(gains.values()) == pytest.approx(0.0, abs=1e-12)
+        assert min(extra.values()) == 0.0 < max(extra.values())
+
+
+def test_written_cases_are_logs_like_the_given_ones(tmp_path: Path, capsys):
+    arguments = ["bench", "--write", str(tmp_path), "--cases", "1", "--kinds", "floor_tilt,none"]
+    assert main(arguments) == 0
+    assert "2 cases" in capsys.readouterr().out
+    folder = next(tmp_path.glob("floor_tilt-*"))
+    logs = read_logs(sorted(folder.glob("*.csv")))
+    assert [log.name for log in logs] == ["calibration", "multisine_a", "multisine_b"]
+    answer = json.loads((folder / "truth.json").read_text())
+    assert {"m0", "ax", "mu2", "effects", "delay", "torque_noise", "planted"} <= set(answer)
+    assert set(answer["effects"]) == {"tilt_x", "tilt_y"}
+
+
+# --- the trials ------------------------------------------------------------------------------
+
+
+class Answer:
+    """A diagnosis that says what it is told to."""
+
+    def __init__(self, **report: Any) -> None:
+        self.report = {"verdict": "adequate", "missing": [], "ambiguous_with": {}} | report
+
+    def to_dict(self) -> dict[str, Any]:
+        return self.report
+
+
+class Diagnose:
+    """Says "adequate" of everything, and counts; may be told to stop."""
+
+    def __init__(self, stop_after: int = 10**9) -> None:
+        self.calls, self.stop_after = 0, stop_after
+
+    def __call__(self, model: Model, logs: list, *, seed: int = 0) -> Answer:
+        assert model.name == "paper" and len(logs) == 3
+        if self.calls == self.stop_after:
+            raise KeyboardInterrupt
+        self.calls += 1
+        steps = [{"effect": None, "force_error": np.float64(0.01), "velocity_error": 0.02}]
+        return Answer(steps=steps, where=[{"variable": "twist", "share": 0.0}])
+
+
+SPECS = trials.plan(["none", "unknown"], 2, 0, rates=[50.0])
+
+
+def test_kinds_take_turns():
+    assert [(s.kind, s.index) for s in SPECS] == [
+        ("none", 0), ("unknown", 0), ("none", 1), ("unknown", 1),
+    ]  # fmt: skip
+    mixed = trials.plan(["one"], 30, 0, rates=[50.0, 100.0])
+    assert {(s.draw().planted[0].name, s.rate) for s in mixed} == {
+        (name, rate) for name in effects.CATALOGUE for rate in (50.0, 100.0)
+    }
+
+
+def test_an_interrupted_bench_is_taken_up_where_it_stopped(tmp_path: Path):
+    first, second, third = Diagnose(stop_after=3), Diagnose(), Diagnose()
+    with pytest.raises(KeyboardInterrupt):
+        trials.run_trials(SPECS, first, folder=tmp_path)
+    path = tmp_path / trials.RESULTS
+    path.write_text(path.read_text() + '{"case": {"key": "cut sho')
+    found = trials.run_trials(SPECS, second, folder=tmp_path)
+    again = trials.run_trials(SPECS, third, folder=tmp_path)
+    assert (first.calls, second.calls, third.calls) == (3, 1, 0)
+    assert [r["case"]["key"] for r in found] == [s.draw().key for s in SPECS]
+    assert found == again
+
+
+def test_a_folder_of_something_else_is_refused(tmp_path: Path):
+    (tmp_path / trials.RESULTS).write_text("a line\nanother\n")
+    with pytest.raises(InputError, match="row 1: not a trial"):
+        trials.run_trials(SPECS, Diagnose(), folder=tmp_path)
+
+
+def test_a_crash_is_a_record_and_no_end():
+    def crash(model: Model, logs: list, *, seed: int = 0) -> Answer:
+        raise ZeroDivisionError("a bug")
+
+    found = trials.run_trials(SPECS[:2], crash)
+    assert [record["error"] for record in found] == ["ZeroDivisionError: a bug"] * 2
+    assert scores.score(found)["kinds"]["none"]["false_alarm"]["count"] == 1
+    assert len(trials.errors_of(found)) == 2
+
+
+def test_spread_over_processes_gives_what_one_process_gives():
+    items = [1.0, 4.0, 9.0]
+    assert sorted(spread(math.sqrt, items, 2)) == list(spread(math.sqrt, items, 1))
+
+
+def test_truth_s_error_is_that_of_noise_alone():
+    record = trial.run_trial(cases.draw_case("none", 0, 0, rate=100.0, noise=1.0), Diagnose())
+    assert 0.0 < record["true_velocity_error"] < 0.02
+    assert record["found"]["verdict"] == "adequate"
+
+
+def test_the_command_prints_scores_and_writes_them(tmp_path: Path, monkeypatch, capsys):
+    diagnosis = pytest.importorskip("identification.diagnosis")
+    monkeypatch.setattr(diagnosis, "diagnose", Diagnose())
+    out = tmp_path / "scores.json"
+    arguments = ["--cases", "1", "--rates", "50", "--jobs", "1", "--json", str(out)]
+    assert main(["bench", *arguments, "--kinds", "none,one,two,unknown"]) == 0
+    printed = capsys.readouterr().out
+    assert "nothing planted: 1 cases" in printed and "wheel_coulomb_friction" in printed
+    found = json.loads(out.read_text())
+    assert found["kinds"]["none"]["false_alarm"]["share"] == 0.0
+    assert found["kinds"]["unknown"]["said_unknown"]["share"] == 0.0
+    assert len(found["trials"]) == 4
+    assert main(["bench", "--kinds", "carpets"]) == 2
+    assert main(["bench", "--rates", "fast"]) == 2
+
+
+# --- the scores ------------------------------------------------------------------------------
+
+
+def record(
+    what: str = "", found: dict[str, Any] | None = None, kind: str = "one", **more: Any
+) -> trial.Record:
+    """A trial by hand: ``what`` is planted, ``found`` was said."""
+    planted = [{"name": n, "factor": 1.0, "values": {"torque": 0.2}} for n in what.split("+") if n]
+    case = {"kind": kind, "key": what, "rate": 100.0, "planted": planted}
+    return {
+        "case": case,
+        "carriers": [],
+        "seconds": 1.0,
+        "found": Answer(**(found or {})).report,
+        **more,
+    }
+
+
+def said(verdict: str, *missing: str, **ties: list[str]) -> dict[str, Any]:
+    return {"verdict": verdict, "missing": list(missing), "ambiguous_with": ties}
+
+
+def test_shares_have_exact_intervals():
+    assert scores.Share(0, 200).interval() == pytest.approx((0.0, 1 - 0.025 ** (1 / 200)))
+    assert scores.Share(4, 200).interval() == pytest.approx((0.00548, 0.05041), abs=1e-5)
+    assert scores.Share(200, 200).interval()[1] == 1.0
+    assert math.isnan(scores.Share.of([None]).value)
+    assert scores.Share.of([True, None, False]) == scores.Share(1, 2)
+
+
+def test_a_name_counts_alone_or_in_a_set_of_three():
+    right = record("tether", said("effect", "tether"))
+    tied = record("tether", said("ambiguous", "floor_tilt", floor_tilt=["tether"]))
+    large = record("tether", said("ambiguous", "a", a=["b", "tether", "d"]))
+    wrong = record("tether", said("effect", "floor_tilt"))
+    both = record("tether", said("effect", "tether", "floor_tilt"))
+    rows = (right, tied, large, wrong, both)
+    assert [scores.in_set(r, "tether") for r in rows] == [True, True, False, False, True]
+    assert [scores.alone(r) for r in rows] == [True, False, False, False, False]
+    assert [scores.confidently_wrong(r) for r in rows] == [False, False, False, True, False]
+    assert [scores.accepted_unplanted(r) for r in rows] == [False, False, False, True, True]
+
+
+def test_a_partial_fit_is_not_a_wrong_name():
+    partial = record("carpet_nap", said("unknown", "floor_tilt"), kind="unknown")
+    twice = record("carpet_nap", said("unknown", "floor_tilt", "tether"), kind="unknown")
+    assert scores.said_unknown(partial) and not scores.confidently_wrong(partial)
+    assert not scores.said_unknown(twice)
+    assert scores.answer(partial) == "unknown"
+
+
+def test_two_effects_are_found_in_either_order():
+    found = said("effect", "floor_tilt", "wheel_stribeck_friction")
+    row = record("wheel_coulomb_friction+floor_tilt", found, kind="two")
+    table = scores.score([row])["kinds"]["two"]
+    assert table["both_found"]["count"] == 0
+    assert table["coulomb_called_stribeck"]["count"] == 1
+    right = said("effect", "floor_tilt", "wheel_coulomb_friction")
+    row = record("wheel_coulomb_friction+floor_tilt", right, kind="two")
+    table = scores.score([row])["kinds"]["two"]
+    assert (table["both_found"]["count"], table["exactly_both"]["count"]) == (1, 1)
+
+
+def test_the_carrier_is_ranked_among_what_lies_beyond_the_twist():
+    where = [
+        {"variable": "position_x", "share": 0.1},
+        {"variable": "twist", "share": 0.9},
+        {"variable": "heading", "share": 0.3},
+    ]
+    row = record("bump", {"where": where}, kind="unknown", carriers=["position_x", "position_y"])
+    assert scores.carrier_rank(row) == 2
+    assert scores.carrier_rank(row, "remaining") == 1 + len([])
+    assert scores.carrier_rank(record("sideways_drift", {"where": where})) is None
+
+
+def test_the_fall_of_the_error_is_measured_against_what_it_can_fall():
+    steps = [{"velocity_error": 0.20}, {"velocity_error": 0.05}]
+    row = record("tether", {"steps": steps}, true_velocity_error=0.03)
+    expected = 1 - (0.05**2 - 0.03**2) / (0.20**2 - 0.03**2)
+    assert scores.error_fall(row) == pytest.approx(expected)
+    assert scores.error_fall(row | {"true_velocity_error": 0.19}) is None
+    assert scores.error_fall(row | {"true_velocity_error": None}) is None
+
+
+def test_sizes_are_judged_by_their_intervals():
+    name = "wheel_coulomb_friction"
+    for value, inside in ((0.21, True), (0.25, False)):
+        stated = {f"{name}.torque": {"value": value, "std": 0.01}}
+        assert scores.sizes_inside(record(name, sizes=stated)) == [inside]
+    assert scores.sizes_inside(record(name, sizes={})) == []
+
+
+def test_smallest_detectable_is_the_end_of_an_unbroken_row():
+    rows = []
+    for factor, hits in ((0.25, 2), (0.5, 1), (1.0, 2), (2.0, 2)):
+        for k in range(2):
+            row = record("tether", said("effect", "tether" if k < hits else "floor_tilt"))
+            row["case"]["planted"][0]["factor"] = factor
+            rows.append(row)
+    assert scores.smallest_detectable(rows) == {"tether": 1.0}
+    assert scores.smallest_detectable(rows[:4]) == {"tether": None}
+
+
+def test_confusion_counts_answers_of_single_effects():
+    rows = [
+        record("tether", said("effect", "floor_tilt")),
+        record("tether", said("unknown")),
+        record("tether", said("unknown")),
+        record("", said("adequate"), kind="none"),
+        record("tether+floor_tilt", said("effect", "tether"), kind="two"),
+    ]
+    assert scores.confusion(rows) == {
+        "none": {"adequate": 1},
+        "tether": {"unknown": 2, "floor_tilt": 1},
+    }
+
+
+def test_sizes_at_a_ratio_are_read_between_those_tried():
+    found = [(Sizing("tether", f, 0, 0), math.hypot(1.0, 8.0 * f)) for f in (0.25, 0.5, 1.0, 2.0)]
+    row = size_table(found)["tether"]
+    assert row["smallest"] == pytest.approx(row["size"] * math.sqrt(8.0) / 8.0, rel=1e-6)
+    assert row["largest"] is None
