@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Iterable
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
 from identification.filters import FILTER_RATE, filter_samples, first_order, settled
-from identification.mecanum import Mecanum, Samples
+from identification.mechanism import Mechanism, Samples
 
 Array = NDArray[np.float64]
 
@@ -28,7 +28,7 @@ class Traces:
         return self.measured - self.predicted
 
 
-def force_traces(mechanism: Mecanum, theta: Array, samples: Samples) -> Traces:
+def force_traces(mechanism: Mechanism, theta: Array, samples: Samples) -> Traces:
     """Filtered generalised forces (L F_X, L F_Y, M_W) [N m], the filter's start left out."""
     dt = samples.dt
     demanded = mechanism.demand(theta, samples).force
@@ -38,7 +38,7 @@ def force_traces(mechanism: Mecanum, theta: Array, samples: Samples) -> Traces:
     return Traces(samples.time[first:], measured[first:], predicted[first:])
 
 
-def velocity_traces(mechanism: Mecanum, theta: Array, samples: Samples) -> Traces:
+def velocity_traces(mechanism: Mechanism, theta: Array, samples: Samples) -> Traces:
     """Speeds (VX/L, VY/L, W) [rad/s] of the free run, driven by the measured torques alone."""
     predicted = mechanism.free_run(theta, samples)
     return Traces(samples.time, mechanism.measured_speed(samples), predicted)
@@ -78,28 +78,16 @@ def add_up(parts: Iterable[Squares]) -> Squares:
     return sum(rest, start=first)
 
 
-def noisy(samples: Samples, mechanism: Mecanum, std: NoiseLevel, rng: np.random.Generator):
-    """The samples with as much white noise again as they hold already."""
-    shape = samples.torque.shape
-    speed = std.speed * rng.standard_normal(shape)
-    return replace(
-        samples,
-        twist=samples.twist + mechanism.geometry.body_twist(speed),
-        wheel_speed=samples.wheel_speed + speed,
-        torque=samples.torque + std.torque * rng.standard_normal(shape),
-    )
-
-
 @dataclass(frozen=True)
 class NoiseLevel:
-    """Standard deviations (4,) of white noise on wheel speeds [rad/s] and torques [N m]."""
+    """Standard deviations (k,) of white noise on the joints' speeds and torques."""
 
     speed: Array
     torque: Array
 
 
 def force_floor(
-    mechanism: Mecanum,
+    mechanism: Mechanism,
     theta: Array,
     samples: Samples,
     clean: Traces,
@@ -112,12 +100,12 @@ def force_floor(
     model itself carries it.
     """
     rng = np.random.default_rng(seed)
-    again = force_traces(mechanism, theta, noisy(samples, mechanism, noise, rng))
+    again = force_traces(mechanism, theta, mechanism.noisy(samples, noise.speed, noise.torque, rng))
     return Squares.of(clean, again.residual - clean.residual)
 
 
 def velocity_floor(
-    mechanism: Mecanum,
+    mechanism: Mechanism,
     theta: Array,
     samples: Samples,
     clean: Traces,
@@ -126,5 +114,7 @@ def velocity_floor(
 ) -> Squares:
     """What measurement noise alone leaves in the free run's velocity residual."""
     rng = np.random.default_rng(seed)
-    again = velocity_traces(mechanism, theta, noisy(samples, mechanism, noise, rng))
+    again = velocity_traces(
+        mechanism, theta, mechanism.noisy(samples, noise.speed, noise.torque, rng)
+    )
     return Squares.of(clean, again.residual - clean.residual)

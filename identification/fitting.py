@@ -18,22 +18,19 @@ from identification.errors import (
     velocity_traces,
 )
 from identification.logs import Log
-from identification.mecanum import Mecanum, Samples
+from identification.mechanism import Mechanism, Samples
+from identification.mechanisms import AnyModel, mechanism_of
 from identification.noise import white_noise
 from identification.observability import (
     Observability,
     block_estimates,
     log_observability,
-    motion_that_shows,
 )
-from identification.physical import fitted_model
-from identification.plausibility import warnings_of
 from identification.recursive import Course, recursive_course
 from identification.regression import Fit, Rows, fit, regression_rows
-from identification.segments import Part, parts_of
+from identification.segments import Part
 from youbot_env.errors import InputError
 from youbot_env.geometry import Geometry
-from youbot_env.model import Model
 from youbot_env.model_file import load_model
 
 Array = NDArray[np.float64]
@@ -64,7 +61,7 @@ class Identification:
 
     Attributes
     ----------
-    model : the fitted model, with covariance, logs and errors
+    model : the fitted model (Model or AxisModel), with covariance, logs and errors
     fit : theta, covariance and residual rows behind it
     force : fit on forces; the same as ``fit`` without an output-error step
     parts : what each stretch of the logs shows; ``total``: all of them together
@@ -72,11 +69,11 @@ class Identification:
     warnings : plain sentences, the most serious first
     """
 
-    model: Model
+    model: Any
     fit: Fit
     force: Fit
-    mechanism: Mecanum
-    samples: tuple[Samples, ...]
+    mechanism: Mechanism
+    samples: tuple[Any, ...]
     parts: tuple[PartReport, ...]
     total: Observability
     course: Course | None = None
@@ -137,7 +134,7 @@ class Identification:
         }
 
 
-def _estimates(model: Model) -> dict[str, Any]:
+def _estimates(model: Any) -> dict[str, Any]:
     return dict(model.parameters) | {
         f"{effect}.{name}": estimate
         for effect, parameters in model.effects.items()
@@ -158,7 +155,7 @@ def identify(
     logs: Sequence[Log],
     *,
     geometry: Geometry | None = None,
-    start: Model | None = None,
+    start: AnyModel | None = None,
     output_error: bool = False,
     robust: bool = False,
     recursive: bool = True,
@@ -167,13 +164,13 @@ def identify(
     provenance: Mapping[str, Any] | None = None,
     progress: Callable[[], None] = lambda: None,
 ) -> Identification:
-    """Fit a model to logs.
+    """Fit a model to logs of the mechanism that ``start`` is a model of.
 
     Parameters
     ----------
     logs : read by :func:`identification.logs.read_log`
     geometry : the platform's; that of ``start`` or the youBot's by default
-    start : model whose structure (effects) is fitted; the base model by default
+    start : model whose structure (effects) is fitted; the platform's base model by default
     output_error : refine in free run after the force fit
     robust : Huber weights, for logs with outliers
     recursive : also run the recursive estimator, for the estimates' course over time
@@ -187,7 +184,7 @@ def identify(
     if not logs:
         raise InputError("no log given: identify needs at least one")
     start = start or load_model("paper")
-    mechanism = Mecanum(geometry or start.geometry, start.structure)
+    mechanism = mechanism_of(start, geometry)
     samples = tuple(mechanism.samples(log) for log in logs)
     free = np.flatnonzero(mechanism.free)
     rows = [regression_rows(mechanism, start.theta, item, free) for item in samples]
@@ -196,7 +193,7 @@ def identify(
     parts = tuple(
         _part_report(mechanism, start.theta, item.name, part, row)
         for item, row in zip(samples, rows, strict=True)
-        for part in parts_of(item)
+        for part in mechanism.parts(item)
     )
     force = fit(mechanism, samples, start.theta, first=rows, robust=robust, progress=progress)
     final = force
@@ -205,39 +202,39 @@ def identify(
 
         final = refine(mechanism, samples, force, progress=progress)
     course = recursive_course(mechanism, force) if recursive else None
-    model = fitted_model(
-        mechanism,
+    model = mechanism.fitted_model(
         final,
         name=name,
         logs=tuple({"name": log.name, "sha256": log.sha256} for log in logs),
         errors=_errors(mechanism, final, samples, logs, seed, output_error),
         provenance=provenance,
     )
-    warnings = (*_data_warnings(logs), *_fit_warnings(mechanism, final), *warnings_of(model))
+    warnings = (*_data_warnings(logs), *_fit_warnings(mechanism, final), *mechanism.warnings(model))
     return Identification(model, final, force, mechanism, samples, parts, total, course, warnings)
 
 
-def _part_report(mechanism: Mecanum, theta: Array, name: str, part: Part, rows: Rows) -> PartReport:
+def _part_report(
+    mechanism: Mechanism, theta: Array, name: str, part: Part, rows: Rows
+) -> PartReport:
     inside = rows.between(part.start, part.end)
     seen = log_observability(mechanism, [inside])
     estimates = block_estimates(mechanism, theta, inside, seen)
     return PartReport(name, part.kind, part.start, part.end, seen, estimates)
 
 
-def _refuse_blind(mechanism: Mecanum, total: Observability) -> None:
+def _refuse_blind(mechanism: Mechanism, total: Observability) -> None:
     if total.rank == len(total.names):
         return
     direction = total.blind[0]
     raise InputError(
         f"these logs cannot show {total.describe_blind()[0]} "
         f"({', '.join(total.names[k] for k in np.flatnonzero(np.abs(direction) > 0.15))}): "
-        f"record motion {motion_that_shows(mechanism, direction)} too "
-        f"(youbot record --motions, or drive it) and give both logs"
+        f"{mechanism.advice(direction)}"
     )
 
 
 def _errors(
-    mechanism: Mecanum,
+    mechanism: Mechanism,
     final: Fit,
     samples: Sequence[Samples],
     logs: Sequence[Log],
@@ -270,7 +267,7 @@ def _data_warnings(logs: Sequence[Log]) -> list[str]:
     ]
 
 
-def _fit_warnings(mechanism: Mecanum, fitted: Fit) -> list[str]:
+def _fit_warnings(mechanism: Mechanism, fitted: Fit) -> list[str]:
     return [
         f"{mechanism.parameter_names[fitted.free[k]]} stopped at its physical bound: "
         "the data pull it further, so something else is missing from the model"

@@ -7,15 +7,17 @@ speeds (VX/L, VY/L, W) [rad/s] as in the paper, so that all axes weigh alike.
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import NamedTuple
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from identification.filters import FILTER_RATE, slope_ends
 from identification.logs import Log
+from identification.mechanism import Label, Mechanism
 from identification.resampling import RATE_SMOOTHING, moved, smoothed
 from youbot_env import dynamics
 from youbot_env.dynamics import Instant, Points, Structure, component_wrench
@@ -83,39 +85,38 @@ def samples_of(log: Log, geometry: Geometry) -> Samples:
     return Samples(log.name, time, dt, twist, pose, angle, log.velocity, log.effort)
 
 
-class Label(NamedTuple):
-    """A parameter's component, name and declaration; group: those it is relative to, if any."""
-
-    component: str
-    name: str
-    parameter: Parameter
-    group: str | None
+PAPER_ORDER = (0, 1, 4, 2, 3, 5, 6)
+"""theta's base parameters (m0, I0, m_aX, m_aY, I1, mu1, mu2) in the order of x1 ... x7."""
 
 
 @dataclass(frozen=True)
-class Mecanum:
+class Mecanum(Mechanism):
     """A mecanum platform with given effects: what it measures, demands and simulates."""
 
     geometry: Geometry
-    structure: Structure
+    structure: Structure = Structure()
 
     axes = ("VX", "VY", "W")
-
+    joints = WHEELS
+    filter_rate = FILTER_RATE
+    scaling = "as in the paper"
     catalogue = CATALOGUE
 
     def with_effects(self, effects: tuple[str, ...]) -> Mecanum:
         """The same mechanism with other effects beside the base model."""
         return replace(self, structure=Structure(effects))
 
-    def extended(self, name: str) -> Mecanum:
-        """The same mechanism with one effect more."""
-        return self.with_effects((*self.structure.effects, name))
+    def best_experiment(
+        self,
+        favourite: tuple[str, Mecanum, Array],
+        rivals: list[tuple[str, Mecanum, Array]],
+        noise: float,
+        seed: int,
+    ) -> dict[str, Any]:
+        """See :func:`identification.experiments.best_experiment`."""
+        from identification.experiments import best_experiment
 
-    def extend_theta(self, theta: Array, name: str, shapes: Mapping[str, float]) -> Array:
-        """theta (P,) followed by those of effect ``name``: no strength, shapes as given."""
-        effect = self.catalogue[name]
-        values = effect.defaults | shapes
-        return np.concatenate([theta, [values[key] for key in effect.parameter_names]])
+        return best_experiment(favourite, rivals, noise, seed)
 
     @cached_property
     def force_scale(self) -> Array:
@@ -128,11 +129,6 @@ class Mecanum:
         return 1.0 / self.force_scale
 
     @cached_property
-    def parameter_names(self) -> tuple[str, ...]:
-        """Order of theta."""
-        return self.structure.parameter_names
-
-    @cached_property
     def labels(self) -> tuple[Label, ...]:
         """What is known of each parameter beforehand, in the order of theta."""
         found = []
@@ -142,11 +138,6 @@ class Mecanum:
                 group = f"{item.name}.{parameter.name}" if parameter.relative_to else None
                 found.append(Label(item.name, name, parameter, group))
         return tuple(found)
-
-    @cached_property
-    def free(self) -> Array:
-        """(P,) whether a parameter is identified linearly (shape constants stay as they are)."""
-        return np.array([not label.parameter.is_shape for label in self.labels])
 
     @cached_property
     def bounds(self) -> tuple[Array, Array]:
@@ -180,6 +171,12 @@ class Mecanum:
             [paper.get(label.name, 1.0 / label.parameter.size) for label in self.labels]
         )
 
+    @cached_property
+    def order(self) -> NDArray[np.intp]:
+        """Indices of the free parameters in the order of the paper's x1 ... x7, effects after."""
+        rest = np.flatnonzero(self.free)[len(PAPER_ORDER) :]
+        return np.array([*PAPER_ORDER, *rest], dtype=np.intp)
+
     def samples(self, log: Log) -> Samples:
         """See :func:`samples_of`."""
         return samples_of(log, self.geometry)
@@ -191,6 +188,50 @@ class Mecanum:
     def measured_speed(self, samples: Samples) -> Array:
         """(N, 3) measured speeds (VX/L, VY/L, W) [rad/s]."""
         return samples.twist * self.speed_scale
+
+    def joint_speed(self, speed: Array) -> Array:
+        """(N, 4) wheel speeds [rad/s] for speeds (VX/L, VY/L, W) (N, 3)."""
+        return self.geometry.wheel_speeds(speed / self.speed_scale)
+
+    def noisy(
+        self, samples: Samples, speed: Array, torque: Array, rng: np.random.Generator
+    ) -> Samples:
+        """The samples with white noise of these standard deviations (4,) put on."""
+        shape = samples.torque.shape
+        extra = speed * rng.standard_normal(shape)
+        return replace(
+            samples,
+            twist=samples.twist + self.geometry.body_twist(extra),
+            wheel_speed=samples.wheel_speed + extra,
+            torque=samples.torque + torque * rng.standard_normal(shape),
+        )
+
+    def parts(self, samples: Samples) -> list[Any]:
+        """Stretches that are judged apart: the calibration motions in the log."""
+        from identification.segments import parts_of
+
+        return parts_of(samples)
+
+    def advice(self, direction: Array) -> str:
+        """What to record where the parameters' ``direction`` (F,) in x cannot be seen."""
+        from identification.observability import motion_that_shows
+
+        return (
+            f"record motion {motion_that_shows(self, direction)} too "
+            f"(youbot record --motions, or drive it) and give both logs"
+        )
+
+    def fitted_model(self, fit: Any, **about: Any) -> Any:
+        """See :func:`identification.physical.fitted_model`."""
+        from identification.physical import fitted_model
+
+        return fitted_model(self, fit, **about)
+
+    def warnings(self, model: Any) -> list[str]:
+        """See :func:`identification.plausibility.warnings_of`."""
+        from identification.plausibility import warnings_of
+
+        return warnings_of(model)
 
     def free_run(self, theta: Array, samples: Samples) -> Array:
         """(N, 3) speeds (VX/L, VY/L, W) from the log's first sample, driven by its torques alone.
@@ -235,12 +276,7 @@ class Demand:
 
     def _instant(self) -> Instant:
         s = self.samples
-        slope = np.diff(s.twist, axis=0) / s.dt
-        # Held constant, the acceleration would lag within a step and bias the frictions by
-        # (omega dt)^2: a quarter of a standard deviation at 50 Hz.
-        bend = np.zeros_like(slope)
-        bend[1:-1] = 0.25 * (slope[2:] - slope[:-2])
-        ends = np.stack([slope - bend, slope + bend])
+        ends = slope_ends(s.twist, s.dt)
         acceleration = tuple(np.moveaxis(ends, -1, 0))
         return Instant(
             twist=_ends(s.twist),  # type: ignore[arg-type]

@@ -9,7 +9,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from identification.filters import filter_samples, settled
-from identification.mecanum import Mecanum
+from identification.mecanum import PAPER_ORDER, Mecanum
+from identification.mechanism import Mechanism
 from identification.regression import Indices, Rows, gauge_groups, hac_covariance
 from youbot_env.dynamics import Structure
 from youbot_env.geometry import Geometry
@@ -125,21 +126,11 @@ def _blocks(names: Sequence[str], unit: Array) -> tuple[tuple[str, ...], ...]:
     return tuple(blocks)
 
 
-PAPER_ORDER = (0, 1, 4, 2, 3, 5, 6)
-"""theta's base parameters (m0, I0, m_aX, m_aY, I1, mu1, mu2) in the order of x1 ... x7."""
-
-
-def paper_order(mechanism: Mecanum) -> Indices:
-    """Indices of the free parameters: x1 ... x7, then those of added effects."""
-    rest = np.flatnonzero(mechanism.free)[len(PAPER_ORDER) :]
-    return np.array([*PAPER_ORDER, *rest], dtype=np.intp)
-
-
 def log_observability(
-    mechanism: Mecanum, rows: Sequence[Rows], blind: float = BLIND
+    mechanism: Mechanism, rows: Sequence[Rows], blind: float = BLIND
 ) -> Observability:
     """What one log (or several together) shows of the parameters, from its regression rows."""
-    order = paper_order(mechanism)
+    order = mechanism.order
     names = [mechanism.parameter_names[k] for k in order]
     columns = np.concatenate([item.columns for item in rows])[..., _places(mechanism)]
     gauge = np.zeros((0, len(order)))
@@ -149,9 +140,9 @@ def log_observability(
     return observability(names, columns / mechanism.scale[order], rows[0].step, blind, gauge)
 
 
-def _places(mechanism: Mecanum) -> Indices:
-    """Places of ``paper_order`` among the free parameters."""
-    return np.searchsorted(np.flatnonzero(mechanism.free), paper_order(mechanism))
+def _places(mechanism: Mechanism) -> Indices:
+    """Places of the mechanism's order among the free parameters."""
+    return np.searchsorted(np.flatnonzero(mechanism.free), mechanism.order)
 
 
 def motion_observability(
@@ -197,7 +188,7 @@ def filtered_columns(columns: Array, rate: float, dt: float) -> Array:
 
 
 def block_estimates(
-    mechanism: Mecanum, theta: Array, rows: Rows, seen: Observability
+    mechanism: Mechanism, theta: Array, rows: Rows, seen: Observability
 ) -> dict[str, tuple[float, float]]:
     """Value and standard deviation of each parameter whose block a motion shows whole.
 
@@ -206,7 +197,7 @@ def block_estimates(
     what leaks across is removed by solving for all, and only whole blocks are reported. ``theta``
     (P,) is where ``rows`` were taken.
     """
-    order, places = paper_order(mechanism), _places(mechanism)
+    order, places = mechanism.order, _places(mechanism)
     scale = mechanism.scale[order]
     columns = rows.columns[..., places]
     measured = rows.residual + columns @ theta[order]

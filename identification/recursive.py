@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from identification.mecanum import Mecanum
+from identification.mechanism import Mechanism
 from identification.regression import Fit
 
 Array = NDArray[np.float64]
@@ -70,7 +70,7 @@ class Course:
     std: Array
 
 
-def recursive_course(mechanism: Mecanum, fit: Fit) -> Course:
+def recursive_course(mechanism: Mechanism, fit: Fit) -> Course:
     """Run the recursive estimator through a fit's rows; effects enter linearised at the fit.
 
     The filter's rows are correlated, so P alone would state too little; its shape over time is

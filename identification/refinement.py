@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from identification.filters import block_mean
-from identification.mecanum import Mecanum, Samples
+from identification.mechanism import Mechanism, Samples
 from identification.regression import (
     Fit,
     Indices,
@@ -28,7 +28,7 @@ ENOUGH = 1e-5
 
 
 def refine(
-    mechanism: Mecanum,
+    mechanism: Mechanism,
     logs: Sequence[Samples],
     start: Fit,
     *,
@@ -66,7 +66,7 @@ def refine(
 
 
 def _line_search(
-    mechanism: Mecanum,
+    mechanism: Mechanism,
     logs: Sequence[Samples],
     theta: Array,
     free: Indices,
@@ -87,13 +87,13 @@ def _cost(rows: Sequence[Rows]) -> float:
     return sum(float((row.residual**2).sum()) for row in rows)
 
 
-def _residual(mechanism: Mecanum, theta: Array, samples: Samples) -> Array:
+def _residual(mechanism: Mechanism, theta: Array, samples: Samples) -> Array:
     error = mechanism.measured_speed(samples) - mechanism.free_run(theta, samples)
     return block_mean(error, stride(samples.dt))
 
 
 def _rows(
-    mechanism: Mecanum,
+    mechanism: Mechanism,
     theta: Array,
     samples: Samples,
     free: Indices,

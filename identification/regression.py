@@ -15,7 +15,7 @@ from identification.filters import (
     first_order,
     settled,
 )
-from identification.mecanum import Mecanum, Samples
+from identification.mechanism import Mechanism, Samples
 from youbot_env.errors import InputError
 
 Array = NDArray[np.float64]
@@ -82,28 +82,31 @@ def stride(dt: float, rate: float = ROW_RATE) -> int:
 
 
 def regression_rows(
-    mechanism: Mecanum, theta: Array, samples: Samples, free: Indices, rate: float = ROW_RATE
+    mechanism: Mechanism, theta: Array, samples: Samples, free: Indices, rate: float = ROW_RATE
 ) -> Rows:
     """Filtered residual and columns of one log, ``rate`` rows a second."""
     demand = mechanism.demand(theta, samples)
     measured = mechanism.measured_force(samples)
     residual = np.stack([measured[:-1], measured[1:]]) - demand.force
     stacked = np.concatenate([residual[None], demand.columns(free)])
-    filtered = reduce(np.moveaxis(stacked, 0, -1), samples.dt, rate)
+    band = mechanism.filter_rate
+    filtered = reduce(np.moveaxis(stacked, 0, -1), samples.dt, rate, band)
     step = stride(samples.dt, rate) * samples.dt
-    first = samples.time[0] + (settled(FILTER_RATE, samples.dt) - 1) * samples.dt
+    first = samples.time[0] + (settled(band, samples.dt) - 1) * samples.dt
     time = first + step * np.arange(1, len(filtered) + 1)
     return Rows(time, step, filtered[..., 0], filtered[..., 1:])
 
 
-def reduce(ends: Array, dt: float, rate: float = ROW_RATE) -> Array:
+def reduce(
+    ends: Array, dt: float, rate: float = ROW_RATE, filter_rate: float = FILTER_RATE
+) -> Array:
     """Filter interval ends (2, N - 1, ...) and average into regression rows (n, ...)."""
-    filtered = first_order(ends[0], ends[1], FILTER_RATE, dt)
-    return block_mean(filtered[settled(FILTER_RATE, dt) :], stride(dt, rate))
+    filtered = first_order(ends[0], ends[1], filter_rate, dt)
+    return block_mean(filtered[settled(filter_rate, dt) :], stride(dt, rate))
 
 
 def fit(
-    mechanism: Mecanum,
+    mechanism: Mechanism,
     logs: Sequence[Samples],
     start: Array,
     *,
@@ -159,7 +162,7 @@ def _weighted(rows: Rows, weight: Array) -> Rows:
     )
 
 
-def gauge_groups(mechanism: Mecanum) -> list[Indices]:
+def gauge_groups(mechanism: Mechanism) -> list[Indices]:
     """Places among the free parameters of those that are relative to each other, by group."""
     labels = [label for label, free in zip(mechanism.labels, mechanism.free, strict=True) if free]
     groups = dict.fromkeys(label.group for label in labels if label.group)
@@ -169,7 +172,7 @@ def gauge_groups(mechanism: Mecanum) -> list[Indices]:
     ]
 
 
-def gauge_basis(mechanism: Mecanum) -> Array:
+def gauge_basis(mechanism: Mechanism) -> Array:
     """(F, Q) directions of the free parameters that data can see at all.
 
     Of values that are relative to each other (gains, extra frictions) only differences can be
@@ -189,7 +192,7 @@ def gauge_basis(mechanism: Mecanum) -> Array:
 
 
 def solve_step(
-    mechanism: Mecanum,
+    mechanism: Mechanism,
     rows: Sequence[Rows],
     weights: Sequence[Array],
     theta: Array,

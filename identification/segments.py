@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, fields, replace
+from typing import Any
 
 import numpy as np
 
@@ -27,10 +28,10 @@ ARM = 0.4
 
 @dataclass(frozen=True)
 class Part:
-    """A stretch of a log: its kind (I, II, III, IV or "free") and its samples."""
+    """A stretch of a log: its kind (I, II, III, IV or "free"; "run" of an axis) and its samples."""
 
     kind: str
-    samples: Samples
+    samples: Any
 
     @property
     def start(self) -> float:
@@ -61,10 +62,12 @@ def parts_of(samples: Samples) -> list[Part]:
     return parts or [Part("free", samples)]
 
 
-def cut(samples: Samples, start: int, stop: int) -> Samples:
-    """Rows ``start`` to ``stop`` of the samples, under the same name and time."""
-    fields = ("time", "twist", "pose", "wheel_angle", "wheel_speed", "torque")
-    return replace(samples, **{key: getattr(samples, key)[start:stop] for key in fields})
+def cut(samples: Any, start: int, stop: int) -> Any:
+    """Rows ``start`` to ``stop`` of any mechanism's samples, under the same name and time."""
+    arrays = {field.name: getattr(samples, field.name) for field in fields(samples)}
+    return replace(
+        samples, **{k: v[start:stop] for k, v in arrays.items() if isinstance(v, np.ndarray)}
+    )
 
 
 def kind_of_motion(samples: Samples) -> str:

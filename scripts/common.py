@@ -78,6 +78,12 @@ PlotsOption = Annotated[
     Path | None,
     typer.Option("--plots", metavar="DIR", help="Draw plots into this folder (extra: plots)."),
 ]
+MechanismOption = Annotated[
+    str | None,
+    typer.Option(
+        "--mechanism", metavar="NAME", help="mecanum or axis; only checked: the model says it."
+    ),
+]
 SeedOption = Annotated[
     int, typer.Option("--seed", metavar="N", min=0, help="Seed of all random numbers.")
 ]
@@ -239,10 +245,10 @@ def to_digit_of(value: float, std: float) -> str:
     return f"{value:.{max(0, 1 - math.floor(math.log10(std)))}f}"
 
 
-def x_legend(names: Sequence[str]) -> str:
+def x_legend(names: Sequence[str], scaling: str = "as in the paper") -> str:
     """Which parameter each x1, x2, ... stands for."""
     pairs = (f"x{k + 1} {name}" for k, name in enumerate(names))
-    return f"x, scaled as in the paper: {', '.join(pairs)}"
+    return f"x, scaled {scaling}: {', '.join(pairs)}"
 
 
 @contextmanager

@@ -36,6 +36,7 @@ EXAMPLES = (
     "youbot identify runs/calibration.csv -o model.json",
     "youbot identify runs/I.csv runs/II.csv --output-error --json result.json",
     "youbot identify runs/calibration.csv --model model.json -o again.json",
+    "youbot identify drive.csv --mechanism axis --unit m -o axis.json",
 )
 
 
@@ -49,6 +50,14 @@ def main(
         ),
     ] = None,
     geometry: GeometryOption = None,
+    mechanism: Annotated[
+        str,
+        typer.Option("--mechanism", metavar="NAME", help="What the logs are of: mecanum, axis."),
+    ] = "mecanum",
+    unit: Annotated[
+        str,
+        typer.Option("--unit", help="Of an axis' position: rad (rad/s, N m) or m (m/s, N)."),
+    ] = "rad",
     output_error: Annotated[
         bool, typer.Option("--output-error", help="Refine in free run after the fit on forces.")
     ] = False,
@@ -61,16 +70,30 @@ def main(
 ) -> None:
     """Fit m0 [kg], I0, I1 [kg m^2], aX, aY [m], mu1, mu2 [N m s] to logs by least squares.
 
+    With --mechanism axis: inertia, viscous and Coulomb friction and offset of one axis, from logs
+    with the columns time, velocity, effort and, where there is one, position.
+
     Prints each parameter with its standard deviation and 95 % interval (true for correlated
     residuals), what each motion in the logs can show, and what looks implausible.
     """
     from identification.fitting import identify
     from identification.logs import read_logs
-    from youbot_env.model_file import load_geometry, load_model, save_model
+    from identification.mechanisms import (
+        kind,
+        kind_of,
+        load_any_model,
+        refuse_figures,
+        save_any_model,
+    )
+    from youbot_env.model_file import load_geometry
 
-    start = load_model(model) if model else None
+    start = load_any_model(model) if model else None
     lengths = load_geometry(geometry) if geometry else None
-    read = read_logs(logs, geometry=lengths or (start and start.geometry))
+    of = kind_of(start) if start else kind(mechanism)
+    if plots:
+        refuse_figures(of)
+    read = read_logs(logs, of.joints, geometry=lengths or getattr(start, "geometry", None))
+    start = start or of.start(read, unit)
     with progress(60 if output_error else 2, "identify") as advance:
         result = identify(
             read,
@@ -86,7 +109,7 @@ def main(
     out = console(json)
     _print(out, result)
     if output:
-        save_model(output, result.model)
+        save_any_model(output, result.model)
         out.print(f"model written to {output}", soft_wrap=True)
     write_result(json, result.to_dict(), seed)
     if plots:
@@ -107,7 +130,7 @@ def _print(out: Console, result: Identification) -> None:
             interval = " ... ".join(to_digit_of(bound, std) for bound in bounds)
         rows.append((name, shown, interval, entry["unit"]))
     show_table(out, "Parameters", ("name", "value", "95 % interval", "unit"), rows, left=("unit",))
-    _print_observability(out, found["observability"])
+    _print_observability(out, found["observability"], result.mechanism.scaling)
     errors = found["errors"]
     floor = errors["noise_floor"]["force_error"]
     line = f"force error {percent(errors['force_error'])} on these logs"
@@ -119,7 +142,7 @@ def _print(out: Console, result: Identification) -> None:
         out.print(f"warning: {warning}", style="yellow")
 
 
-def _print_observability(out: Console, seen: dict) -> None:
+def _print_observability(out: Console, seen: dict, scaling: str) -> None:
     names = {name: f"x{k + 1}" for k, name in enumerate(seen["total"]["names"])}
     rows = []
     for part in seen["parts"]:
@@ -137,7 +160,7 @@ def _print_observability(out: Console, seen: dict) -> None:
         left=("motion", "blind to", "blocks"),
     )
     total = seen["total"]
-    out.print(f"{x_legend(total['names'])}; all together: rank {total['rank']}")
+    out.print(f"{x_legend(total['names'], scaling)}; all together: rank {total['rank']}")
 
 
 if __name__ == "__main__":

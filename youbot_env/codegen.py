@@ -6,27 +6,55 @@ printed as Python that numba compiles. Nothing here knows an equation of motion.
 
 from __future__ import annotations
 
+from collections.abc import Callable
+from dataclasses import dataclass
 from types import SimpleNamespace
 from typing import Any
 
 from youbot_env.backends import symbols
-from youbot_env.dynamics import Structure, state_derivative
-
-LENGTHS = ("l", "h", "R", "r")
-TORQUE = ("u1", "u2", "u3", "u4")
+from youbot_env.dynamics import state_derivative
 
 
-def kernel_source(structure: Structure) -> str:
-    """Python source of a module with ``derivative``, ``advance`` and ``rollout``."""
+@dataclass(frozen=True)
+class System:
+    """What a stepper is generated from, for any mechanism.
+
+    derivative(xp, structure, lengths, theta, state, torque) : time derivative of the state;
+    inputs : how many torques it takes; lengths : names of the geometry that it reads;
+    sources : names of the modules that it is written in, for the cache's key
+    """
+
+    derivative: Callable[..., tuple[Any, ...]]
+    inputs: int
+    lengths: tuple[str, ...]
+    sources: tuple[str, ...]
+
+
+MECANUM = System(
+    state_derivative,
+    inputs=4,
+    lengths=("l", "h", "R", "r"),
+    sources=tuple(
+        f"youbot_env.{name}" for name in ("backends", "codegen", "dynamics", "effects", "geometry")
+    ),
+)
+"""The platform."""
+
+
+def kernel_source(structure: Any, system: System = MECANUM) -> str:
+    """Python source of a module with ``derivative``, ``advance`` and ``rollout``.
+
+    ``structure`` tells ``state_names`` and ``parameter_names``.
+    """
     size = len(structure.state_names)
     names = {
         "state": [f"s{i}" for i in range(size)],
-        "torque": list(TORQUE),
-        "lengths": [f"g_{name}" for name in LENGTHS],
+        "torque": [f"u{i + 1}" for i in range(system.inputs)],
+        "lengths": [f"g_{name}" for name in system.lengths],
         "theta": [f"p{i}" for i in range(len(structure.parameter_names))],
     }
-    parts = [_HEADER, _derivative(structure, names), _step(size, names), _loops(size, names)]
-    return "\n\n".join(parts)
+    derivative = _derivative(structure, system, names)
+    return "\n\n".join([_HEADER, derivative, _step(size, names), _loops(size, names)])
 
 
 _HEADER = '''"""Generated from the effects' own functions; written again when they change."""
@@ -36,14 +64,14 @@ from math import cos, exp, sin, sqrt, tanh
 from numba import njit'''
 
 
-def _derivative(structure: Structure, names: dict[str, list[str]]) -> str:
+def _derivative(structure: Any, system: System, names: dict[str, list[str]]) -> str:
     import sympy
 
     symbol: dict[str, Any] = {
         key: [sympy.Symbol(name, real=True) for name in group] for key, group in names.items()
     }
-    geometry = SimpleNamespace(**dict(zip(LENGTHS, symbol["lengths"], strict=True)))
-    rates = state_derivative(
+    geometry = SimpleNamespace(**dict(zip(system.lengths, symbol["lengths"], strict=True)))
+    rates = system.derivative(
         symbols(), structure, geometry, symbol["theta"], symbol["state"], symbol["torque"]
     )
     shared, results = sympy.cse([sympy.sympify(rate) for rate in rates], order="none")
@@ -76,7 +104,7 @@ def _arguments(names: dict[str, list[str]]) -> str:
 def _step(size: int, names: dict[str, list[str]]) -> str:
     """One classical Runge-Kutta step with the torque going linearly from u to w."""
     state, torque = names["state"], names["torque"]
-    ends = [f"w{i + 1}" for i in range(4)]
+    ends = [f"w{i + 1}" for i in range(len(torque))]
     rest = ", ".join(names["lengths"] + names["theta"])
 
     def call(stage: str, point: list[str], drive: list[str]) -> str:
@@ -105,9 +133,11 @@ def _step(size: int, names: dict[str, list[str]]) -> str:
 
 def _loops(size: int, names: dict[str, list[str]]) -> str:
     state, torque = names["state"], names["torque"]
-    ends = [f"w{i + 1}" for i in range(4)]
+    inputs = len(torque)
+    ends = [f"w{i + 1}" for i in range(inputs)]
     group = {name: ", ".join(names[name]) for name in names}
     lengths = ", ".join(f"lengths[{i}]" for i in range(len(names["lengths"])))
+    unpacked = f"{group['lengths']} = {lengths}" if lengths else "pass"
 
     def theta(row: str) -> str:
         return ", ".join(f"theta[{row}{i}]" for i in range(len(names["theta"])))
@@ -118,21 +148,21 @@ def _loops(size: int, names: dict[str, list[str]]) -> str:
     def store(array: str, row: str, indent: str) -> str:
         return "\n".join(f"{indent}{array}[{row}, {i}] = {state[i]}" for i in range(size))
 
-    rest = f"{group['lengths']}, {group['theta']}"
-    now = [f"v{i + 1}" for i in range(4)]
-    then = [f"x{i + 1}" for i in range(4)]
+    rest = ", ".join(names["lengths"] + names["theta"])
+    now = [f"v{i + 1}" for i in range(inputs)]
+    then = [f"x{i + 1}" for i in range(inputs)]
     ramp = "\n".join(
         f"            {now[i]} = {torque[i]} + ({ends[i]} - {torque[i]}) * (j * part)\n"
         f"            {then[i]} = {torque[i]} + ({ends[i]} - {torque[i]}) * ((j + 1) * part)"
-        for i in range(4)
+        for i in range(inputs)
     )
     return f"""@njit(cache=True, error_model='numpy')
 def advance(state, torque, lengths, theta, duration, substeps):
-    {group["lengths"]} = {lengths}
+    {unpacked}
     dt = duration / substeps
     for row in range(state.shape[0]):
         {group["state"]} = {at("state", "row", size)}
-        {group["torque"]} = {at("torque", "row", 4)}
+        {group["torque"]} = {at("torque", "row", inputs)}
         {group["theta"]} = {theta("row, ")}
         for j in range(substeps):
             {group["state"]} = step(
@@ -143,14 +173,14 @@ def advance(state, torque, lengths, theta, duration, substeps):
 
 @njit(cache=True, error_model='numpy')
 def rollout(start, torque, duration, lengths, theta, substeps, out):
-    {group["lengths"]} = {lengths}
+    {unpacked}
     {group["theta"]} = {theta("")}
     {group["state"]} = {", ".join(f"start[{i}]" for i in range(size))}
 {store("out", "0", "    ")}
     part = 1.0 / substeps
     for k in range(torque.shape[0] - 1):
-        {group["torque"]} = {at("torque", "k", 4)}
-        {", ".join(ends)} = {at("torque", "k + 1", 4)}
+        {group["torque"]} = {at("torque", "k", inputs)}
+        {", ".join(ends)} = {at("torque", "k + 1", inputs)}
         dt = duration[k] * part
         for j in range(substeps):
 {ramp}

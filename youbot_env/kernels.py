@@ -18,8 +18,8 @@ import numpy as np
 import platformdirs
 
 import youbot_env
-from youbot_env import backends, codegen, dynamics, effects, geometry
-from youbot_env.dynamics import Structure
+from youbot_env import codegen
+from youbot_env.codegen import MECANUM, System
 
 
 @dataclass(frozen=True)
@@ -36,27 +36,27 @@ class Kernel:
         ``duration`` (N - 1,) [s] apart; fills ``out`` (N, S).
     """
 
-    structure: Structure
+    structure: Any
     advance: Any
     rollout: Any
     derivative: Any
 
 
 @lru_cache(maxsize=64)
-def kernel(structure: Structure) -> Kernel:
-    """The compiled kernel of a structure; compiles at the first use on a machine.
+def kernel(structure: Any, system: System = MECANUM) -> Kernel:
+    """The compiled kernel of a structure of a mechanism; compiles at the first use on a machine.
 
     A cached file that is torn or damaged is written again.
     """
     for _ in range(2):
-        path = _cached_source(structure)
+        path = _cached_source(structure, system)
         try:
-            return _compiled(structure, path)
+            return _compiled(structure, system, path)
         except Exception:
             # Whatever a damaged cache raises (it holds Python source and numba's pickles), the cure
             # is the same; if the physics itself does not compile, the last attempt says so.
             _forget(path)
-    return _compiled(structure, _private_source(structure))
+    return _compiled(structure, system, _private_source(structure, system))
 
 
 def cache_folder() -> Path:
@@ -65,34 +65,36 @@ def cache_folder() -> Path:
     return Path(chosen) if chosen else Path(platformdirs.user_cache_dir("youbot")) / "kernels"
 
 
-def _compiled(structure: Structure, path: Path) -> Kernel:
+def _compiled(structure: Any, system: System, path: Path) -> Kernel:
     """Load a generated module and run each function once, so that damage shows here."""
     module = _load(path)
     size, count = len(structure.state_names), len(structure.parameter_names)
     found = Kernel(structure, module.advance, module.rollout, module.derivative)
-    state, torque, lengths = np.zeros((2, size)), np.zeros((2, 4)), np.ones(4)
+    state, torque = np.zeros((2, size)), np.zeros((2, system.inputs))
+    lengths = np.ones(len(system.lengths))
     found.advance(state, torque, lengths, np.ones((2, count)), 0.0, 1)
     found.rollout(state[0], torque, np.zeros(1), lengths, np.ones(count), 1, np.empty((2, size)))
     return found
 
 
-def _cached_source(structure: Structure) -> Path:
-    path = cache_folder() / f"kernel_{_key(structure)}.py"
+def _cached_source(structure: Any, system: System = MECANUM) -> Path:
+    path = cache_folder() / f"kernel_{_key(structure, system)}.py"
     if _is_intact(path):
         return path
     try:
-        return _write(path, _sealed_source(structure))
+        return _write(path, _sealed_source(structure, system))
     except OSError:
-        return _private_source(structure)
+        return _private_source(structure, system)
 
 
-def _private_source(structure: Structure) -> Path:
+def _private_source(structure: Any, system: System) -> Path:
     """A read-only home must not keep anybody from simulating: compile for this process alone."""
-    return _write(_private_folder() / f"kernel_{_key(structure)}.py", _sealed_source(structure))
+    path = _private_folder() / f"kernel_{_key(structure, system)}.py"
+    return _write(path, _sealed_source(structure, system))
 
 
-def _sealed_source(structure: Structure) -> str:
-    source = codegen.kernel_source(structure)
+def _sealed_source(structure: Any, system: System) -> str:
+    source = codegen.kernel_source(structure, system)
     return f"{_SEAL}{_checksum(source)}\n{source}"
 
 
@@ -141,11 +143,11 @@ def _forget(path: Path) -> None:
             continue  # not ours to remove; the next attempt goes elsewhere or fails by itself
 
 
-def _key(structure: Structure) -> str:
+def _key(structure: Any, system: System = MECANUM) -> str:
     """Changes with whatever could change the generated source."""
     digest = hashlib.sha256(youbot_env.__version__.encode())
-    for module in (backends, codegen, dynamics, effects, geometry):
-        digest.update(Path(str(module.__file__)).read_bytes())
+    for name in system.sources:
+        digest.update(Path(str(sys.modules[name].__file__)).read_bytes())
     for item in structure.components:
         digest.update(repr((item.name, item.acts_at.name, item.parameter_names)).encode())
         digest.update(repr([parameter.each_wheel for parameter in item.parameters]).encode())

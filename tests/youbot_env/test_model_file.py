@@ -16,6 +16,7 @@ import pytest
 from tests.youbot_env.structures import CASES, model
 from youbot_env import model_file
 from youbot_env.errors import InputError
+from youbot_env.files import write_atomically
 from youbot_env.geometry import Geometry
 from youbot_env.model_file import (
     load_geometry,
@@ -23,7 +24,6 @@ from youbot_env.model_file import (
     model_to_dict,
     save_model,
     shipped_models,
-    write_atomically,
 )
 
 
