@@ -57,6 +57,10 @@ def main(
             metavar="DIR", help="Only write the cases: logs and truth.json, a folder each."
         ),
     ] = None,
+    follow_up: Annotated[
+        bool,
+        typer.Option("--follow-up", help="Record what is proposed for a tie, and diagnose again."),
+    ] = False,
     sizes: Annotated[
         bool, typer.Option("--sizes", help="Only measure how large each effect must be to matter.")
     ] = False,
@@ -80,18 +84,21 @@ def main(
     if write is not None:
         _write(specs, write, out)
         return
-    records = bench(specs, jobs=jobs, folder=resume)
+    records = bench(specs, jobs=jobs, folder=resume, follow_up=follow_up)
     scores = score(records)
     show(out, scores, records)
     common.write_result(json, {**scores, "trials": records}, seed)
 
 
-def bench(specs: list[Spec], *, jobs: int = 1, folder: Path | None = None) -> list[Record]:
+def bench(
+    specs: list[Spec], *, jobs: int = 1, folder: Path | None = None, follow_up: bool = False
+) -> list[Record]:
     """Diagnose the cases, with a progress bar."""
     from identification.diagnosis import diagnose
 
+    options = {"jobs": jobs, "folder": folder, "follow_up": follow_up}
     with common.progress(len(specs), "diagnosing") as advance:
-        return run_trials(specs, diagnose, jobs=jobs, folder=folder, progress=advance)
+        return run_trials(specs, diagnose, progress=advance, **options)
 
 
 def _words(text: str) -> list[str]:

@@ -27,7 +27,17 @@ import typer
 
 PACKAGE = "youbot_scripts"
 
-COMMANDS = ("record", "doctor", "identify", "compare", "diagnose", "add", "bench", "effects", "demo")
+COMMANDS = (
+    "record",
+    "doctor",
+    "identify",
+    "compare",
+    "diagnose",
+    "add",
+    "bench",
+    "effects",
+    "demo",
+)
 """Names of the commands, in the order of the help; a module of `PACKAGE` each."""
 
 OK, USAGE, INTERRUPTED, BROKEN_PIPE = 0, 2, 130, 141

@@ -12,12 +12,11 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from youbot_scripts.blind import draws
+from youbot_scripts.blind.draws import WHEELS, Values
 from youbot_scripts.blind.plant import Physics
 
 Array = NDArray[np.float64]
-Values = dict[str, float]
-
-WHEELS = ("fl", "fr", "bl", "br")
 
 
 @dataclass(frozen=True)
@@ -44,89 +43,12 @@ class Plantable:
     family: str = ""
 
 
-def _direction(rng: np.random.Generator) -> float:
-    return float(rng.uniform(-np.pi, np.pi))
-
-
-def _vector(rng: np.random.Generator, size: float, *names: str) -> Values:
-    angle = _direction(rng)
-    return dict(zip(names, (size * np.cos(angle), size * np.sin(angle)), strict=True))
-
-
-def _one_number(name: str) -> Callable[[np.random.Generator, float, Array], Values]:
-    return lambda rng, size, path: {name: size}
-
-
 def _renamed(**fields: str) -> Callable[[Values], dict[str, float | Array]]:
     return lambda values: {field: values[name] for field, name in fields.items()}
 
 
 def _as_named(values: Values) -> dict[str, float | Array]:
     return dict(values)
-
-
-def _stribeck(rng: np.random.Generator, size: float, path: Array) -> Values:
-    return {
-        "torque": size,
-        "breakaway": size * rng.uniform(0.7, 1.5),
-        "stribeck_speed": rng.uniform(0.35, 0.8),
-    }
-
-
-def _uneven(rng: np.random.Generator, size: float, path: Array) -> Values:
-    """One wheel drags; in a third of the cases others do too, and the freest has none extra."""
-    share = np.zeros(4)
-    if rng.random() < 1 / 3:
-        share = rng.uniform(0.0, 0.8, 4)
-        share -= share.min()
-    share[rng.integers(4)] = 1.0
-    share -= share.min()
-    return {f"extra_{wheel}": size * value for wheel, value in zip(WHEELS, share, strict=True)}
-
-
-def _gains(rng: np.random.Generator, size: float, path: Array) -> Values:
-    """Gains of mean zero whose largest is ``size``: one wheel's error, or all four at random."""
-    draw = rng.standard_normal(4) if rng.random() < 0.5 else np.eye(4)[rng.integers(4)]
-    draw = draw * rng.choice([-1.0, 1.0])
-    draw -= draw.mean()
-    draw *= size / np.abs(draw).max()
-    return {f"gain_{wheel}": value for wheel, value in zip(WHEELS, draw, strict=True)}
-
-
-def _tether(rng: np.random.Generator, size: float, path: Array) -> Values:
-    return {"stiffness": size, **_vector(rng, rng.uniform(0.2, 1.5), "anchor_x", "anchor_y")}
-
-
-def _payload(rng: np.random.Generator, size: float, path: Array) -> Values:
-    place = {"x": rng.uniform(-0.2, 0.2), "y": rng.uniform(-0.12, 0.12)}
-    return {"mass": size, **place, "time": rng.uniform(15.0, 45.0)}
-
-
-def _ripple(rng: np.random.Generator, size: float, path: Array) -> Values:
-    phase = _direction(rng) if rng.random() < 0.5 else 0.0
-    return {"amplitude": size, "phase": phase, "cycles": float(rng.integers(4, 13))}
-
-
-def _spot(rng: np.random.Generator, path: Array) -> Array:
-    return path[rng.integers(len(path))] + rng.uniform(-0.05, 0.05, 2)
-
-
-def _line(rng: np.random.Generator, size: float, path: Array) -> Values:
-    return {"stiffness": size, "direction": _direction(rng), "offset": rng.uniform(-0.5, 0.5)}
-
-
-def _patch(rng: np.random.Generator, size: float, path: Array) -> Values:
-    x, y = _spot(rng, path)
-    return {"force": size, "x": x, "y": y, "radius": rng.uniform(0.2, 0.35)}
-
-
-def _bump(rng: np.random.Generator, size: float, path: Array) -> Values:
-    x, y = _spot(rng, path)
-    return {"force": size, "x": x, "y": y, "width": rng.uniform(0.1, 0.2)}
-
-
-def _directed(rng: np.random.Generator, size: float, path: Array) -> Values:
-    return {"force": size, "direction": _direction(rng)}
 
 
 def _per_wheel(field: str, prefix: str) -> Callable[[Values], dict[str, float | Array]]:
@@ -140,7 +62,7 @@ CATALOGUE = {
             "wheel_coulomb_friction",
             0.25,
             "N m",
-            _one_number("torque"),
+            draws.one_number("torque"),
             _renamed(coulomb="torque"),
             family="dry",
         ),
@@ -148,7 +70,7 @@ CATALOGUE = {
             "wheel_stribeck_friction",
             0.15,
             "N m",
-            _stribeck,
+            draws.stribeck,
             _renamed(coulomb="torque", breakaway="breakaway", stribeck_speed="stribeck_speed"),
             family="dry",
         ),
@@ -156,14 +78,14 @@ CATALOGUE = {
             "roller_coulomb_friction",
             0.03,
             "N m",
-            _one_number("torque"),
+            draws.one_number("torque"),
             _renamed(roller_coulomb="torque"),
         ),
         Plantable(
             "quadratic_friction",
             0.01,
             "N m s^2",
-            _one_number("coefficient"),
+            draws.one_number("coefficient"),
             _renamed(quadratic="coefficient"),
             family="dry",
         ),
@@ -178,7 +100,7 @@ CATALOGUE = {
             "uneven_wheel_friction",
             0.1,
             "N m s",
-            _uneven,
+            draws.uneven,
             _per_wheel("drag", "extra"),
             family="wheels",
         ),
@@ -193,7 +115,7 @@ CATALOGUE = {
             "floor_tilt",
             0.018,
             "rad",
-            lambda rng, size, path: _vector(rng, size, "tilt_x", "tilt_y"),
+            lambda rng, size, path: draws.vector(rng, size, "tilt_x", "tilt_y"),
             _as_named,
             family="place",
         ),
@@ -201,7 +123,7 @@ CATALOGUE = {
             "tether",
             5.0,
             "N/m",
-            _tether,
+            draws.tether,
             _renamed(tether="stiffness", anchor_x="anchor_x", anchor_y="anchor_y"),
             family="place",
         ),
@@ -209,7 +131,7 @@ CATALOGUE = {
             "torque_gain_error",
             0.2,
             "1",
-            _gains,
+            draws.gains,
             _per_wheel("gain", "gain"),
             family="wheels",
         ),
@@ -217,7 +139,7 @@ CATALOGUE = {
             "actuator_lag",
             0.1,
             "s",
-            _one_number("time_constant"),
+            draws.one_number("time_constant"),
             _renamed(lag="time_constant"),
             family="late",
         ),
@@ -225,7 +147,7 @@ CATALOGUE = {
             "torque_delay",
             0.1,
             "s",
-            _one_number("delay"),
+            draws.one_number("delay"),
             lambda values: {},  # a fault of the log, not of the platform
             family="late",
         ),
@@ -233,14 +155,14 @@ CATALOGUE = {
             "torque_ripple",
             0.25,
             "N m",
-            _ripple,
+            draws.ripple,
             _renamed(ripple="amplitude", ripple_cycles="cycles", ripple_phase="phase"),
         ),
         Plantable(
             "roller_inertia",
             1e-3,
             "kg m^2",
-            _one_number("inertia"),
+            draws.one_number("inertia"),
             _renamed(roller_inertia="inertia"),
             family="late",
         ),
@@ -248,7 +170,7 @@ CATALOGUE = {
             "payload_change",
             20.0,
             "kg",
-            _payload,
+            draws.payload,
             _renamed(load="mass", load_x="x", load_y="y", load_time="time"),
         ),
     )
@@ -262,7 +184,7 @@ OUTSIDE = {
             "carpet_nap",
             10.0,
             "N",
-            _directed,
+            draws.directed,
             _renamed(nap="force", nap_direction="direction"),
             ("heading",),
         ),
@@ -270,7 +192,7 @@ OUTSIDE = {
             "line_spring",
             8.0,
             "N/m",
-            _line,
+            draws.line,
             _renamed(line_stiffness="stiffness", line_direction="direction", line_offset="offset"),
             ("position_x", "position_y"),
         ),
@@ -278,7 +200,7 @@ OUTSIDE = {
             "sticky_patch",
             15.0,
             "N",
-            _patch,
+            draws.patch,
             _renamed(patch="force", patch_x="x", patch_y="y", patch_radius="radius"),
             ("position_x", "position_y"),
         ),
@@ -286,7 +208,7 @@ OUTSIDE = {
             "wind",
             8.0,
             "N",
-            _directed,
+            draws.directed,
             _renamed(wind="force", wind_direction="direction"),
             ("heading",),
         ),
@@ -294,7 +216,7 @@ OUTSIDE = {
             "sideways_drift",
             250.0,
             "N s^2/m^2",
-            _one_number("coefficient"),
+            draws.one_number("coefficient"),
             _renamed(drift="coefficient"),
             (),
         ),
@@ -302,7 +224,7 @@ OUTSIDE = {
             "bump",
             15.0,
             "N",
-            _bump,
+            draws.bump,
             _renamed(bump="force", bump_x="x", bump_y="y", bump_width="width"),
             ("position_x", "position_y"),
         ),

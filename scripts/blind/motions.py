@@ -66,7 +66,7 @@ def multisine(rng: np.random.Generator, dt: float) -> Array:
     window = _window(t, MULTISINE)
     axes = []
     for peak in PEAKS:
-        frequency = np.exp(rng.uniform(*np.log(BAND), TONES))
+        frequency = np.exp(rng.uniform(np.log(BAND[0]), np.log(BAND[1]), TONES))
         phase = rng.uniform(0.0, 2 * np.pi, TONES)
         wave = np.sin(np.multiply.outer(t, frequency) + phase).sum(axis=1) * window
         axes.append(peak * wave / np.abs(wave).max())

@@ -36,7 +36,22 @@ SCORE_WORDS = {
     "carrier_first_or_second_remaining": "carrier first or second, last model",
     "error_fall_of_95": "velocity error falls by 95 % of what it can",
     "sizes_inside": "sizes within their 95 % intervals",
+    "tie_resolved": "tie resolved by the proposed experiment",
 }
+
+WANTED = {
+    ("none", "false_alarm"): "< 2 %",
+    ("one", "in_set"): "> 95 %",
+    ("one", "alone"): "> 80 %",
+    ("one", "confidently_wrong"): "< 2 %",
+    ("one", "accepted_unplanted"): "< 10 %",
+    ("quarter", "in_set"): "> 85 %",
+    ("two", "both_found"): "> 85 %",
+    ("unknown", "said_unknown"): "> 90 %",
+    **{(kind, "sizes_inside"): "> 90 %" for kind in ("one", "two")},
+    **{(kind, "tie_resolved"): "> 80 %" for kind in ("one", "quarter", "two")},
+}
+"""What the diagnosis is made to reach."""
 
 NUMBER_WORDS = {
     "error_fall_median": "fall of the velocity error, median",
@@ -61,20 +76,20 @@ def show(console: Console, scores: Mapping[str, Any], records: Sequence[Record])
 
 def _show_kind(console: Console, kind: str, found: Mapping[str, Any]) -> None:
     rows = [
-        (words, *_share_cells(found[key])) for key, words in SCORE_WORDS.items() if key in found
+        (words, *_share_cells(found[key]), WANTED.get((kind, key), ""))
+        for key, words in SCORE_WORDS.items()
+        if key in found and found[key]["total"]
     ]
     for rate, share in found.get("false_alarm_by_rate", {}).items():
-        rows.append((f"  of them at {rate} Hz", *_share_cells(share)))
+        rows.append((f"  of them at {rate} Hz", *_share_cells(share), ""))
     for key, words in NUMBER_WORDS.items():
         if found.get(key) is not None:
-            rows.append((words, common.number(found[key], 3), "", ""))
+            rows.append((words, common.number(found[key], 3), "", "", ""))
     title = f"{KIND_WORDS.get(kind, kind)}: {found['cases']} cases"
-    common.show_table(console, title, ("", "share", "95 % interval", "cases"), rows)
+    common.show_table(console, title, ("", "share", "95 % interval", "cases", "wanted"), rows)
 
 
 def _share_cells(share: Mapping[str, Any]) -> tuple[str, str, str]:
-    if not share["total"]:
-        return "-", "-", "0"
     low, high = share["interval"]
     cases = f"{share['count']}/{share['total']}"
     return f"{100 * share['share']:.1f} %", f"{100 * low:.1f} to {100 * high:.1f}", cases

@@ -4,13 +4,11 @@ from __future__ import annotations
 
 from collections import Counter, defaultdict
 from collections.abc import Callable, Iterable, Sequence
-from dataclasses import dataclass
 from statistics import fmean, median
 from typing import Any
 
-from scipy.stats import beta
-
 from youbot_scripts.blind.effects import CATALOGUE, OUTSIDE
+from youbot_scripts.blind.shares import Share
 from youbot_scripts.blind.trial import Record
 
 LARGEST_SET = 3
@@ -26,41 +24,6 @@ INTERVAL = 1.96
 """Standard deviations either side of a stated size."""
 
 TWIST = "twist"
-
-
-@dataclass(frozen=True)
-class Share:
-    """``count`` of ``total`` cases."""
-
-    count: int
-    total: int
-
-    @classmethod
-    def of(cls, answers: Iterable[bool | None]) -> Share:
-        """Of the answers that there are: None is no answer."""
-        known = [answer for answer in answers if answer is not None]
-        return cls(sum(known), len(known))
-
-    @property
-    def value(self) -> float:
-        """count / total; NaN of nothing."""
-        return self.count / self.total if self.total else float("nan")
-
-    def interval(self, confidence: float = 0.95) -> tuple[float, float]:
-        """Exact two-sided interval of a binomial share (Clopper and Pearson 1934)."""
-        k, n, tail = self.count, self.total, (1.0 - confidence) / 2
-        low = float(beta.ppf(tail, k, n - k + 1)) if k else 0.0
-        high = float(beta.ppf(1.0 - tail, k + 1, n - k)) if k < n else 1.0
-        return low, high
-
-    def to_dict(self) -> dict[str, Any]:
-        """JSON form."""
-        return {
-            "share": self.value,
-            "count": self.count,
-            "total": self.total,
-            "interval": list(self.interval()),
-        }
 
 
 # --- one record ------------------------------------------------------------------------------
@@ -156,6 +119,20 @@ def error_fall(record: Record) -> float | None:
     return 1.0 - (fixed**2 - true**2) / (base**2 - true**2)
 
 
+def tie_resolved(record: Record) -> bool | None:
+    """Whether the proposed experiment left the truth alone of those that were tied.
+
+    None where there was no tie that holds the truth, or no experiment was made.
+    """
+    truth = set(planted(record))
+    if "after" not in record or not any(
+        len(names) > 1 and truth & set(names) for names in named_sets(record)
+    ):
+        return None
+    after = named_sets({"found": record["after"]})
+    return all([name] in after for name in truth)
+
+
 def sizes_inside(record: Record) -> list[bool]:
     """For each planted number whose effect was accepted: does its 95 % interval hold it?"""
     stated = record.get("sizes", {})
@@ -223,6 +200,7 @@ def _numbers(records: Sequence[Record]) -> dict[str, Any]:
         "error_fall_median": median(falls) if falls else None,
         "error_fall_of_95": Share.of(fall >= 0.95 for fall in falls).to_dict(),
         "sizes_inside": Share.of(inside).to_dict(),
+        "tie_resolved": Share.of(map(tie_resolved, records)).to_dict(),
         "mean_set_size": fmean(sets) if sets else None,
     }
 
@@ -258,7 +236,7 @@ def _score_kind(kind: str, records: Sequence[Record]) -> dict[str, Any]:
             )
             | _numbers(records)
         )
-    if kind == "unknown":
+    if kind == "unknown" or kind in OUTSIDE:
         ranks = {
             f"carrier_first_or_second_{key}": Share.of(
                 None if (rank := carrier_rank(record, key)) is None else rank <= 2

@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from typing import Any
+
+import numpy as np
 
 from identification.errors import Squares, add_up, velocity_traces
 from identification.logs import Log
@@ -13,12 +15,14 @@ from youbot_env.effects import CATALOGUE as REGISTERED
 from youbot_env.errors import InputError
 from youbot_env.model import Model
 from youbot_env.model_file import load_model
-from youbot_scripts.blind.cases import Case, logs_of
+from youbot_env.motions import motion_from_dict
+from youbot_scripts.blind.cases import Case, log_along, logs_of, tick
 from youbot_scripts.blind.effects import EVERYTHING
 
 Record = dict[str, Any]
 """What is kept of a trial, JSON-able: ``case``, ``found`` (the diagnosis's own JSON),
-``carriers``, ``sizes``, ``true_velocity_error``, ``seconds``; ``error`` where it failed."""
+``carriers``, ``sizes``, ``true_velocity_error``, ``seconds``; ``after``, the diagnosis with the
+proposed experiment; ``error`` where it failed."""
 
 
 Diagnose = Callable[..., Any]
@@ -68,8 +72,19 @@ def stated_sizes(found: Any, report: dict[str, Any]) -> dict[str, dict[str, floa
     }
 
 
-def run_trial(case: Case, diagnose: Diagnose) -> Record:
-    """Make a case's logs and have them diagnosed, starting from the published model."""
+def experiment(case: Case, proposed: Mapping[str, Any]) -> Log:
+    """The log of a proposed motion on the case's own platform."""
+    motion = motion_from_dict(proposed["motion"])
+    dt, _ = tick(case.rate)
+    twist = motion.twist(dt * np.arange(round(motion.duration / dt) + 1))
+    return log_along(case, "next_experiment", twist)
+
+
+def run_trial(case: Case, diagnose: Diagnose, follow_up: bool = False) -> Record:
+    """Make a case's logs and have them diagnosed, starting from the published model.
+
+    With ``follow_up`` what is tied is diagnosed again with the proposed experiment's log beside.
+    """
     logs = logs_of(case)
     record: Record = {
         "case": case.to_dict(),
@@ -85,4 +100,8 @@ def run_trial(case: Case, diagnose: Diagnose) -> Record:
     record["sizes"] = stated_sizes(found, record["found"])
     truth = true_model(case)
     record["true_velocity_error"] = None if truth is None else velocity_error(truth, logs)
+    proposed = record["found"].get("next_experiment")
+    if follow_up and proposed and record["found"]["ambiguous_with"]:
+        more = [*logs, experiment(case, proposed)]
+        record["after"] = diagnose(load_model("paper"), more, seed=case.seed).to_dict()
     return record

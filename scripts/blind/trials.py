@@ -68,11 +68,11 @@ def plan(
     return [spec for spec in chain.from_iterable(zip_longest(*columns)) if spec is not None]
 
 
-def try_case(diagnose: Diagnose, spec: Spec) -> Record:
+def try_case(diagnose: Diagnose, follow_up: bool, spec: Spec) -> Record:
     """One trial; a crash becomes part of the record, so that it does not end the others."""
     case = spec.draw()
     try:
-        return run_trial(case, diagnose)
+        return run_trial(case, diagnose, follow_up)
     except Exception as error:
         message = f"{type(error).__name__}: {error}"
         return {"case": case.to_dict(), "carriers": [], "seconds": 0.0, "error": message}
@@ -109,6 +109,7 @@ def run_trials(
     *,
     jobs: int = 1,
     folder: Path | None = None,
+    follow_up: bool = False,
     progress: Callable[[], None] = lambda: None,
 ) -> list[Record]:
     """Trials of all cases, in their order.
@@ -116,6 +117,7 @@ def run_trials(
     Parameters
     ----------
     diagnose : ``diagnose(model, logs, seed=...)``; picklable if ``jobs`` is more than one
+    follow_up : record the experiment that is proposed for a tie, and diagnose again
     folder : where each trial is noted as it is done; those that are there are not done again
 
     Raises
@@ -128,7 +130,7 @@ def run_trials(
     waiting = [spec for spec in specs if keys[spec] not in done]
     for _ in range(len(specs) - len(waiting)):
         progress()
-    for _, record in spread(partial(try_case, diagnose), waiting, jobs):
+    for _, record in spread(partial(try_case, diagnose, follow_up), waiting, jobs):
         record = json.loads(json.dumps(record, default=_plain))
         done[record["case"]["key"]] = record
         if folder is not None:

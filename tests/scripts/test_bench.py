@@ -17,9 +17,11 @@ from tests.identification.shared_data import DATA, needs_data
 from youbot_env.effects import CATALOGUE as REGISTERED
 from youbot_env.errors import InputError
 from youbot_env.model import Model
+from youbot_env.motions import motion_iii
 from youbot_env.simulate import initial_state, simulate
 from youbot_scripts import blind
 from youbot_scripts.blind import cases, effects, motions, plant, scores, trial, trials
+from youbot_scripts.blind.shares import Share
 from youbot_scripts.blind.sizes import Sizing, size_table
 from youbot_scripts.blind.spread import spread
 from youbot_scripts.cli import main
@@ -30,7 +32,7 @@ FOLDER = Path(next(iter(blind.__path__)))
 # --- the simulator ---------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize("module", ["plant", "motions", "effects", "cases"])
+@pytest.mark.parametrize("module", ["plant", "motions", "draws", "effects", "cases"])
 def test_the_generator_shares_no_physics_with_the_package(module: str):
     tree = ast.parse((FOLDER / f"{module}.py").read_text())
     names = {node.module for node in ast.walk(tree) if isinstance(node, ast.ImportFrom)}
@@ -341,6 +343,26 @@ def test_spread_over_processes_gives_what_one_process_gives():
     assert sorted(spread(math.sqrt, items, 2)) == list(spread(math.sqrt, items, 1))
 
 
+def test_a_proposed_experiment_is_recorded_on_the_same_platform():
+    seen = []
+
+    def tie(model: Model, logs: list, *, seed: int = 0) -> Answer:
+        seen.append(logs)
+        motion = motion_iii(duration=10.0).to_dict()
+        answer = Answer(**said("ambiguous", "tether", tether=["floor_tilt"]))
+        answer.report |= {"next_experiment": {"motion": motion}}
+        return answer
+
+    case = cases.draw_case("tether", 0, 0)
+    found = trial.run_trial(case, tie, follow_up=True)
+    assert found["after"]["missing"] == ["tether"]
+    assert [len(logs) for logs in seen] == [3, 4]
+    log = seen[1][-1]
+    assert log.name == "next_experiment" and log.rate == pytest.approx(case.rate)
+    assert log.duration == pytest.approx(10.0, abs=0.05)
+    assert np.abs(log.velocity).max() > 3.0
+
+
 def test_truth_s_error_is_that_of_noise_alone():
     record = trial.run_trial(cases.draw_case("none", 0, 0, rate=100.0, noise=1.0), Diagnose())
     assert 0.0 < record["true_velocity_error"] < 0.02
@@ -386,11 +408,11 @@ def said(verdict: str, *missing: str, **ties: list[str]) -> dict[str, Any]:
 
 
 def test_shares_have_exact_intervals():
-    assert scores.Share(0, 200).interval() == pytest.approx((0.0, 1 - 0.025 ** (1 / 200)))
-    assert scores.Share(4, 200).interval() == pytest.approx((0.00548, 0.05041), abs=1e-5)
-    assert scores.Share(200, 200).interval()[1] == 1.0
-    assert math.isnan(scores.Share.of([None]).value)
-    assert scores.Share.of([True, None, False]) == scores.Share(1, 2)
+    assert Share(0, 200).interval() == pytest.approx((0.0, 1 - 0.025 ** (1 / 200)))
+    assert Share(4, 200).interval() == pytest.approx((0.00548, 0.05041), abs=1e-5)
+    assert Share(200, 200).interval()[1] == 1.0
+    assert math.isnan(Share.of([None]).value)
+    assert Share.of([True, None, False]) == Share(1, 2)
 
 
 def test_a_name_counts_alone_or_in_a_set_of_three():
@@ -445,6 +467,15 @@ def test_the_fall_of_the_error_is_measured_against_what_it_can_fall():
     assert scores.error_fall(row) == pytest.approx(expected)
     assert scores.error_fall(row | {"true_velocity_error": 0.19}) is None
     assert scores.error_fall(row | {"true_velocity_error": None}) is None
+
+
+def test_a_tie_is_resolved_when_the_truth_stands_alone():
+    tied = said("ambiguous", "floor_tilt", floor_tilt=["tether"])
+    for after, resolved in ((said("effect", "tether"), True), (tied, False)):
+        row = record("tether", tied, after=Answer(**after).report)
+        assert scores.tie_resolved(row) is resolved
+    assert scores.tie_resolved(record("tether", tied)) is None
+    assert scores.tie_resolved(record("tether", said("effect", "tether"), after={})) is None
 
 
 def test_sizes_are_judged_by_their_intervals():

@@ -1,0 +1,93 @@
+"""How the numbers of what a blind test plants are drawn: (rng, size, path) -> values.
+
+``size`` is that of the main parameter; ``path`` (n, 2) are places [m] that the references pass.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import numpy as np
+from numpy.typing import NDArray
+
+Array = NDArray[np.float64]
+Values = dict[str, float]
+
+WHEELS = ("fl", "fr", "bl", "br")
+
+
+def direction(rng: np.random.Generator) -> float:
+    return float(rng.uniform(-np.pi, np.pi))
+
+
+def vector(rng: np.random.Generator, size: float, *names: str) -> Values:
+    angle = direction(rng)
+    return dict(zip(names, (size * np.cos(angle), size * np.sin(angle)), strict=True))
+
+
+def one_number(name: str) -> Callable[[np.random.Generator, float, Array], Values]:
+    return lambda rng, size, path: {name: size}
+
+
+def stribeck(rng: np.random.Generator, size: float, path: Array) -> Values:
+    return {
+        "torque": size,
+        "breakaway": size * rng.uniform(0.7, 1.5),
+        "stribeck_speed": rng.uniform(0.35, 0.8),
+    }
+
+
+def uneven(rng: np.random.Generator, size: float, path: Array) -> Values:
+    """One wheel drags; in a third of the cases others do too, and the freest has none extra."""
+    share = np.zeros(4)
+    if rng.random() < 1 / 3:
+        share = rng.uniform(0.0, 0.8, 4)
+        share -= share.min()
+    share[rng.integers(4)] = 1.0
+    share -= share.min()
+    return {f"extra_{wheel}": size * value for wheel, value in zip(WHEELS, share, strict=True)}
+
+
+def gains(rng: np.random.Generator, size: float, path: Array) -> Values:
+    """Gains of mean zero whose largest is ``size``: one wheel's error, or all four at random."""
+    draw = rng.standard_normal(4) if rng.random() < 0.5 else np.eye(4)[rng.integers(4)]
+    draw = draw * rng.choice([-1.0, 1.0])
+    draw -= draw.mean()
+    draw *= size / np.abs(draw).max()
+    return {f"gain_{wheel}": value for wheel, value in zip(WHEELS, draw, strict=True)}
+
+
+def tether(rng: np.random.Generator, size: float, path: Array) -> Values:
+    return {"stiffness": size, **vector(rng, rng.uniform(0.2, 1.5), "anchor_x", "anchor_y")}
+
+
+def payload(rng: np.random.Generator, size: float, path: Array) -> Values:
+    place = {"x": rng.uniform(-0.2, 0.2), "y": rng.uniform(-0.12, 0.12)}
+    return {"mass": size, **place, "time": rng.uniform(15.0, 45.0)}
+
+
+def ripple(rng: np.random.Generator, size: float, path: Array) -> Values:
+    phase = direction(rng) if rng.random() < 0.5 else 0.0
+    return {"amplitude": size, "phase": phase, "cycles": float(rng.integers(4, 13))}
+
+
+def spot(rng: np.random.Generator, path: Array) -> Array:
+    return path[rng.integers(len(path))] + rng.uniform(-0.05, 0.05, 2)
+
+
+def line(rng: np.random.Generator, size: float, path: Array) -> Values:
+    return {"stiffness": size, "direction": direction(rng), "offset": rng.uniform(-0.5, 0.5)}
+
+
+def patch(rng: np.random.Generator, size: float, path: Array) -> Values:
+    x, y = spot(rng, path)
+    return {"force": size, "x": x, "y": y, "radius": rng.uniform(0.2, 0.35)}
+
+
+def bump(rng: np.random.Generator, size: float, path: Array) -> Values:
+    x, y = spot(rng, path)
+    return {"force": size, "x": x, "y": y, "width": rng.uniform(0.1, 0.2)}
+
+
+def directed(rng: np.random.Generator, size: float, path: Array) -> Values:
+    return {"force": size, "direction": direction(rng)}
