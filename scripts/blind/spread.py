@@ -28,11 +28,17 @@ def spread(
         return
     # A fork would inherit the threads of compiled code, half alive.
     context = multiprocessing.get_context("spawn")
+    others = multiprocessing.active_children()
     pool = ProcessPoolExecutor(min(jobs, len(items) or 1), context, initializer=_leave_interrupts)
     try:
         waiting = {pool.submit(function, item): item for item in items}
         for done in as_completed(waiting):
             yield waiting[done], done.result()
+    except BaseException:
+        for process in multiprocessing.active_children():
+            if process not in others:
+                process.terminate()  # what they are at may take minutes, and is not wanted
+        raise
     finally:
         pool.shutdown(wait=True, cancel_futures=True)
 
