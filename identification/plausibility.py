@@ -73,6 +73,10 @@ def _barely(model: Model) -> list[str]:
     }
     for name, estimate in estimates.items():
         scale = model.geometry.l if name in OFFSETS else abs(estimate.value)
+        effect, _, key = name.partition(".")
+        if key and CATALOGUE[effect].public is not None:
+            # A place or a phase may well be zero: judged by its catalogue size.
+            scale = max(scale, CATALOGUE[effect].public_parameter(key).size)
         if estimate.std is not None and estimate.std > BARELY * scale:
             found.append(
                 f"{name} = {estimate.value:.3g} +- {estimate.std:.2g} {estimate.unit} is barely "

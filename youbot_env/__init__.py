@@ -13,10 +13,12 @@ if TYPE_CHECKING:
         BODY,
         CATALOGUE,
         CHANNEL,
+        CLOCK,
         ROLLER,
         WHEEL,
         WORLD,
         Parameter,
+        Public,
         effect,
     )
     from youbot_env.errors import InputError
@@ -32,8 +34,8 @@ __version__ = "0.1.0"
 _HOMES = {
     "youbot_env.dynamics": ("CATALOGUE",),  # it fills the catalogue
     "youbot_env.effects": (
-        *("ACTUATOR", "BODY", "CHANNEL", "ROLLER", "WHEEL", "WORLD"),
-        *("Parameter", "effect"),
+        *("ACTUATOR", "BODY", "CHANNEL", "CLOCK", "ROLLER", "WHEEL", "WORLD"),
+        *("Parameter", "Public", "effect"),
     ),
     "youbot_env.errors": ("InputError",),
     "youbot_env.geometry": ("Geometry",),
@@ -50,6 +52,7 @@ __all__ = [
     "BODY",
     "CATALOGUE",
     "CHANNEL",
+    "CLOCK",
     "ROLLER",
     "WHEEL",
     "WORLD",
@@ -59,6 +62,7 @@ __all__ = [
     "Model",
     "Parameter",
     "Plant",
+    "Public",
     "effect",
     "initial_state",
     "load_model",
