@@ -19,8 +19,8 @@ from identification.axis_dynamics import SYSTEM, AxisStructure, Instant
 from identification.axis_samples import AxisSamples, axis_samples
 from identification.filters import slope_ends
 from identification.logs import AXIS, Log
-from identification.mecanum import RATE_SMOOTHING, moved, smoothed
 from identification.mechanism import Label, Mechanism
+from identification.resampling import RATE_SMOOTHING, moved, smoothed
 from identification.segments import Part
 from youbot_env.effects import Actuator, Registry
 from youbot_env.errors import InputError

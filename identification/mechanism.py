@@ -81,7 +81,7 @@ class Mechanism(Protocol):
         ...
 
     @cached_property
-    def free(self) -> Array:
+    def free(self) -> NDArray[np.bool_]:
         """(P,) whether a parameter is identified linearly (shape constants stay as they are)."""
         return np.array([not label.parameter.is_shape for label in self.labels])
 
