@@ -9,13 +9,19 @@ import importlib
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
+    from identification.adding import Addition, add_effect
     from identification.comparison import Comparison, compare
+    from identification.diagnosis import Diagnosis, diagnose
     from identification.fitting import Identification, identify
     from identification.logs import Log, read_log, read_logs, write_log
     from identification.observability import Observability, motion_observability
     from identification.recursive import RecursiveLeastSquares
 
 _HOMES = {
+    "Addition": "adding",
+    "add_effect": "adding",
+    "Diagnosis": "diagnosis",
+    "diagnose": "diagnosis",
     "Comparison": "comparison",
     "compare": "comparison",
     "Identification": "fitting",
@@ -30,12 +36,16 @@ _HOMES = {
 }
 
 __all__ = [
+    "Addition",
     "Comparison",
+    "Diagnosis",
     "Identification",
     "Log",
     "Observability",
     "RecursiveLeastSquares",
+    "add_effect",
     "compare",
+    "diagnose",
     "identify",
     "motion_observability",
     "read_log",

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import itertools
 from collections.abc import Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
@@ -63,6 +63,8 @@ class Candidate:
     columns: tuple[Array, ...]
     result: HeldOut
     shapes: dict[str, float] = field(default_factory=dict)
+    base_size: int = 0
+    fitted: Fitted | None = None
 
     @property
     def parameters(self) -> int:
@@ -73,8 +75,6 @@ class Candidate:
     def basis_size(self) -> int:
         """Directions that data can see of its linear parameters."""
         return gauge_basis(self.mechanism).shape[1] - self.base_size
-
-    base_size: int = 0
 
 
 def shape_choices(effect: Any) -> list[dict[str, float]]:
@@ -119,7 +119,7 @@ def _try_shape(
 
 def _columns(mechanism: Any, theta: Array, samples: Any, new: Indices) -> Array:
     ends = np.moveaxis(mechanism.demand(theta, samples).columns(new), 0, -1)
-    return reduce(ends, samples.dt, RATE)
+    return reduce(ends, samples.dt, RATE, mechanism.filter_rate)
 
 
 def contains(larger: Candidate, smaller: Candidate, base: Fitted, enough: float = 0.995) -> bool:
@@ -142,8 +142,3 @@ def _unexplained(columns: Array, target: Array) -> Array:
     gram = columns.T @ columns
     rest = target - columns @ (np.linalg.pinv(gram, rcond=1e-10) @ (columns.T @ target))
     return (rest**2).sum(axis=0)
-
-
-def refitted(candidate: Candidate, theta: Array) -> Candidate:
-    """The candidate at other parameters (after a joint fit)."""
-    return replace(candidate, theta=theta)

@@ -9,205 +9,89 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from identification.candidates import Candidate, Fitted, contains, try_candidate
-from identification.errors import (
-    NoiseLevel,
-    Squares,
-    add_up,
-    force_floor,
-    force_traces,
-    velocity_floor,
-    velocity_traces,
-)
-from identification.folds import Fold, block_sums, make_folds
+from identification.candidates import Candidate, Fitted
 from identification.logs import Log
-from identification.mecanum import Mecanum
-from identification.noise import white_noise
+from identification.mechanism import Mechanism
+from identification.mechanisms import AnyModel, mechanism_of
 from identification.regression import Fit, fit
-from identification.segments import cut
-from identification.significance import family_p_values, score_blocks
+from identification.search import MATERIAL, Ranking, Search, Step, given_errors
+from identification.words import describe
 from youbot_env.errors import InputError
-from youbot_env.model import Model
 
 Array = NDArray[np.float64]
 
 SIGNIFICANT = 0.01
 """Family-wise p-value below which an effect may be accepted."""
 
-MATERIAL = 0.02
-"""Least share of the held-out squared residual that an accepted effect must take away."""
-
 MOST = 4
 """Effects accepted at most."""
 
-TIED = 2.0
-"""Standard errors within which two candidates cannot be told apart."""
-
-KEPT = 0.5
-"""Share of the best candidate's fall that a candidate must reach to count as tied."""
-
-ABOVE_FLOOR = 1.25
+ABOVE_FLOOR = 1.15
 """Held-out force error over the noise floor above which something is left to explain."""
 
 DOMINANT = 0.5
-"""Share of the excess that a partial explanation must take to be named at all."""
+"""Share of the excess over the floor that an effect must take to be named beside "unknown"."""
+
+CHANGED = 1.5
+"""Given model's force error over the refitted one's from which on its parameters have changed."""
 
 
 @dataclass(frozen=True)
-class Step:
-    """One structure on the way: the effect accepted last, and held-out errors."""
-
-    effect: str | None
-    force_error: float
-    velocity_error: float
-    fitted: Fitted
-    fold_thetas: Array
-
-    def to_dict(self) -> dict[str, Any]:
-        """JSON form."""
-        return {
-            "effect": self.effect,
-            "force_error": self.force_error,
-            "velocity_error": self.velocity_error,
-        }
-
-
-@dataclass(frozen=True)
-class Ranking:
-    """All candidates on top of one structure, best first, with those that tie with the best."""
-
-    candidates: tuple[Candidate, ...]
-    p_values: dict[str, float]
-    tied: tuple[str, ...]
-    fall: float
-    best: Candidate | None
-
-
-@dataclass
 class Diagnosis:
-    """Result of :func:`diagnose`; :meth:`to_dict` is the JSON that the design fixes."""
+    """Result of :func:`diagnose`; :meth:`to_dict` is its JSON form.
+
+    Attributes
+    ----------
+    verdict : "adequate", "effect", "ambiguous" or "unknown"
+    missing : accepted effects, in order; of an ambiguous set its best member
+    ambiguous_with : what the data cannot tell apart from an accepted effect
+    partial : accepted effects that explain their share, while something else remains
+    steps : held-out errors as they fall; the first is the refitted base
+    rankings : all candidates, on top of each step
+    model : the refitted model with the accepted effects
+    where, remaining : shares of the residual by variable, before and after
+    sentences : the verdict in words
+    """
 
     verdict: str
-    missing: list[str]
+    missing: tuple[str, ...]
     ambiguous_with: dict[str, list[str]]
-    steps: list[Step]
+    partial: tuple[str, ...]
+    steps: tuple[Step, ...]
+    rankings: tuple[Ranking, ...]
+    model: Any
+    mechanism: Mechanism
+    samples: tuple[Any, ...]
     given_model: dict[str, float]
     noise_floor: dict[str, float]
-    ranking: Ranking
-    rankings: list[Ranking]
-    fit: Fit
-    mechanism: Any
-    samples: list[Any]
-    where: list[dict[str, Any]] = field(default_factory=list)
-    remaining: list[dict[str, Any]] = field(default_factory=list)
-    next_experiment: dict[str, Any] | None = None
-    warnings: list[str] = field(default_factory=list)
-    partial: list[str] = field(default_factory=list)
-    seed: int = 0
+    where: list[dict[str, Any]]
+    remaining: list[dict[str, Any]]
+    next_experiment: dict[str, Any] | None
+    warnings: tuple[str, ...]
+    sentences: tuple[str, ...] = ()
+    candidates: list[dict[str, Any]] = field(default_factory=list)
 
-
-class _Search:
-    """The search for missing effects on one set of logs: fits, rankings, held-out errors."""
-
-    def __init__(self, mechanism: Any, logs: Sequence[Log], seed: int, tick: Callable[[], None]):
-        self.samples = [mechanism.samples(log) for log in logs]
-        self.noise = [
-            NoiseLevel(white_noise(log.velocity), white_noise(log.effort)) for log in logs
-        ]
-        self.seed, self.tick = seed, tick
-        self.folds: list[Fold] = []
-
-    def fit(self, mechanism: Any, start: Array) -> Fitted:
-        """Joint fit on all logs."""
-        result = fit(mechanism, self.samples, start)
-        fitted = Fitted.at(mechanism, result.theta, self.samples)
-        self.folds = self.folds or make_folds(fitted.rows)
-        return fitted
-
-    def step(self, fitted: Fitted, effect: str | None) -> Step:
-        """Held-out force and velocity error of a structure."""
-        steps = fitted.held_out(self.folds).steps
-        thetas = np.tile(fitted.theta, (len(self.folds), 1))
-        thetas[:, fitted.free] += steps
-        force, velocity = [], []
-        for fold, theta in zip(self.folds, thetas, strict=True):
-            part = self.stretch(fold)
-            force.append(Squares.of(force_traces(fitted.mechanism, theta, part)))
-            velocity.append(Squares.of(velocity_traces(fitted.mechanism, theta, part)))
-            self.tick()
-        return Step(effect, add_up(force).ratio, add_up(velocity).ratio, fitted, thetas)
-
-    def stretch(self, fold: Fold) -> Any:
-        """The samples of a fold."""
-        samples = self.samples[fold.log]
-        if len(self.folds) == len(self.samples):
-            return samples
-        first, last = np.searchsorted(samples.time, [fold.start, fold.end])
-        return cut(samples, int(first), int(last) + 1)
-
-    def floor(self, fitted: Fitted) -> dict[str, float]:
-        """What measurement noise alone would leave, at the fitted structure."""
-        force, velocity = [], []
-        for samples, noise in zip(self.samples, self.noise, strict=True):
-            args = (fitted.mechanism, fitted.theta, samples)
-            force.append(force_floor(*args, force_traces(*args), noise, self.seed))
-            velocity.append(velocity_floor(*args, velocity_traces(*args), noise, self.seed))
-        return {"force_error": add_up(force).ratio, "velocity_error": add_up(velocity).ratio}
-
-    def rank(self, fitted: Fitted, names: Sequence[str], rng: np.random.Generator) -> Ranking:
-        """Try each candidate on top of a structure."""
-        base = fitted.held_out(self.folds)
-        found = []
-        for name in names:
-            found.append(try_candidate(fitted, self.samples, self.folds, name))
-            self.tick()
-        found.sort(key=lambda item: item.result.square)
-        step = fitted.rows[0].step
-        scores = {
-            item.name: score_blocks(fitted.residual, fitted.columns, item.columns, step)
-            for item in found
+    def to_dict(self) -> dict[str, Any]:
+        """JSON form, as the design fixes it."""
+        return {
+            "verdict": self.verdict,
+            "missing": list(self.missing),
+            "ambiguous_with": self.ambiguous_with,
+            "partial": list(self.partial),
+            "steps": [step.to_dict() for step in self.steps],
+            "given_model": self.given_model,
+            "noise_floor": self.noise_floor,
+            "candidates": self.candidates,
+            "where": self.where,
+            "remaining": self.remaining,
+            "next_experiment": self.next_experiment,
+            "words": list(self.sentences),
+            "warnings": list(self.warnings),
         }
-        p_values = family_p_values(scores, rng)
-        best, tied = _choose(found, base.square, fitted, step)
-        fall = 0.0 if best is None else 1.0 - best.result.square / base.square
-        return Ranking(tuple(found), p_values, tied, fall, best)
-
-
-def _choose(
-    found: Sequence[Candidate], square: float, base: Fitted, step: float
-) -> tuple[Candidate | None, tuple[str, ...]]:
-    """The best candidate, a simpler one in its place if it does as well, and those that tie."""
-    if not found or found[0].result.square >= square:
-        return None, ()
-    leader = found[0]
-    fall = square - leader.result.square
-    close = [
-        item
-        for item in found
-        if square - item.result.square > KEPT * fall and _worse_by(item, leader, step) < TIED
-    ]
-    simplest = min(item.parameters for item in close)
-    best = next(item for item in close if item.parameters == simplest)
-    tied = [item.name for item in close if item is not best and not contains(item, best, base)]
-    return best, tuple(tied)
-
-
-def _worse_by(item: Candidate, leader: Candidate, step: float) -> float:
-    """By how many standard errors of blocks a candidate's held-out residual is the larger one."""
-    if item is leader:
-        return 0.0
-    difference = np.concatenate(
-        [
-            block_sums((a**2 - b**2).sum(axis=1), step)
-            for a, b in zip(item.result.residual, leader.result.residual, strict=True)
-        ]
-    )
-    spread = np.sqrt(len(difference)) * difference.std()
-    return float(difference.sum() / max(spread, 1e-300))
 
 
 def diagnose(
-    model: Model,
+    model: AnyModel,
     logs: Sequence[Log],
     *,
     effects: Sequence[str] | None = None,
@@ -219,7 +103,7 @@ def diagnose(
     Parameters
     ----------
     model : its structure is where the search starts; its parameters are fitted again
-    effects : candidates; the whole catalogue by default
+    effects : candidates; the mechanism's whole catalogue by default
     seed : of the bootstrap and of the noise floor
     progress : called after each candidate and each free run
 
@@ -230,59 +114,251 @@ def diagnose(
     """
     if not logs:
         raise InputError("no log given: diagnose needs at least one")
-    mechanism = Mecanum(model.geometry, model.structure)
-    search = _Search(mechanism, logs, seed, progress)
-    rng = np.random.default_rng(seed)
+    mechanism = mechanism_of(model)
+    search = Search(mechanism, logs, seed, progress)
+    names = list(effects) if effects is not None else list(mechanism.catalogue.names())
+    steps, rankings = _climb(search, mechanism, model, names, np.random.default_rng(seed))
+    floor = search.floor(steps[-1].fitted)
+    unexplained = steps[-1].force_error > ABOVE_FLOOR * floor["force_error"]
+    if unexplained:
+        steps = _drop_minor(steps, floor["force_error"])
+        floor = search.floor(steps[-1].fitted)
+    accepted = [step.effect for step in steps if step.effect]
+    ties = {
+        ranking.best.name: list(ranking.tied)
+        for ranking in rankings
+        if ranking.best and ranking.tied and ranking.best.name in accepted
+    }
+    verdict = _verdict(unexplained, bool(ties), bool(accepted))
+    final = _final_fit(search, steps[-1].fitted)
+    given = given_errors(mechanism, model.theta, search.samples)
+    fitted_model = _model(final, model, logs, steps, floor)
+    return Diagnosis(
+        verdict=verdict,
+        missing=tuple(accepted),
+        ambiguous_with=ties,
+        partial=tuple(accepted) if unexplained else (),
+        steps=tuple(steps),
+        rankings=tuple(rankings),
+        model=fitted_model,
+        mechanism=steps[-1].fitted.mechanism,
+        samples=tuple(search.samples),
+        given_model=given,
+        noise_floor=floor,
+        where=_where(steps[0].fitted, search),
+        remaining=_where(steps[-1].fitted, search) if accepted else [],
+        next_experiment=_next_experiment(search, steps, rankings, ties, seed),
+        warnings=tuple(_warnings(logs, given, steps, verdict)),
+        sentences=tuple(_sentences(fitted_model, steps, verdict, ties, floor)),
+        candidates=_candidate_list(rankings[0], steps, fitted_model),
+    )
+
+
+def _climb(
+    search: Search,
+    mechanism: Mechanism,
+    model: AnyModel,
+    names: Sequence[str],
+    rng: np.random.Generator,
+) -> tuple[list[Step], list[Ranking]]:
+    """Forward selection; after each acceptance the earlier effects are tested again."""
     steps = [search.step(search.fit(mechanism, model.theta), None)]
     rankings: list[Ranking] = []
-    accepted: list[str] = []
-    ties: dict[str, list[str]] = {}
-    names = list(effects) if effects is not None else list(mechanism.catalogue.names())
-    while len(accepted) < MOST:
+    while len(steps) <= MOST:
         fitted = steps[-1].fitted
-        present = (*model.effects, *accepted)
+        present = fitted.mechanism.structure.effects
         ranking = search.rank(fitted, [name for name in names if name not in present], rng)
         rankings.append(ranking)
         best = ranking.best
-        if best is None or ranking.p_values[best.name] > SIGNIFICANT or ranking.fall < MATERIAL:
+        if best is None or best.fitted is None:
             break
-        joint = search.fit(best.mechanism, best.theta)
-        steps.append(search.step(joint, best.name))
-        accepted.append(best.name)
-        ties[best.name] = list(ranking.tied)
-    last = steps[-1].fitted
-    floor = search.floor(last)
-    given = _given_errors(mechanism, model, search)
-    result = Diagnosis(
-        verdict="adequate",
-        missing=accepted,
-        ambiguous_with={name: tied for name, tied in ties.items() if tied},
-        steps=steps,
-        given_model=given,
-        noise_floor=floor,
-        ranking=rankings[0],
-        rankings=rankings,
-        fit=fit(last.mechanism, search.samples, last.theta),
-        mechanism=last.mechanism,
-        samples=search.samples,
-        seed=seed,
+        if ranking.p_values[best.name] > SIGNIFICANT or ranking.fall < MATERIAL:
+            break
+        steps.append(search.step(best.fitted, best.name))
+        steps = _without_idle(search, steps, tuple(model.effects))
+    return steps, rankings
+
+
+def _without_idle(search: Search, steps: list[Step], given: tuple[str, ...]) -> list[Step]:
+    """Drop an earlier effect that the later ones have made superfluous."""
+    full = steps[-1]
+    square = full.fitted.held_out(search.folds).square
+    for index in range(1, len(steps) - 1):
+        kept = [step.effect for k, step in enumerate(steps) if k != index and step.effect]
+        mechanism = full.fitted.mechanism.with_effects((*given, *kept))
+        start = _shared_theta(full.fitted, mechanism)
+        reduced = search.fit(mechanism, start)
+        if reduced.held_out(search.folds).square < (1 + MATERIAL) * square:
+            # The steps between keep their errors; the one that is dropped leaves the list.
+            last = search.step(reduced, full.effect)
+            return [*steps[:index], *steps[index + 1 : -1], last]
+    return steps
+
+
+def _shared_theta(fitted: Fitted, mechanism: Mechanism) -> Array:
+    """Parameters of a smaller structure, where the larger one left them."""
+    values = dict(zip(fitted.mechanism.parameter_names, fitted.theta, strict=True))
+    return np.array([values[name] for name in mechanism.parameter_names])
+
+
+def _drop_minor(steps: list[Step], floor: float) -> list[Step]:
+    """Where something unknown remains: at most the first effect, if it takes most of the excess."""
+    if len(steps) < 2:
+        return steps
+    before, after = steps[0].force_error ** 2, steps[1].force_error ** 2
+    dominant = before - after > DOMINANT * (before - floor**2)
+    return steps[:2] if dominant else steps[:1]
+
+
+def _verdict(unexplained: bool, tied: bool, accepted: bool) -> str:
+    if unexplained:
+        return "unknown"
+    if tied:
+        return "ambiguous"
+    return "effect" if accepted else "adequate"
+
+
+def _final_fit(search: Search, fitted: Fitted) -> tuple[Mechanism, Fit]:
+    return fitted.mechanism, fit(fitted.mechanism, search.samples, fitted.theta)
+
+
+def _model(
+    final: tuple[Mechanism, Fit],
+    model: AnyModel,
+    logs: Sequence[Log],
+    steps: Sequence[Step],
+    floor: dict[str, float],
+) -> Any:
+    mechanism, result = final
+    errors = {
+        "force_error": steps[-1].force_error,
+        "velocity_error": steps[-1].velocity_error,
+        "held_out": True,
+        "noise_floor": floor,
+    }
+    return mechanism.fitted_model(
+        result,
+        name=model.name,
+        logs=tuple({"name": log.name, "sha256": log.sha256} for log in logs),
+        errors=errors,
+        provenance={"command": "diagnose"},
     )
-    return _verdict(result)
 
 
-def _verdict(found: Diagnosis) -> Diagnosis:
-    errors = [step.force_error for step in found.steps]
-    left = errors[-1] > ABOVE_FLOOR * found.noise_floor["force_error"]
-    if left:
-        found.verdict = "unknown"
-    elif found.ambiguous_with:
-        found.verdict = "ambiguous"
-    elif found.missing:
-        found.verdict = "effect"
+def _where(fitted: Fitted, search: Search) -> list[dict[str, Any]]:
+    from identification.residual_map import residual_map
+
+    found = residual_map(fitted.mechanism, fitted.theta, search.samples, seed=search.seed)
+    search.tick()
+    return found.to_list()
+
+
+def _next_experiment(
+    search: Search,
+    steps: Sequence[Step],
+    rankings: Sequence[Ranking],
+    ties: dict[str, list[str]],
+    seed: int,
+) -> dict[str, Any] | None:
+    """The motion that best separates the first tie, if the mechanism knows motions."""
+    propose = getattr(search.mechanism, "best_experiment", None)
+    if propose is None or not ties:
+        return None
+    ranking = next(r for r in rankings if r.best and r.best.name in ties)
+    tied = [item for item in ranking.candidates if item.name in ranking.tied and item.fitted]
+    assert ranking.best is not None and ranking.best.fitted is not None
+    if not tied:
+        return None
+    noise = float(np.sqrt(np.mean([np.mean(r**2) for r in steps[-1].fitted.residual])))
+    return propose(_named(ranking.best), [_named(item) for item in tied], noise, seed)
+
+
+def _named(item: Candidate) -> tuple[str, Any, Array]:
+    assert item.fitted is not None
+    return item.name, item.fitted.mechanism, item.fitted.theta
+
+
+def _warnings(
+    logs: Sequence[Log], given: dict[str, float], steps: Sequence[Step], verdict: str
+) -> list[str]:
+    found = [
+        f"{log.name}: {finding.message}"
+        for log in logs
+        for finding in log.findings
+        if finding.level in ("warning", "repaired")
+    ]
+    if given["force_error"] > CHANGED * steps[0].force_error:
+        found.append(
+            f"the given model's own parameters no longer fit (force error "
+            f"{given['force_error']:.1%}, refitted {steps[0].force_error:.1%}): they have changed"
+        )
     return found
 
 
-def _given_errors(mechanism: Any, model: Model, search: _Search) -> dict[str, float]:
-    force = [Squares.of(force_traces(mechanism, model.theta, s)) for s in search.samples]
-    velocity = [Squares.of(velocity_traces(mechanism, model.theta, s)) for s in search.samples]
-    return {"force_error": add_up(force).ratio, "velocity_error": add_up(velocity).ratio}
+def _sentences(
+    model: Any,
+    steps: Sequence[Step],
+    verdict: str,
+    ties: dict[str, list[str]],
+    floor: dict[str, float],
+) -> list[str]:
+    found = []
+    for step in steps[1:]:
+        assert step.effect is not None
+        effect = step.fitted.mechanism.catalogue[step.effect]
+        values = {name: e.value for name, e in model.effects[step.effect].items()}
+        base = {name: e.value for name, e in model.parameters.items()}
+        sentence = describe(effect, values, base)
+        others = ties.get(step.effect)
+        if others:
+            sentence += f"; these logs cannot tell it from {' or '.join(others)}"
+        found.append(sentence)
+    last, level = steps[-1].force_error, floor["force_error"]
+    if verdict == "adequate":
+        found.append(
+            f"the model is adequate: what it leaves ({last:.2%}) is noise (floor {level:.2%})"
+        )
+    elif verdict == "unknown":
+        part = "explains a part, but something" if len(steps) > 1 else "something"
+        found.append(
+            f"{part} is missing that no effect of the catalogue explains: {last:.2%} remains "
+            f"where noise would leave {level:.2%}"
+        )
+    return found
+
+
+def _candidate_list(ranking: Ranking, steps: Sequence[Step], model: Any) -> list[dict[str, Any]]:
+    """First-step candidates, best first; an accepted one with its parameters in the final fit."""
+    base = steps[0].fitted
+    square = sum(float((r**2).sum()) for r in base.residual)
+    found = []
+    for item in ranking.candidates:
+        ratio = np.sqrt(item.result.square / max(square, 1e-300))
+        found.append(
+            {
+                "effect": item.name,
+                "force_error": float(steps[0].force_error * ratio),
+                "p_value": ranking.p_values[item.name],
+                "parameters": _parameters(item, base, model),
+            }
+        )
+    return found
+
+
+def _parameters(item: Candidate, base: Fitted, model: Any) -> dict[str, Any]:
+    if item.name in model.effects:
+        entries = model.effects[item.name]
+        return {
+            name: {"value": e.value, "unit": e.unit, "std": e.std} for name, e in entries.items()
+        }
+    theta = item.theta.copy()
+    if item.fitted is None:
+        theta[np.flatnonzero(item.mechanism.free)] += item.result.step
+    effect = item.mechanism.catalogue[item.name]
+    # The candidate's parameters are the last ones: it was put on top of the fitted structure.
+    own = theta[len(theta) - len(effect.parameter_names) :]
+    public = effect.to_public(getattr(item.mechanism, "geometry", None), own)
+    return {
+        name: {"value": value, "unit": effect.public_parameter(name).unit, "std": None}
+        for name, value in zip(effect.public_names, public, strict=True)
+    }

@@ -71,6 +71,8 @@ def _whitening(blocks: Array) -> Array:
 def _normal_score(whitened: Array) -> Array:
     """Wilson and Hilferty's normal score of a chi-square statistic, comparable across sizes."""
     size = whitened.shape[-1]
+    if size == 0:  # columns without any length: a motion that never touches the effect
+        return np.full(whitened.shape[:-1], -np.inf)
     statistic = (whitened**2).sum(axis=-1)
     spread = 2.0 / (9.0 * size)
     return ((statistic / size) ** (1 / 3) - (1 - spread)) / np.sqrt(spread)

@@ -1,0 +1,108 @@
+"""The motion that best tells tied effects apart: T-optimal discrimination within limits.
+
+Atkinson and Fedorov, Biometrika 62(1), 1975: of all motions take the one for which the best fit of
+the rival to the favourite's prediction is worst.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from identification.mecanum import Mecanum, Samples
+from identification.regression import gauge_basis, regression_rows
+from youbot_env.motions import CALIBRATION, Motion, multisine
+
+Array = NDArray[np.float64]
+
+DT = 0.02
+"""Sample time [s] of the ideal motions that are weighed."""
+
+
+def library(mechanism: Mecanum, seed: int) -> list[Motion]:
+    """Motions to choose from, all within the platform's limits."""
+    geometry = mechanism.geometry
+    motions = [make(geometry) for make in CALIBRATION.values()]
+    bands = {"slow": (0.2, 0.8), "usual": (0.5, 3.0), "fast": (2.0, 6.0)}
+    sizes = {"small": 0.25, "large": 1.0}
+    for band, limits in bands.items():
+        for size, factor in sizes.items():
+            motions.append(
+                multisine(
+                    np.random.default_rng(seed),
+                    band=limits,
+                    tones=4,
+                    amplitude=(0.25 * factor, 0.2 * factor, 0.7 * factor),
+                    duration=60.0,
+                    geometry=geometry,
+                    name=f"multisine_{band}_{size}",
+                )
+            )
+    return motions
+
+
+def ideal_samples(motion: Motion, mechanism: Mecanum) -> Samples:
+    """What a log of the ideal motion would hold, without noise; torques are left at zero."""
+    time = np.arange(0.0, motion.duration, DT)
+    twist = motion.twist(time)
+    yaw = _integrate(twist[:, 2])
+    c, s = np.cos(yaw), np.sin(yaw)
+    x = _integrate(c * twist[:, 0] - s * twist[:, 1])
+    y = _integrate(s * twist[:, 0] + c * twist[:, 1])
+    speed = mechanism.geometry.wheel_speeds(twist)
+    angle = np.column_stack([_integrate(speed[:, k]) for k in range(4)])
+    pose = np.column_stack([x, y, yaw])
+    return Samples(motion.name, time, DT, twist, pose, angle, speed, np.zeros_like(speed))
+
+
+def _integrate(rate: Array) -> Array:
+    return np.concatenate([[0.0], np.cumsum(0.5 * DT * (rate[1:] + rate[:-1]))])
+
+
+def separation(
+    favourite: tuple[Mecanum, Array], rival: tuple[Mecanum, Array], samples: Samples
+) -> float:
+    """Root mean square [N m] of what the rival's best fit leaves of the favourite's prediction."""
+    mechanism, theta = favourite
+    other, start = rival
+    free = np.flatnonzero(other.free)
+    wanted = -regression_rows(mechanism, theta, samples, free[:1]).residual
+    rows = regression_rows(other, start, samples, free)
+    offered = -rows.residual
+    columns = (rows.columns / other.scale[free]).reshape(-1, len(free))
+    columns = columns @ gauge_basis(other)
+    target = (wanted - offered).ravel()
+    left = target - columns @ np.linalg.lstsq(columns, target, rcond=1e-10)[0]
+    return float(np.sqrt(np.mean(left**2)))
+
+
+def best_experiment(
+    favourite: tuple[str, Mecanum, Array],
+    rivals: list[tuple[str, Mecanum, Array]],
+    noise: float,
+    seed: int,
+) -> dict[str, Any]:
+    """The motion whose least separated rival is separated best.
+
+    ``noise`` [N m]: what measurement noise alone leaves in the filtered forces (rms).
+    """
+    name, *model = favourite
+    found = []
+    for motion in library(model[0], seed):
+        samples = ideal_samples(motion, model[0])
+        apart = {
+            rival: separation((model[0], model[1]), (engine, theta), samples)
+            for rival, engine, theta in rivals
+        }
+        found.append((min(apart.values()), apart, motion))
+    least, apart, motion = max(found, key=lambda row: row[0])
+    return {
+        "motion": motion.to_dict(),
+        "name": motion.name,
+        "separates": [name, *apart],
+        "signal_to_noise": least / noise,
+        "instruction": f"save `motion` as a JSON file and run: youbot record OUT_DIR --motions "
+        f"{motion.name}.json, or drive it on the robot; then diagnose all logs together",
+    }

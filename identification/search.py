@@ -1,0 +1,205 @@
+"""The search for missing effects: joint fits, rankings of candidates, held-out errors."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from identification.candidates import Candidate, Fitted, contains, try_candidate
+from identification.errors import (
+    NoiseLevel,
+    Squares,
+    add_up,
+    force_floor,
+    force_traces,
+    velocity_floor,
+    velocity_traces,
+)
+from identification.folds import Fold, block_sums, make_folds
+from identification.logs import Log
+from identification.mechanism import Mechanism
+from identification.noise import white_noise
+from identification.regression import fit
+from identification.segments import cut
+from identification.significance import family_p_values, score_blocks
+
+Array = NDArray[np.float64]
+
+MATERIAL = 0.02
+"""Least share of the held-out squared residual that an effect must take away to be accepted."""
+
+LEADERS = 5
+"""Candidates that are fitted jointly before they are compared."""
+
+TIED = 2.0
+"""Standard errors within which two candidates cannot be told apart."""
+
+KEPT = 0.5
+"""Share of the best candidate's fall that a candidate must reach to count as tied."""
+
+
+@dataclass(frozen=True)
+class Step:
+    """One structure on the way: the effect accepted last, and held-out errors."""
+
+    effect: str | None
+    force_error: float
+    velocity_error: float
+    fitted: Fitted
+    fold_thetas: Array
+
+    def to_dict(self) -> dict[str, Any]:
+        """JSON form."""
+        return {
+            "effect": self.effect,
+            "force_error": self.force_error,
+            "velocity_error": self.velocity_error,
+        }
+
+
+@dataclass(frozen=True)
+class Ranking:
+    """All candidates on top of one structure, best first, with those that tie with the best."""
+
+    candidates: tuple[Candidate, ...]
+    p_values: dict[str, float]
+    tied: tuple[str, ...]
+    fall: float
+    best: Candidate | None
+
+
+class Search:
+    """The search for missing effects on one set of logs: fits, rankings, held-out errors."""
+
+    def __init__(
+        self, mechanism: Mechanism, logs: Sequence[Log], seed: int, tick: Callable[[], None]
+    ) -> None:
+        self.mechanism = mechanism
+        self.samples = [mechanism.samples(log) for log in logs]
+        self.noise = [
+            NoiseLevel(white_noise(log.velocity), white_noise(log.effort)) for log in logs
+        ]
+        self.seed, self.tick = seed, tick
+        self.folds: list[Fold] = []
+
+    def fit(self, mechanism: Any, start: Array) -> Fitted:
+        """Joint fit on all logs."""
+        result = fit(mechanism, self.samples, start)
+        fitted = Fitted.at(mechanism, result.theta, self.samples)
+        self.folds = self.folds or make_folds(fitted.rows)
+        return fitted
+
+    def step(self, fitted: Fitted, effect: str | None) -> Step:
+        """Held-out force and velocity error of a structure."""
+        steps = fitted.held_out(self.folds).steps
+        thetas = np.tile(fitted.theta, (len(self.folds), 1))
+        thetas[:, fitted.free] += steps
+        force, velocity = [], []
+        for fold, theta in zip(self.folds, thetas, strict=True):
+            part = self.stretch(fold)
+            force.append(Squares.of(force_traces(fitted.mechanism, theta, part)))
+            velocity.append(Squares.of(velocity_traces(fitted.mechanism, theta, part)))
+            self.tick()
+        return Step(effect, add_up(force).ratio, add_up(velocity).ratio, fitted, thetas)
+
+    def stretch(self, fold: Fold) -> Any:
+        """The samples of a fold."""
+        samples = self.samples[fold.log]
+        if len(self.folds) == len(self.samples):
+            return samples
+        first, last = np.searchsorted(samples.time, [fold.start, fold.end])
+        return cut(samples, int(first), int(last) + 1)
+
+    def floor(self, fitted: Fitted) -> dict[str, float]:
+        """What measurement noise alone would leave, at the fitted structure."""
+        force, velocity = [], []
+        for samples, noise in zip(self.samples, self.noise, strict=True):
+            args = (fitted.mechanism, fitted.theta, samples)
+            force.append(force_floor(*args, force_traces(*args), noise, self.seed))
+            velocity.append(velocity_floor(*args, velocity_traces(*args), noise, self.seed))
+        return {"force_error": add_up(force).ratio, "velocity_error": add_up(velocity).ratio}
+
+    def rank(self, fitted: Fitted, names: Sequence[str], rng: np.random.Generator) -> Ranking:
+        """Try each candidate on top of a structure."""
+        base = fitted.held_out(self.folds)
+        found = []
+        for name in names:
+            found.append(try_candidate(fitted, self.samples, self.folds, name))
+            self.tick()
+        found.sort(key=lambda item: item.result.square)
+        found = self._refit(found, base.square)
+        step = fitted.rows[0].step
+        scores = {
+            item.name: score_blocks(fitted.residual, fitted.columns, item.columns, step)
+            for item in found
+        }
+        p_values = family_p_values(scores, rng)
+        best, tied = _choose(found, base.square, fitted, step)
+        fall = 0.0 if best is None else 1.0 - best.result.square / base.square
+        return Ranking(tuple(found), p_values, tied, fall, best)
+
+    def _refit(self, found: list[Candidate], square: float) -> list[Candidate]:
+        """Joint fits of the candidates in the lead: some are linear only near zero strength."""
+        fall = square - found[0].result.square if found else 0.0
+        if fall < 0.5 * MATERIAL * square:
+            return found
+        done = []
+        for item in found:
+            if square - item.result.square > KEPT * fall and len(done) < LEADERS:
+                joint = self.fit(item.mechanism, item.theta)
+                item = replace(
+                    item, theta=joint.theta, fitted=joint, result=joint.held_out(self.folds)
+                )
+                self.tick()
+            done.append(item)
+        return sorted(done, key=lambda item: item.result.square)
+
+
+def _choose(
+    found: Sequence[Candidate], square: float, base: Fitted, step: float
+) -> tuple[Candidate | None, tuple[str, ...]]:
+    """The best candidate, a simpler one in its place if it does as well, and those that tie."""
+    if not found or found[0].result.square >= square:
+        return None, ()
+    leader = found[0]
+    fall = square - leader.result.square
+    near = [item for item in found if square - item.result.square > KEPT * fall]
+    best = leader
+    for item in near:
+        # A nested effect gives way to its simpler form unless it is materially better.
+        dearer = item.result.square - best.result.square
+        if dearer < MATERIAL * item.result.square and contains(best, item, base):
+            best = item
+    tied = [
+        item.name
+        for item in near
+        if item is not best
+        and _worse_by(item, best, step) < TIED
+        and not contains(item, best, base)
+    ]
+    return best, tuple(tied)
+
+
+def _worse_by(item: Candidate, leader: Candidate, step: float) -> float:
+    """By how many standard errors of blocks a candidate's held-out residual is the larger one."""
+    if item is leader:
+        return 0.0
+    difference = np.concatenate(
+        [
+            block_sums((a**2 - b**2).sum(axis=1), step)
+            for a, b in zip(item.result.residual, leader.result.residual, strict=True)
+        ]
+    )
+    spread = np.sqrt(len(difference)) * difference.std()
+    return float(difference.sum() / max(spread, 1e-300))
+
+
+def given_errors(mechanism: Mechanism, theta: Array, samples: Sequence[Any]) -> dict[str, float]:
+    """Errors of a model as it stands, nothing fitted."""
+    force = [Squares.of(force_traces(mechanism, theta, item)) for item in samples]
+    velocity = [Squares.of(velocity_traces(mechanism, theta, item)) for item in samples]
+    return {"force_error": add_up(force).ratio, "velocity_error": add_up(velocity).ratio}
