@@ -88,13 +88,13 @@ def best_experiment(
 
     ``noise`` [N m]: what measurement noise alone leaves in the filtered forces (rms).
     """
-    name, *model = favourite
+    name, mechanism, best = favourite
     found = []
-    for motion in library(model[0], seed):
-        samples = ideal_samples(motion, model[0])
+    for motion in library(mechanism, seed):
+        samples = ideal_samples(motion, mechanism)
         apart = {
-            rival: separation((model[0], model[1]), (engine, theta), samples)
-            for rival, engine, theta in rivals
+            rival: separation((mechanism, best), (other, theta), samples)
+            for rival, other, theta in rivals
         }
         found.append((min(apart.values()), apart, motion))
     least, apart, motion = max(found, key=lambda row: row[0])

@@ -364,8 +364,30 @@ class Demand:
             unit[index - where.start] = 1.0
             return self._finish(self._component(item, unit, self._points), self.theta)
         step = 1e-3 * item.parameter(item.parameter_names[index - where.start]).size
-        ahead, behind = (self._shifted(item, index, sign * step) for sign in (1.0, -1.0))
+        # Where forces just add up, the components that the parameter does not enter cancel out.
+        adds_up = not self.whole and len(structure.wrenches) == len(structure.slices)
+        force = self._entered if adds_up else self._shifted
+        ahead, behind = (force(item, index, sign * step) for sign in (1.0, -1.0))
         return (ahead - behind) / (2 * step)
+
+    def _entered(self, owner: Effect, index: int, shift: float) -> Array:
+        """With one parameter moved, the force of the components that it enters, alone."""
+        structure = self.mechanism.structure
+        theta = self.theta.copy()
+        theta[index] += shift
+        if owner.name not in BASE:
+            where = next(place for item, place in structure.slices if item is owner)
+            return self._component(owner, theta[where], self._points)
+        changed = {owner.name, *structure.base_readers}
+        points = Points(np, self.mechanism.geometry, theta, self.instant)
+        return sum(
+            (
+                self._component(item, theta[where], points)
+                for item, where in structure.wrenches
+                if item.name in changed
+            ),
+            start=np.zeros((2, len(self.samples) - 1, 3)),
+        )
 
     @cached_property
     def _points(self) -> Points:
