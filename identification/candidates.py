@@ -77,23 +77,52 @@ class Candidate:
         return gauge_basis(self.mechanism).shape[1] - self.base_size
 
 
-def shape_choices(effect: Any) -> list[dict[str, float]]:
-    """Grid of the effect's searched shape constants; one empty choice if it has none."""
-    grids = {p.name: p.grid for p in effect.parameters if p.is_shape and getattr(p, "grid", ())}
-    return [dict(zip(grids, values, strict=True)) for values in itertools.product(*grids.values())]
+REFINEMENTS = 3
+"""Halvings of a grid's step around its best value."""
 
 
 def try_candidate(
     base: Fitted, samples: Sequence[Any], folds: Sequence[Fold], name: str
 ) -> Candidate:
-    """The effect at its best shape on the grid, judged by held-out squares."""
+    """The effect at its best shape, judged by held-out squares: on the grid, then between."""
     mechanism = base.mechanism.extended(name)
-    effect = mechanism.catalogue[name]
-    found = [
-        _try_shape(base, mechanism, samples, folds, name, shapes)
-        for shapes in shape_choices(effect)
-    ]
-    return min(found, key=lambda item: item.result.square)
+    grids = {p.name: p.grid for p in mechanism.catalogue[name].parameters if p.grid}
+
+    def judge(values: tuple[float, ...]) -> Candidate:
+        shapes = dict(zip(grids, values, strict=True))
+        return _try_shape(base, mechanism, samples, folds, name, shapes)
+
+    best = min(map(judge, itertools.product(*grids.values())), key=_square)
+    if best.result.square > PROMISING * base.held_out(folds).square:
+        return best
+    for shape, grid in grids.items():
+        if all(float(value).is_integer() for value in grid) and np.ptp(np.diff(grid)) == 0:
+            if grid[1] - grid[0] == 1:
+                continue  # cycles a turn: there is nothing between
+        for halving in range(1, REFINEMENTS + 1):
+            here = best.shapes[shape]
+            for value in _between(grid, here, halving):
+                values = tuple((best.shapes | {shape: value})[key] for key in grids)
+                best = min(best, judge(values), key=_square)
+    return best
+
+
+PROMISING = 0.98
+"""Share of the base's squares above which no finer search is worth its time."""
+
+
+def _square(item: Candidate) -> float:
+    return item.result.square
+
+
+def _between(grid: Sequence[float], here: float, halving: int) -> list[float]:
+    """Values half, a quarter, ... of the grid's local step to both sides of ``here``."""
+    points = np.asarray(grid)
+    near = int(np.argmin(np.abs(points - here)))
+    left = points[near] - points[near - 1] if near > 0 else 0.0
+    right = points[near + 1] - points[near] if near + 1 < len(points) else left
+    steps = (-(left or right) / 2**halving, right / 2**halving)
+    return [float(here + step) for step in steps if here + step > 0]
 
 
 def _try_shape(

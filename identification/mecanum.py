@@ -35,6 +35,7 @@ class Samples:
     name : of the log; time (N,) [s] from the log's start; dt [s]
     twist (N, 3) body frame [m/s, m/s, rad/s]; pose (N, 3) world [m, m, rad]
     wheel_angle, wheel_speed (N, 4) [rad, rad/s]; torque (N, 4) as logged [N m]
+    angle_measured : whether the angles have columns of their own, or are integrated
     """
 
     name: str
@@ -45,6 +46,7 @@ class Samples:
     wheel_angle: Array
     wheel_speed: Array
     torque: Array
+    angle_measured: bool = False
 
     def __len__(self) -> int:
         return len(self.time)
@@ -82,7 +84,8 @@ def samples_of(log: Log, geometry: Geometry) -> Samples:
         )
         pose = np.column_stack([_integrate(velocity, dt), yaw])
     angle = log.position if log.position is not None else _integrate(log.velocity, dt)
-    return Samples(log.name, time, dt, twist, pose, angle, log.velocity, log.effort)
+    measured = log.position is not None
+    return Samples(log.name, time, dt, twist, pose, angle, log.velocity, log.effort, measured)
 
 
 PAPER_ORDER = (0, 1, 4, 2, 3, 5, 6)
@@ -199,8 +202,11 @@ class Mecanum(Mechanism):
         """The samples with white noise of these standard deviations (4,) put on."""
         shape = samples.torque.shape
         extra = speed * rng.standard_normal(shape)
+        # Angles that are integrated from the speeds drift with their noise; a ripple sees it.
+        drift = 0.0 if samples.angle_measured else _integrate(extra, samples.dt)
         return replace(
             samples,
+            wheel_angle=samples.wheel_angle + drift,
             twist=samples.twist + self.geometry.body_twist(extra),
             wheel_speed=samples.wheel_speed + extra,
             torque=samples.torque + torque * rng.standard_normal(shape),

@@ -214,7 +214,9 @@ def torque_gain_error(xp, channel, gain):
     parameters=[
         Parameter("torque", "N m", lower=0.0, upper=5.0, size=0.2),
         Parameter("breakaway", "N m", lower=0.0, upper=5.0, size=0.15),
-        Parameter("stribeck_speed", "rad/s", default=0.5, lower=0.05, upper=5.0),
+        Parameter(
+            "stribeck_speed", "rad/s", default=0.5, lower=0.05, upper=5.0, grid=(0.2, 0.5, 1.2, 3.0)
+        ),
         Parameter("smoothing", "rad/s", default=0.03, lower=1e-3, upper=1.0),
     ],
     source="Stribeck curve: Armstrong-Helouvry, Dupont, Canudas de Wit, Automatica 30(7), 1994",
@@ -258,7 +260,14 @@ def quadratic_friction(xp, wheel, coefficient):
     acts_at=WHEEL,
     parameters=[
         Parameter("fraction", "1", lower=0.0, upper=10.0, size=0.5),
-        Parameter("time_constant", "s", default=30.0, lower=2.0, upper=600.0),
+        Parameter(
+            "time_constant",
+            "s",
+            default=30.0,
+            lower=2.0,
+            upper=600.0,
+            grid=(6.0, 15.0, 40.0, 100.0),
+        ),
     ],
     source="Grease that warms up: exponential approach to the warm friction",
     recognise="Friction that fades over the first minute of each log.",
