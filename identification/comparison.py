@@ -1,15 +1,16 @@
-"""Model against measurements: errors by log and axis, noise floors, and the worst stretches."""
+"""Model against measurements: errors by log and axis, noise floors, and where the model fails."""
 
 from __future__ import annotations
 
 import os
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from identification.columns import joint_columns
 from identification.errors import (
     NoiseLevel,
     Squares,
@@ -21,41 +22,49 @@ from identification.errors import (
     velocity_traces,
 )
 from identification.logs import Log
-from identification.mecanum import Mecanum
+from identification.mechanism import Mechanism
+from identification.mechanisms import AnyModel, mechanism_of
 from identification.noise import white_noise
+from identification.residual_map import ResidualMap, residual_map
+from identification.slip import Slip, slip_of
 from youbot_env.errors import InputError
 from youbot_env.files import write_atomically
-from youbot_env.geometry import WHEELS, Geometry
-from youbot_env.model import Model
+from youbot_env.geometry import Geometry
 
 Array = NDArray[np.float64]
 
 WINDOW = 5.0
-"""Seconds of a stretch that `where` judges."""
+"""Seconds of a stretch that is judged alone."""
 
 WORST = 8
-"""Stretches that `where` lists."""
+"""Stretches that are listed."""
 
 
 @dataclass(frozen=True)
 class LogComparison:
-    """One log beside the model's predictions."""
+    """One log beside the model's predictions; joint_speed (N, k): of the free run."""
 
     log: Log
+    axes: tuple[str, ...]
     seen_in_fit: bool
     force: Traces
     velocity: Traces
     force_floor: Squares
     velocity_floor: Squares
-    wheel_speed: Array
+    joint_speed: Array
+    slip: Slip | None = None
 
 
 @dataclass(frozen=True)
 class Comparison:
-    """Result of :func:`compare`."""
+    """Result of :func:`compare`; model: as given, a Model or an AxisModel.
 
-    model: Model
+    where: which variables the residual depends on.
+    """
+
+    model: Any
     logs: tuple[LogComparison, ...]
+    where: ResidualMap = field(default_factory=lambda: ResidualMap(()))
 
     @property
     def counted(self) -> tuple[LogComparison, ...]:
@@ -76,7 +85,8 @@ class Comparison:
                 "force_error": add_up(item.force_floor for item in counted).ratio,
                 "velocity_error": add_up(item.velocity_floor for item in counted).ratio,
             },
-            "where": self.worst(),
+            "where": self.where.to_list(),
+            "stretches": self.worst(),
         }
 
     def worst(self) -> list[dict[str, Any]]:
@@ -95,13 +105,14 @@ def _log_dict(item: LogComparison) -> dict[str, Any]:
     return {
         "force_error": force.ratio,
         "velocity_error": velocity.ratio,
-        "force_error_by_axis": dict(zip(Mecanum.axes, force.by_axis.tolist(), strict=True)),
-        "velocity_error_by_axis": dict(zip(Mecanum.axes, velocity.by_axis.tolist(), strict=True)),
+        "force_error_by_axis": dict(zip(item.axes, force.by_axis.tolist(), strict=True)),
+        "velocity_error_by_axis": dict(zip(item.axes, velocity.by_axis.tolist(), strict=True)),
         "noise_floor": {
             "force_error": item.force_floor.ratio,
             "velocity_error": item.velocity_floor.ratio,
         },
         "seen_in_fit": item.seen_in_fit,
+        **({} if item.slip is None else {"slip": item.slip.to_dict()}),
     }
 
 
@@ -121,25 +132,28 @@ def stretches_of(item: LogComparison) -> list[dict[str, Any]]:
         }
         for measured in [(item.force.measured**2).mean(axis=0) + 1e-300]
         for a, b in zip(rows, rows[1:], strict=False)
-        for k, axis in enumerate(Mecanum.axes)
+        for k, axis in enumerate(item.axes)
         if b > a
     ]
 
 
 def compare(
-    model: Model,
+    model: AnyModel,
     logs: Sequence[Log],
     *,
     geometry: Geometry | None = None,
     seed: int = 0,
     progress: Callable[[], None] = lambda: None,
 ) -> Comparison:
-    """Errors of a model on logs, with predictions; nothing is fitted.
+    """Errors of a model on logs, with predictions, and the variables that the residual depends on.
+
+    Nothing is fitted for the errors; all logs make the map.
 
     Parameters
     ----------
     geometry : replaces the model's own
-    seed : of the noise floor's random numbers
+    seed : of the noise floor's random numbers and the map's
+    progress : called after each log and after the map
 
     Raises
     ------
@@ -148,17 +162,20 @@ def compare(
     """
     if not logs:
         raise InputError("no log given: compare needs at least one")
-    mechanism = Mecanum(geometry or model.geometry, model.structure)
+    mechanism = mechanism_of(model, geometry)
     seen = {log.get("sha256") for log in model.logs}
     found = []
     for log in logs:
         found.append(_compare_one(mechanism, model, log, log.sha256 in seen, seed))
         progress()
-    return Comparison(model, tuple(found))
+    samples = [mechanism.samples(log) for log in logs]
+    where = residual_map(mechanism, model.theta, samples, seed=seed)
+    progress()
+    return Comparison(model, tuple(found), where)
 
 
 def _compare_one(
-    mechanism: Mecanum, model: Model, log: Log, seen: bool, seed: int
+    mechanism: Mechanism, model: AnyModel, log: Log, seen: bool, seed: int
 ) -> LogComparison:
     theta, samples = model.theta, mechanism.samples(log)
     noise = NoiseLevel(white_noise(log.velocity), white_noise(log.effort))
@@ -166,20 +183,21 @@ def _compare_one(
     if not np.isfinite(velocity.predicted).all():
         raise InputError(f"{log.source or log.name}: the model's free run diverges on this log")
     force = force_traces(mechanism, theta, samples)
-    twist = velocity.predicted / mechanism.speed_scale
     return LogComparison(
         log=log,
+        axes=mechanism.axes,
         seen_in_fit=bool(log.sha256) and seen,
         force=force,
         velocity=velocity,
         force_floor=force_floor(mechanism, theta, samples, force, noise, seed),
         velocity_floor=velocity_floor(mechanism, theta, samples, velocity, noise, seed),
-        wheel_speed=mechanism.geometry.wheel_speeds(twist),
+        joint_speed=mechanism.joint_speed(velocity.predicted),
+        slip=slip_of(log),
     )
 
 
 def write_predictions(path: str | os.PathLike[str], item: LogComparison) -> None:
-    """Write the free run's wheel speeds [rad/s] as CSV: time as it stands in the log's file.
+    """Write the free run's joint speeds [rad/s] as CSV: time as it stands in the log's file.
 
     One row per row of that file, also where rows were repaired or resampled.
 
@@ -190,13 +208,14 @@ def write_predictions(path: str | os.PathLike[str], item: LogComparison) -> None
     """
     log = item.log
     time = log.file_time.tolist()
+    names = joint_columns("velocity", log.joints)
     speeds = np.column_stack(
-        [np.interp(time, log.time, item.wheel_speed[:, k]) for k in range(len(WHEELS))]
+        [np.interp(time, log.time, item.joint_speed[:, k]) for k in range(len(names))]
     )
-    lines = [",".join(["time", *(f"velocity_{wheel}" for wheel in WHEELS)])]
+    lines = [",".join(["time", *names])]
     # repr keeps every digit of a time stamp; speeds to a nanoradian per second are plenty.
     lines += [
-        f"{t!r},{row[0]:.9f},{row[1]:.9f},{row[2]:.9f},{row[3]:.9f}"
+        ",".join([repr(t), *(f"{value:.9f}" for value in row)])
         for t, row in zip(time, speeds.tolist(), strict=True)
     ]
     write_atomically(path, "\n".join(lines) + "\n")

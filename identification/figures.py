@@ -16,6 +16,7 @@ from identification import plot_style as look
 from identification.errors import Squares, Traces
 from identification.plot_style import percent, styled
 from identification.recursive import Course
+from identification.residual_curves import Curve
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -245,4 +246,30 @@ def stretch_figure(
     panels[0].fill_between([], [], color=look.WORST, label="largest shares of all residual")
     look.header(panels[0], f"Force error by stretch: {name}")
     _finish(figure, panels)
+    return figure
+
+
+@styled
+def residual_figure(rows: Sequence[tuple[str, Curve]]) -> Figure:
+    """The residual of each force over variables that it depends on, with a band of 1.96 std.
+
+    Parameters
+    ----------
+    rows : a title (the variable and its share) and a curve each
+    """
+    forces = FORCES if rows[0][1].force.shape[1] == len(FORCES) else (("force", ""),)
+    figure = look.new_figure(1.4 + 1.8 * len(rows))
+    panels = figure.subplots(len(rows), len(forces), sharey=True, squeeze=False)
+    reach = max(float(np.nanmax(np.abs(curve.force) + curve.std)) for _, curve in rows)
+    for row, (title, curve) in zip(panels, rows, strict=True):
+        for k, axes in enumerate(row):
+            value, band = curve.force[:, k], BAND * curve.std[:, k]
+            axes.axhline(0.0, **look.TRUTH)
+            axes.fill_between(curve.at, value - band, value + band, **look.FLOOR)
+            axes.plot(curve.at, value, marker=".", **look.ESTIMATE)
+            axes.set_xlabel(f"{curve.label}  [{curve.unit}]" if curve.unit else curve.label)
+        row[0].set_ylabel(title)
+    look.symmetric(panels[0, 0], 1.1 * reach)
+    for axes, (symbol, unit) in zip(panels[0], forces, strict=True):
+        axes.set_title(f"residual of {symbol}  [{unit}]" if unit else "residual")
     return figure

@@ -16,8 +16,9 @@ from identification.fitting import Identification
 from identification.logs import Log
 from identification.mecanum import Label, Samples
 from identification.noise import white_noise
-from identification.plot_style import matplotlib, write_figure
+from identification.plot_style import matplotlib, percent, write_figure
 from identification.references import recorded_motion
+from identification.residual_curves import Curve
 from youbot_env.errors import InputError
 from youbot_env.geometry import Geometry
 from youbot_env.model import Model
@@ -28,6 +29,9 @@ if TYPE_CHECKING:
 
 Array = NDArray[np.float64]
 Named = Iterator[tuple[str, "Figure"]]
+
+CURVES = 5
+"""Curves in the figure of the residual."""
 
 SYMBOLS = {
     "m0": "$m_0$", "I0": "$I_0$", "I1": "$I_1$", "m_aX": "$m\\,a_X$", "m_aY": "$m\\,a_Y$",
@@ -68,7 +72,7 @@ def plot_comparison(
 
     free_run_LOG.png: measured and predicted velocities; where_LOG.png: force error by stretch;
     tracking_LOG.png: reference and response, where a record.json beside the log tells the
-    reference.
+    reference; residual.png: the residual over the variables that it depends on most, if any.
 
     Parameters
     ----------
@@ -188,6 +192,20 @@ def _of_comparison(result: Comparison, geometry: Geometry) -> Named:
             ),
         )
         yield from _tracking(item, geometry)
+    rows = _strongest_curves(result)
+    if rows:
+        yield "residual", figures.residual_figure(rows)
+
+
+def _strongest_curves(result: Comparison) -> list[tuple[str, Curve]]:
+    """Titles and curves of the variables with the largest shares, at most CURVES of them."""
+    shares = {share.variable: share.share for share in result.where.shares}
+    rows = [
+        (f"{variable}: {percent(shares[variable])}", curve)
+        for variable in result.where.leading[:CURVES]
+        for curve in result.where.curve(variable)
+    ]
+    return rows[:CURVES]
 
 
 def _tracking(item: LogComparison, geometry: Geometry) -> Named:

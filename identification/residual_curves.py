@@ -28,7 +28,8 @@ ACCELERATION = {"x": "m/s^2", "y": "m/s^2", "yaw": "rad/s^2"}
 class Curve:
     """Residual over a variable.
 
-    label, unit : of the abscissa; at (n,) its points; force (n, A) and std (n, A) [N m]
+    label, unit : of the abscissa; at (n,) its points; force (n, A) and std (n, A) [N m], NaN where
+        the logs have hardly been
     """
 
     label: str
@@ -50,7 +51,7 @@ def curves_of(
     for label, unit, logs, period in _abscissae(table.signals, variable, cycles):
         pooled = np.concatenate(logs)
         if period:
-            knots = np.linspace(0.0, period, POINTS + 1)
+            knots = np.linspace(-period / 2, period / 2, POINTS + 1)
         else:
             low, high = np.quantile(pooled, [0.005, 0.995])
             knots = np.linspace(low, high, POINTS)
@@ -73,7 +74,7 @@ def _abscissae(
             yield label, unit, [log.twist[:, k] for log in signals], None
     elif variable == "heading":
         turn = 2 * np.pi
-        yield "heading", "rad", [np.mod(_required(log.heading), turn) for log in signals], turn
+        yield "heading", "rad", [_wrapped(_required(log.heading), turn) for log in signals], turn
     elif variable == "time":
         yield "time from the log's start", "s", [log.time for log in signals], None
     else:
@@ -98,7 +99,7 @@ def _of_component(
     if name == "angle":
         turn = 2 * np.pi / cycles
         label += f", {cycles} times a turn" if cycles > 1 else ""
-        return label, "rad", [np.mod(values, turn) for values in logs], turn
+        return label, "rad", [_wrapped(values, turn) for values in logs], turn
     if name == "torque":
         logs = [smooth(log.torque, _dt(log))[:, k] for log in signals]
     return label, UNITS[name], logs, None
@@ -106,6 +107,10 @@ def _of_component(
 
 def _dt(signals: Signals) -> float:
     return float(signals.time[1] - signals.time[0])
+
+
+def _wrapped(values: Array, period: float) -> Array:
+    return np.mod(values + period / 2, period) - period / 2
 
 
 def _required(values: Array | None) -> Array:
@@ -151,6 +156,6 @@ def _fitted(
     scores = np.stack([flexible[a : a + size].T @ left[a : a + size] for a in starts])
     spread = np.einsum("pq,bqa->bpa", inverse, scores)
     std = np.sqrt((spread**2).sum(axis=0))
-    seen = flexible.sum(axis=0) >= RARE * len(flexible)
-    at = knots[: len(value)]
-    return Curve(label, unit, at[seen], value[seen], std[seen])
+    rare = flexible.sum(axis=0) < RARE * len(flexible)
+    value[rare] = std[rare] = np.nan
+    return Curve(label, unit, knots[: len(value)], value, std)

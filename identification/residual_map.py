@@ -37,8 +37,11 @@ Array = NDArray[np.float64]
 LEVEL = 0.01
 """Family-wise: of a hundred maps of sound models one shows a share that chance made."""
 
-LEAST = 0.005
-"""Shares below this are not told: significance is not relevance."""
+LEAST = 0.01
+"""Shares below this are not told: significance is not relevance.
+
+Nor are those of less than one bootstrap block's worth of the residual, which with few blocks
+chance reaches more often than the draws of their signs show."""
 
 SHORTEST = 20.0
 """Seconds of logs below which nothing can be told."""
@@ -118,8 +121,8 @@ def residual_map(
 
     Notes
     -----
-    Ridge regression; a held-out log takes the strength that does best on the other logs. One log
-    alone is held out in five contiguous blocks. Shares of different variables overlap: a force
+    Ridge regression, one strength for all logs. One log alone is held out in five contiguous
+    blocks. Shares of different variables overlap: a force
     along the world's X axis depends on the heading and, in a small room, on the position too.
     """
     if sum(samples.dt * len(samples) for samples in logs) < SHORTEST:
@@ -141,9 +144,10 @@ def residual_map(
     p_values = family_p_values(explained, total)
     # Where a function of the twist predicts worse than none, "beyond it" starts from none.
     start = [0.0, *[min(gained, 0.0)] * len(rest)]
+    least = total * max(LEAST, 1.0 / signs.shape[1])
     shares = []
     for group, gain, loss, p_value in zip(table.groups, explained, start, p_values, strict=True):
-        told = p_value <= LEVEL and gain[0] + loss > LEAST * total
+        told = p_value <= LEVEL and gain[0] + loss > least
         share = float((gain[0] + loss) / total) if told else 0.0
         cycles = None
         if group.pairs and told:

@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import sys
+from collections.abc import Mapping
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
@@ -50,20 +51,25 @@ def main(
     json: JsonOption = None,
     seed: SeedOption = 0,
 ) -> None:
-    """Print force error and velocity error by log and axis beside the noise floor.
+    """Print force error and velocity error beside the noise floor, and where the model fails.
 
     Force error: filtered generalised forces, measured torques against the model's demand. Velocity
     error: free run from a log's first sample, driven by its torques alone. Logs that the model was
-    fitted on are marked and stay out of the totals, unless all are.
+    fitted on are marked and stay out of the totals, unless all are. Where it fails: the share of
+    the force residual that depends on each variable, and the worst stretches.
     """
     from identification.comparison import compare
     from identification.logs import read_logs
-    from youbot_env.model_file import load_geometry, load_model
+    from identification.mechanisms import kind_of, load_any_model, refuse_figures
+    from youbot_env.model_file import load_geometry
 
-    loaded = load_model(model)
+    loaded = load_any_model(model)
     lengths = load_geometry(geometry) if geometry else None
-    read = read_logs(logs, geometry=lengths or loaded.geometry)
-    with progress(len(read), "compare") as advance:
+    of = kind_of(loaded)
+    if plots:
+        refuse_figures(of)
+    read = read_logs(logs, of.joints, geometry=lengths or getattr(loaded, "geometry", None))
+    with progress(len(read) + 1, "compare") as advance:
         result = compare(loaded, read, geometry=lengths, seed=seed, progress=advance)
     out = console(json)
     _print(out, result)
@@ -79,7 +85,7 @@ def main(
 
 def _print(out: Console, result: Comparison) -> None:
     found = result.to_dict()
-    axes = ("VX", "VY", "W")
+    axes = result.logs[0].axes
     for kind, title in (("force", "Force error"), ("velocity", "Velocity error (free run)")):
         rows = []
         for name, entry in found["logs"].items():
@@ -91,13 +97,45 @@ def _print(out: Console, result: Comparison) -> None:
         if len(rows) > 1:
             rows.append(("total", "", "", "", percent(total), percent(floor)))
         show_table(out, title, ("log", *axes, "all", "noise floor"), rows)
+    _print_slip(out, found["logs"])
+    _print_where(out, result)
     rows = [
         (row["log"], row["axis"], f"{row['from']:.1f}-{row['to']:.1f} s",
          percent(row["force_error"]), percent(row["share"]))
-        for row in found["where"]
+        for row in found["stretches"]
     ]  # fmt: skip
     headers = ("log", "axis", "stretch", "force error", "share of all")
     show_table(out, "Where the residual is largest", headers, rows, left=("axis",))
+
+
+def _print_slip(out: Console, logs: Mapping[str, Any]) -> None:
+    rows = [
+        (name, percent(slip["ratio"]), percent(slip["noise"]),
+         "slip" if slip["exceeds_noise"] else "holds")
+        for name, entry in logs.items()
+        if (slip := entry.get("slip"))
+    ]  # fmt: skip
+    if rows:
+        title = "No slip: phi_1' + phi_2' = phi_3' + phi_4' (share of wheel speeds)"
+        headers = ("log", "off by", "noise alone", "identity")
+        show_table(out, title, headers, rows)
+
+
+def _print_where(out: Console, result: Comparison) -> None:
+    """Variables that explain more of the residual than chance would."""
+    shares = [share for share in result.where.shares if share.share > 0]
+    if not shares:
+        out.print("The force residual depends on no variable more than chance would have it.\n")
+        return
+    rows = [
+        (
+            share.variable + (f" ({share.cycles} times a turn)" if share.cycles else ""),
+            percent(share.share),
+        )
+        for share in shares
+    ]
+    headers = ("variable (others: beyond the twist)", "held-out share of variance")
+    show_table(out, "What the force residual depends on", headers, rows)
 
 
 def _write_predictions(out: Console, result: Comparison, folder: Path) -> None:

@@ -152,8 +152,11 @@ def test_a_missing_effect_stands_out_above_the_floor():
     planted = (("wheel_coulomb_friction", (("torque", 0.25),)),)
     found = compare(PAPER, [recording(effects=planted)]).to_dict()
     assert found["total"]["force_error"] > 5 * found["noise_floor"]["force_error"]
-    shares = [row["share"] for row in found["where"]]
+    assert found["where"][0]["variable"] == "twist" and found["where"][0]["share"] > 0.9
+    shares = [row["share"] for row in found["stretches"]]
     assert shares == sorted(shares, reverse=True) and 0 < sum(shares) <= 1
+    slip = found["logs"]["calibration"]["slip"]
+    assert not slip["exceeds_noise"] and 0 < slip["ratio"] < 0.01
 
 
 def renamed(log: Log, name: str, sha256: str) -> Log:
@@ -178,7 +181,7 @@ def test_velocity_error_is_the_free_runs_ratio():
     result = compare(PAPER, [log])
     item = result.logs[0]
     measured = Geometry().body_twist(log.velocity) / np.array([0.3855, 0.3855, 1.0])
-    predicted = Geometry().body_twist(item.wheel_speed) / np.array([0.3855, 0.3855, 1.0])
+    predicted = Geometry().body_twist(item.joint_speed) / np.array([0.3855, 0.3855, 1.0])
     expected = np.sqrt(((measured - predicted) ** 2).sum() / (measured**2).sum())
     found = result.to_dict()["logs"]["I"]
     assert found["velocity_error"] == pytest.approx(expected, rel=1e-9)
@@ -190,7 +193,7 @@ def test_predictions_have_one_row_a_row_of_the_file(tmp_path):
     write_predictions(tmp_path / "I.csv", item)
     table = np.genfromtxt(tmp_path / "I.csv", delimiter=",", names=True)
     np.testing.assert_array_equal(table["time"], log.file_time)
-    np.testing.assert_allclose(table["velocity_br"], item.wheel_speed[:, 3], atol=1e-9)
+    np.testing.assert_allclose(table["velocity_br"], item.joint_speed[:, 3], atol=1e-9)
 
 
 def test_a_model_that_diverges_is_said_so():

@@ -245,6 +245,31 @@ def test_stretches_show_the_comparison_s_numbers(compared: Comparison):
         assert drawn(axes, "noise floor")[1][0] == pytest.approx(100 * item.force_floor.by_axis[k])
 
 
+class TestResidualFigure:
+    def compared(self) -> Comparison:
+        planted = (("wheel_coulomb_friction", (("torque", 0.25),)),)
+        return compare(PAPER, [recording("calibration", planted, rate=50.0)])
+
+    def test_the_strongest_variables_are_drawn_with_their_shares(self, tmp_path: Path):
+        result = self.compared()
+        paths = plots.plot_comparison(result, tmp_path)
+        assert paths[-1].name == "residual.png"
+        curves = result.where.curve("twist")
+        figure = figures.residual_figure([(curve.label, curve) for curve in curves])
+        panels = np.array(figure.axes).reshape(3, 3)
+        for row, curve in zip(panels, curves, strict=True):
+            assert row[0].get_ylabel() == curve.label
+            for k, axes in enumerate(row):
+                (line,) = [x for x in axes.get_lines() if len(np.asarray(x.get_xdata())) > 2]
+                np.testing.assert_array_equal(line.get_ydata(), curve.force[:, k])
+                assert f"[{curve.unit}]" in axes.get_xlabel()
+
+    def test_nothing_is_drawn_where_nothing_leads(self, compared: Comparison, tmp_path: Path):
+        assert compared.where.leading == ()
+        names = [path.name for path in plots.plot_comparison(compared, tmp_path)]
+        assert "residual.png" not in names
+
+
 class TestThinning:
     def test_short_lines_stay_as_they_are(self):
         time, values = np.arange(50.0), np.random.default_rng(0).normal(size=50)

@@ -167,19 +167,20 @@ class TestIdentify:
 class TestCompare:
     def test_json_has_the_fixed_keys(self, logs: Path, model: Path, tmp_path: Path):
         found = run_json(["compare", model, logs / "a.csv.gz", logs / "b.csv"], tmp_path)
-        assert set(found) >= {"logs", "total", "noise_floor", "where"}
+        assert set(found) >= {"logs", "total", "noise_floor", "where", "stretches"}
         assert set(found["logs"]) == {"a", "b"}
         both = {"force_error", "velocity_error"}
         assert set(found["total"]) == set(found["noise_floor"]) == both
         for entry in found["logs"].values():
-            assert set(entry) >= {*both, "seen_in_fit"}
+            assert set(entry) >= {*both, "seen_in_fit", "slip"}
             assert entry["seen_in_fit"] is False
             for kind in both:
                 assert 0 < entry[kind] < 0.1
                 assert set(entry[f"{kind}_by_axis"]) == AXES
-        assert isinstance(found["where"], list) and found["where"]
-        shares = [row["share"] for row in found["where"]]
-        assert shares == sorted(shares, reverse=True)
+        for kind, keys in (("where", {"variable", "share"}), ("stretches", {"log", "axis"})):
+            assert found[kind] and all(set(row) >= keys for row in found[kind])
+            shares = [row["share"] for row in found[kind]]
+            assert shares == sorted(shares, reverse=True)
 
     def test_tables_show_the_errors(self, logs: Path, model: Path, tmp_path: Path, capsys):
         found = run_json(["compare", model, logs / "b.csv"], tmp_path)
