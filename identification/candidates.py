@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 from identification.folds import Fold, HeldOut, held_out
 from identification.regression import Indices, Rows, gauge_basis, reduce, regression_rows
+from youbot_env.effects import Parameter
 
 Array = NDArray[np.float64]
 
@@ -96,12 +97,12 @@ def try_candidate(
     if best.result.square > PROMISING * base.held_out(folds).square:
         return best
     for shape, grid in grids.items():
-        if all(float(value).is_integer() for value in grid) and np.ptp(np.diff(grid)) == 0:
-            if grid[1] - grid[0] == 1:
-                continue  # cycles a turn: there is nothing between
+        parameter = mechanism.catalogue[name].parameter(shape)
+        if all(float(value).is_integer() for value in grid) and grid[1] - grid[0] == 1:
+            continue  # cycles a turn: there is nothing between
         for halving in range(1, REFINEMENTS + 1):
             here = best.shapes[shape]
-            for value in _between(grid, here, halving):
+            for value in _between(grid, here, halving, parameter):
                 values = tuple((best.shapes | {shape: value})[key] for key in grids)
                 best = min(best, judge(values), key=_square)
     return best
@@ -115,14 +116,15 @@ def _square(item: Candidate) -> float:
     return item.result.square
 
 
-def _between(grid: Sequence[float], here: float, halving: int) -> list[float]:
+def _between(grid: Sequence[float], here: float, halving: int, parameter: Parameter) -> list[float]:
     """Values half, a quarter, ... of the grid's local step to both sides of ``here``."""
     points = np.asarray(grid)
     near = int(np.argmin(np.abs(points - here)))
     left = points[near] - points[near - 1] if near > 0 else 0.0
     right = points[near + 1] - points[near] if near + 1 < len(points) else left
     steps = (-(left or right) / 2**halving, right / 2**halving)
-    return [float(here + step) for step in steps if here + step > 0]
+    tried = (float(here + step) for step in steps)
+    return [value for value in tried if parameter.lower <= value <= parameter.upper]
 
 
 def _try_shape(

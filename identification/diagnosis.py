@@ -26,7 +26,7 @@ SIGNIFICANT = 0.01
 MOST = 4
 """Effects accepted at most."""
 
-ABOVE_FLOOR = 1.15
+ABOVE_FLOOR = 1.25
 """Held-out force error over the noise floor above which something is left to explain."""
 
 DOMINANT = 0.5

@@ -18,6 +18,7 @@ from numpy.typing import NDArray
 from identification.filters import FILTER_RATE, slope_ends
 from identification.logs import Log
 from identification.mechanism import Label, Mechanism
+from identification.noise import white_noise
 from identification.resampling import RATE_SMOOTHING, moved, smoothed
 from youbot_env import dynamics
 from youbot_env.dynamics import Instant, Points, Structure, component_wrench
@@ -52,10 +53,40 @@ class Samples:
         return len(self.time)
 
 
+SLIPPING = 4.0
+"""Deviations of the random walk that noise on a wheel's speed makes; beyond them it slips."""
+
+ROUGH = 0.02
+"""Angle [rad] that a pose may be off by rounding and by turning between samples."""
+
+
 def _integrate(rate: Array, dt: float) -> Array:
     total = np.zeros_like(rate)
     np.cumsum(0.5 * dt * (rate[1:] + rate[:-1]), axis=0, out=total[1:])
     return total
+
+
+def _wheel_angles(log: Log, geometry: Geometry, dt: float) -> tuple[Array, bool]:
+    """Wheel angles (N, 4) [rad] and whether they are free of drift.
+
+    Position columns are taken as they are. Integrated speeds drift with their noise, which blurs
+    what is periodic in the angle; where the wheels do not slip, a pose shows the way they went.
+    """
+    if log.position is not None:
+        return log.position, True
+    integrated = _integrate(log.velocity, dt)
+    if log.pose is None:
+        return integrated, False
+    yaw = log.pose[:, 2]
+    middle = 0.5 * (yaw[1:] + yaw[:-1])
+    c, s = np.cos(middle), np.sin(middle)
+    dx, dy, turn = np.diff(log.pose, axis=0).T
+    way = geometry.wheel_speeds(np.column_stack([c * dx + s * dy, c * dy - s * dx, turn]))
+    rolled = np.vstack([np.zeros(4), np.cumsum(way, axis=0)])
+    drift = white_noise(log.velocity) * np.sqrt(dt * dt * len(log))
+    # Noise alone leaves a random walk; anything beyond is slip, and the wheels know better.
+    slips = np.abs(rolled - integrated).max(axis=0) > SLIPPING * drift + ROUGH
+    return (integrated, False) if slips.any() else (rolled, True)
 
 
 def samples_of(log: Log, geometry: Geometry) -> Samples:
@@ -83,8 +114,7 @@ def samples_of(log: Log, geometry: Geometry) -> Samples:
             [c * twist[:, 0] - s * twist[:, 1], s * twist[:, 0] + c * twist[:, 1]]
         )
         pose = np.column_stack([_integrate(velocity, dt), yaw])
-    angle = log.position if log.position is not None else _integrate(log.velocity, dt)
-    measured = log.position is not None
+    angle, measured = _wheel_angles(log, geometry, dt)
     return Samples(log.name, time, dt, twist, pose, angle, log.velocity, log.effort, measured)
 
 

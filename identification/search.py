@@ -29,8 +29,12 @@ from identification.significance import family_p_values, score_blocks
 
 Array = NDArray[np.float64]
 
-MATERIAL = 0.02
+MATERIAL = 0.05
 """Least share of the held-out squared residual that an effect must take away to be accepted."""
+
+NESTED = 0.05
+"""Share of a simpler effect's squares by which its extension must be better to take its place:
+noise on the speeds blurs a dry friction's kink, which a breakaway peak can imitate."""
 
 LEADERS = 5
 """Candidates that are fitted jointly before they are compared."""
@@ -172,7 +176,7 @@ def _choose(
     for item in near:
         # A nested effect gives way to its simpler form unless it is materially better.
         dearer = item.result.square - best.result.square
-        if dearer < MATERIAL * item.result.square and contains(best, item, base):
+        if dearer < NESTED * item.result.square and contains(best, item, base):
             best = item
     tied = [
         item.name

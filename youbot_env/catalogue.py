@@ -173,7 +173,7 @@ def floor_tilt(xp, world, tilt_x, tilt_y):
 @effect(
     acts_at=WHEEL,
     parameters=[
-        Parameter("share", "1", lower=0.0, upper=0.9, size=0.15),
+        Parameter("share", "1", lower=0.0, upper=0.9, size=0.3),
         Parameter("smoothing", "rad/s", default=0.03, lower=1e-3, upper=1.0),
     ],
     source="Gear losses that grow with the transmitted torque: Linderoth et al., IROS 2013",
@@ -187,7 +187,7 @@ def load_dependent_friction(xp, wheel, share, smoothing):
 
 @effect(
     acts_at=ACTUATOR,
-    parameters=[Parameter("time_constant", "s", lower=0.0, upper=1.0, size=0.05)],
+    parameters=[Parameter("time_constant", "s", lower=0.0, upper=1.0, size=0.1)],
     source="First-order model of a drive's current loop",
     recognise="The residual follows the rate of the torque: the robot answers late.",
 )
@@ -199,7 +199,7 @@ def actuator_lag(xp, drive, time_constant):
 @effect(
     acts_at=CHANNEL,
     parameters=[
-        Parameter("gain", "1", lower=-0.9, upper=2.0, size=0.1, each_wheel=True, relative_to="mean")
+        Parameter("gain", "1", lower=-0.9, upper=2.0, size=0.2, each_wheel=True, relative_to="mean")
     ],
     source="Spread of motor torque constants and current sensors",
     recognise="The residual follows the torque of one wheel: its torque is mis-scaled in the log.",
@@ -215,7 +215,7 @@ def torque_gain_error(xp, channel, gain):
         Parameter("torque", "N m", lower=0.0, upper=5.0, size=0.2),
         Parameter("breakaway", "N m", lower=0.0, upper=5.0, size=0.15),
         Parameter(
-            "stribeck_speed", "rad/s", default=0.5, lower=0.05, upper=5.0, grid=(0.2, 0.5, 1.2, 3.0)
+            "stribeck_speed", "rad/s", default=0.5, lower=0.15, upper=5.0, grid=(0.2, 0.5, 1.2, 3.0)
         ),
         Parameter("smoothing", "rad/s", default=0.03, lower=1e-3, upper=1.0),
     ],
@@ -280,7 +280,7 @@ def friction_warmup(xp, wheel, fraction, time_constant):
 
 @effect(
     acts_at=ROLLER,
-    parameters=[Parameter("inertia", "kg m^2", lower=0.0, upper=1e-2, size=1e-4)],
+    parameters=[Parameter("inertia", "kg m^2", lower=0.0, upper=1e-2, size=1e-3)],
     source="Spin inertia of the rollers, which the base model neglects",
     recognise="Sideways and turning motion feel heavier than driving ahead.",
 )
@@ -366,14 +366,14 @@ _TIME = Parameter(
 @effect(
     acts_at=BODY,
     parameters=[
-        Parameter("mass", "kg", lower=LIGHTEST, upper=200.0, size=5.0),
+        Parameter("mass", "kg", lower=LIGHTEST, upper=200.0, size=20.0),
         Parameter("mass_x", "kg m", size=0.5),
         Parameter("mass_y", "kg m", size=0.5),
         _TIME,
     ],
     public=Public(
         parameters=(
-            Parameter("mass", "kg", lower=0.0, upper=200.0, size=5.0),
+            Parameter("mass", "kg", lower=0.0, upper=200.0, size=20.0),
             Parameter("x", "m", size=0.1),
             Parameter("y", "m", size=0.1),
             _TIME,
@@ -399,7 +399,7 @@ def payload_change(xp, body, mass, mass_x, mass_y, time):
 
 @effect(
     acts_at=CLOCK,
-    parameters=[Parameter("delay", "s", lower=-0.2, upper=0.5, size=0.025)],
+    parameters=[Parameter("delay", "s", lower=-0.2, upper=0.5, size=0.1)],
     source="Communication and computation between torque command, drive and log",
     recognise="The speeds answer late, by a time that is the same for slow and fast motion.",
 )

@@ -17,6 +17,10 @@ from youbot_env.model import Model
 
 Array = NDArray[np.float64]
 
+SLOWEST = 15.0
+"""Rate [1/s] that is resolved even by a model without anything so fast: a log at 50 Hz then gets
+two steps a sample."""
+
 MAX_SUBSTEPS = 2000
 
 FULL_SPEED = (MAX_BODY_SPEED, 0.25 * MAX_BODY_SPEED, 0.5)
@@ -111,7 +115,7 @@ def substeps(model: Model, duration: float) -> int:
 
 def _substeps(structure: Structure, geometry: Geometry, theta: Array, duration: float) -> int:
     with np.errstate(divide="ignore", invalid="ignore"):
-        rate = duration * max(stiffness(structure, geometry, theta), 10.0) / 0.25
+        rate = duration * max(stiffness(structure, geometry, theta), SLOWEST) / 0.25
     if not 0 <= rate <= MAX_SUBSTEPS:
         raise InputError(
             f"too stiff to simulate in steps of {duration:g} s "

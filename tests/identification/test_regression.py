@@ -39,7 +39,8 @@ def at_size(*names: str):
     for name in names:
         effect = CATALOGUE[name]
         values = {
-            key: parameter.size if not parameter.each_wheel or key.endswith("_fl") else 0.0
+            # Not quite: a delay of whole samples would sit on a knot of the interpolation.
+            key: 0.97 * parameter.size if not parameter.each_wheel or key.endswith("_fl") else 0.0
             for key in effect.public_names
             if not (parameter := effect.public_parameter(key)).is_shape
         }
@@ -63,8 +64,10 @@ def test_columns_are_the_derivatives_of_the_demanded_force(names):
         forces = [engine.demand(shifted, samples).force for shifted in (ahead, behind)]
         expected = (forces[0] - forces[1]) / (2 * step)
         apart = np.abs(columns[k] - expected) / np.abs(expected).max()
-        # A difference across the kink of |M| depends on its step; such samples are few.
-        assert np.quantile(apart, 0.99) < 1e-5
+        # A difference across the kink of |M| depends on its step; such samples are few. Where the
+        # force bends with the parameter (a delay), the engine's wider step adds its third order.
+        limit = 2e-4 if engine.structure.nonlinear else 1e-5
+        assert np.quantile(apart, 0.99) < limit
 
 
 def test_noise_free_log_gives_the_parameters_back():

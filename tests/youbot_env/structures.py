@@ -25,12 +25,13 @@ SLOT_PATTERN = np.array([1.0, 0.0, 0.3, 0.6])
 """Sizes of per-wheel parameters in units of the catalogue size: uneven, none below zero."""
 
 
-def catalogue_values(name: str) -> dict[str, float]:
-    """An effect's parameters, as people state them, at catalogue size; shapes at their defaults."""
+def catalogue_values(name: str, share: float = 1.0) -> dict[str, float]:
+    """An effect's parameters, as people state them, at a share of the catalogue size; shapes at
+    their defaults."""
     values: dict[str, float] = {}
     for parameter in CATALOGUE[name].public_parameters:
         for i, key in enumerate(parameter.names):
-            part = SLOT_PATTERN[i] if parameter.each_wheel else 1.0
+            part = share * (SLOT_PATTERN[i] if parameter.each_wheel else 1.0)
             values[key] = part * parameter.size if parameter.default is None else parameter.default
     return values
 
@@ -40,8 +41,10 @@ def model(case: str) -> Model:
     """The paper's model with the effects of a case at catalogue size."""
     effects = {BASE_ONLY: (), EVERYTHING: together()}.get(case, (case,))
     made = load_model("paper")
+    # All at once at full size would leave too little motion to test anything on.
+    share = 0.5 if case == EVERYTHING else 1.0
     for name in effects:
-        made = made.with_effect(name, **catalogue_values(name))
+        made = made.with_effect(name, **catalogue_values(name, share))
     return made
 
 
