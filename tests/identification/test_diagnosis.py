@@ -142,6 +142,7 @@ def test_functions_of_the_package_are_the_commands():
 
 
 @needs_data
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("folder", "missing"),
     [
@@ -165,6 +166,7 @@ def test_given_platforms_are_diagnosed(folder, missing):
 
 
 @needs_data
+@pytest.mark.slow
 def test_what_is_not_in_the_catalogue_is_unknown_and_its_variable_is_named():
     folder = DATA / "unknown_carpet_nap"
     found = diagnose(PAPER, [read_log(path) for path in sorted(folder.glob("*.csv"))])
@@ -174,6 +176,7 @@ def test_what_is_not_in_the_catalogue_is_unknown_and_its_variable_is_named():
 
 
 @needs_data
+@pytest.mark.slow
 def test_dry_friction_of_the_contact_simulator_is_named_and_sized():
     folder = DATA / "mujoco_wheel_frictionloss"
     found = diagnose(PAPER, [read_log(path) for path in sorted(folder.glob("*.csv"))])
