@@ -17,6 +17,7 @@ from youbot_scripts.common import (
     OutputModelOption,
     SeedOption,
     console,
+    percent,
     progress,
     show_table,
     with_std,
@@ -74,7 +75,7 @@ def main(
 def _print(out: Console, result: Addition) -> None:
     floor = result.noise_floor
     rows = [
-        (name, f"{errors['force_error']:.2%}", f"{errors['velocity_error']:.2%}")
+        (name, percent(errors["force_error"]), percent(errors["velocity_error"]))
         for name, errors in (
             ("before", result.to_dict()["before"]),
             (f"with {result.effect}", result.to_dict()["after"]),

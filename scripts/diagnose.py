@@ -18,6 +18,7 @@ from youbot_scripts.common import (
     SeedOption,
     console,
     number,
+    percent,
     progress,
     show_table,
     write_result,
@@ -87,23 +88,23 @@ def _print(out: Console, result: Diagnosis) -> None:
     rows = [
         (
             step.effect or "the model, refitted",
-            f"{step.force_error:.2%}",
-            f"{step.velocity_error:.2%}",
+            percent(step.force_error),
+            percent(step.velocity_error),
         )
         for step in result.steps
     ]
-    rows.append(("noise floor", f"{floor['force_error']:.2%}", f"{floor['velocity_error']:.2%}"))
+    rows.append(("noise floor", percent(floor["force_error"]), percent(floor["velocity_error"])))
     show_table(out, "The error as it falls", ("with", "force error", "velocity error"), rows)
     rows = [
-        (row["effect"], f"{row['force_error']:.2%}", number(row["p_value"], 2), _sizes(row))
-        for row in result.candidates[:6]
+        (row["effect"], percent(row["force_error"]), number(row["p_value"], 2), _sizes(row))
+        for row in result.candidates[:4]
     ]
     headers = ("effect", "force error", "p", "at")
     show_table(out, "Candidates, best first", headers, rows, left=("at",))
     shares = [row for row in result.where if row["share"] > 0][:6]
     if shares:
-        rows = [(row["variable"], f"{row['share']:.0%}") for row in shares]
-        show_table(out, "What the residual depends on", ("variable", "share"), rows)
+        rows = [(row["variable"], percent(row["share"])) for row in shares]
+        show_table(out, "Residual by variable", ("variable", "share of it"), rows)
     out.print(f"Verdict: {result.verdict}", style="bold")
     for sentence in result.sentences:
         out.print(f"- {sentence}")
