@@ -25,6 +25,9 @@ EXAMPLES = ("youbot demo", "youbot demo --output /tmp/demo")
 LOGS = ("calibration.csv.gz", "multisine_a.csv.gz", "multisine_b.csv.gz", "record.json")
 """Shipped files: logs of the paper's platform, driven in simulation, and how they were made."""
 
+HIDDEN = ("hidden/calibration.csv.gz", "hidden/multisine_a.csv.gz", "hidden/record.json")
+"""The same platform where something is different; `record.json` gives it away."""
+
 
 @dataclass(frozen=True)
 class Story:
@@ -42,6 +45,12 @@ class Story:
     def held_out(self) -> Path:
         """Log that the fit does not see."""
         return self.folder / "logs" / "multisine_b.csv.gz"
+
+    @property
+    def elsewhere(self) -> tuple[Path, Path]:
+        """Logs in which an effect is hidden."""
+        folder = self.folder / "logs"
+        return folder / HIDDEN[0], folder / HIDDEN[1]
 
     @property
     def model(self) -> Path:
@@ -104,11 +113,11 @@ def unpack(story: Story) -> None:
 
     folder = story.calibration.parent
     try:
-        folder.mkdir(parents=True, exist_ok=True)
+        (folder / "hidden").mkdir(parents=True, exist_ok=True)
     except OSError as error:
         raise InputError(f"{folder}: cannot be made a folder: {error.strerror}") from None
     shipped = resources.files("youbot_scripts").joinpath("data")
-    for name in LOGS:
+    for name in (*LOGS, *HIDDEN):
         write_atomically(folder / name, shipped.joinpath(name).read_bytes())
 
 
@@ -162,11 +171,33 @@ def compare(story: Story) -> None:
     )
 
 
+def fail(story: Story) -> None:
+    """The same model on logs in which an effect is hidden."""
+    story.tell("The same robot in another room. Nobody has told the model what is different there.")
+    story.command("compare", story.model, *story.elsewhere)
+
+
+def diagnose(story: Story) -> None:
+    """What is different, named; the error falls."""
+    result = story.folder / "diagnosis.json"
+    better = story.folder / "better.json"
+    story.command("diagnose", story.model, *story.elsewhere, "-o", better, "--json", result)
+    found = json.loads(result.read_text("utf-8"))
+    first, last = found["steps"][0], found["steps"][-1]
+    story.tell(
+        f"The held-out velocity error falls from {100 * first['velocity_error']:.1f} % to "
+        f"{100 * last['velocity_error']:.1f} %, where noise alone would leave "
+        f"{100 * found['noise_floor']['velocity_error']:.1f} %."
+    )
+
+
 STEPS = {
     "Are the logs sound, and what can they show?": check,
     "Identify the model from the calibration run": identify,
     "Is that the truth? (Simulated logs: it is known)": judge,
     "Does the model predict a run that it has not seen?": compare,
+    "Does it hold in another room?": fail,
+    "What is missing?": diagnose,
 }
 """The story, in order: title and step of each chapter."""
 

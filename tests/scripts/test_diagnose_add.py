@@ -1,0 +1,91 @@
+"""The commands diagnose and add as a user meets them, on the shipped logs with a hidden effect."""
+
+import json
+from pathlib import Path
+
+import pytest
+
+from youbot_env.effects import CATALOGUE
+from youbot_env.model_file import load_model
+from youbot_scripts import cli
+
+HIDDEN = Path(cli.__file__).parent / "data" / "hidden"
+LOGS = [str(HIDDEN / "calibration.csv.gz"), str(HIDDEN / "multisine_a.csv.gz")]
+
+TRUTH = {"tilt_x": -0.018, "tilt_y": -0.004}
+
+
+@pytest.fixture(scope="module")
+def diagnosed(tmp_path_factory):
+    folder = tmp_path_factory.mktemp("diagnosed")
+    model, result = folder / "better.json", folder / "diagnosis.json"
+    status = cli.main(["diagnose", "paper", *LOGS, "-o", str(model), "--json", str(result)])
+    assert status == 0
+    return model, json.loads(result.read_text())
+
+
+def test_names_the_hidden_effect_and_the_error_falls_to_the_floor(diagnosed):
+    _, found = diagnosed
+    assert found["verdict"] == "effect" and found["missing"] == ["floor_tilt"]
+    assert [step["effect"] for step in found["steps"]] == [None, "floor_tilt"]
+    last, floor = found["steps"][-1], found["noise_floor"]
+    for kind in ("force_error", "velocity_error"):
+        assert last[kind] < 1.15 * floor[kind] < 0.3 * found["steps"][0][kind]
+    assert found["candidates"][0]["effect"] == "floor_tilt"
+    assert found["where"][1]["variable"] == "heading"
+    assert found["seed"] == 0 and "version" in found
+
+
+def test_the_written_model_has_the_size_within_its_interval(diagnosed):
+    model = load_model(str(diagnosed[0]))
+    for name, value in TRUTH.items():
+        estimate = model.effects["floor_tilt"][name]
+        assert estimate.std is not None
+        assert abs(estimate.value - value) < 3 * estimate.std
+    assert len(model.logs) == 2
+
+
+def test_adding_a_useless_effect_says_so_and_does_it(diagnosed, tmp_path, capsys):
+    output = tmp_path / "more.json"
+    arguments = ["add", str(diagnosed[0]), "roller_inertia", *LOGS, "-o", str(output)]
+    assert cli.main(arguments) == 0
+    assert "Not worth it" in capsys.readouterr().out
+    assert set(load_model(str(output)).effects) == {"floor_tilt", "roller_inertia"}
+
+
+def test_a_users_own_effect_takes_part(tmp_path, capsys):
+    mine = tmp_path / "my_effects.py"
+    mine.write_text(
+        "from youbot_env import WORLD, Parameter, effect\n"
+        "@effect(acts_at=WORLD, parameters=[Parameter('stiffness', 'N/m', size=5.0)],\n"
+        "        source='mine', recognise='Pulls back to the line x = 0.')\n"
+        "def line_spring(xp, world, stiffness):\n"
+        "    return stiffness * world.x, 0.0 * world.x, 0.0 * world.x\n"
+    )
+    result = tmp_path / "result.json"
+    try:
+        status = cli.main(
+            ["diagnose", "paper", *LOGS, "--effects", str(mine), "--json", str(result)]
+        )
+        assert status == 0
+        names = [row["effect"] for row in json.loads(result.read_text())["candidates"]]
+        assert "line_spring" in names and names[0] == "floor_tilt"
+    finally:
+        CATALOGUE._effects.pop("line_spring", None)
+
+
+@pytest.mark.parametrize(
+    "arguments",
+    [
+        ["diagnose", "nowhere.json", *LOGS],
+        ["diagnose", "paper", "nowhere.csv"],
+        ["diagnose", "paper", *LOGS, "--effects", "nowhere.py"],
+        ["diagnose", "paper", *LOGS, "--mechanism", "axis"],
+        ["add", "paper", "magic", *LOGS],
+        ["add", "paper"],
+    ],
+)
+def test_a_mistake_is_one_line_and_status_2(arguments, capsys):
+    assert cli.main(arguments) == 2
+    error = capsys.readouterr().err.strip()
+    assert error.startswith("youbot:") and "\n" not in error and "Traceback" not in error
