@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from identification.filters import FILTER_RATE, filter_samples, first_order, settled
 from identification.mechanism import Mechanism, Samples
+from identification.segments import cut
 
 Array = NDArray[np.float64]
 
@@ -86,6 +87,10 @@ class NoiseLevel:
     torque: Array
 
 
+ENOUGH = 30_000
+"""Samples of noise that tell a floor to better than 2 %; a longer log's is scaled up from them."""
+
+
 def force_floor(
     mechanism: Mechanism,
     theta: Array,
@@ -99,9 +104,15 @@ def force_floor(
     The noise is put on once more and what it changes is kept: right for every effect, since the
     model itself carries it.
     """
+    part, known = samples, clean
+    if len(samples) > ENOUGH:
+        part = cut(samples, 0, ENOUGH)
+        known = force_traces(mechanism, theta, part)
     rng = np.random.default_rng(seed)
-    again = force_traces(mechanism, theta, mechanism.noisy(samples, noise.speed, noise.torque, rng))
-    return Squares.of(clean, again.residual - clean.residual)
+    again = force_traces(mechanism, theta, mechanism.noisy(part, noise.speed, noise.torque, rng))
+    share = len(clean.time) / len(known.time)
+    left = Squares.of(known, again.residual - known.residual).residual * share
+    return Squares(left, Squares.of(clean).measured)
 
 
 def velocity_floor(

@@ -5,15 +5,9 @@ from __future__ import annotations
 import os
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any
+from functools import cache
+from typing import TYPE_CHECKING, Any
 
-from identification.axis import Axis
-from identification.axis_model import (
-    AxisModel,
-    axis_from_dict,
-    base_axis_model,
-    save_axis_model,
-)
 from identification.logs import AXIS, Log
 from identification.mecanum import Mecanum
 from identification.mechanism import Mechanism
@@ -23,7 +17,12 @@ from youbot_env.model import Model
 from youbot_env.model_file import load_model, model_from_dict, save_model, shipped_models
 from youbot_env.model_parts import parse_json, read_text
 
-AnyModel = Model | AxisModel
+if TYPE_CHECKING:
+    from identification.axis_model import AxisModel
+
+    AnyModel = Model | AxisModel
+else:
+    AnyModel = Any
 
 
 @dataclass(frozen=True)
@@ -44,14 +43,8 @@ class Kind:
     has_figures: bool
 
 
-def _axis(model: AxisModel, geometry: Geometry | None) -> Axis:
-    if geometry is not None:
-        raise InputError("--geometry is of a mecanum platform; the axis of this model has none")
-    return model.axis
-
-
-MECHANISMS = {
-    "mecanum": Kind(
+def _mecanum() -> Kind:
+    return Kind(
         Model,
         WHEELS,
         lambda model, geometry: Mecanum(geometry or model.geometry, model.structure),
@@ -59,17 +52,36 @@ MECHANISMS = {
         model_from_dict,
         save_model,
         True,
-    ),
-    "axis": Kind(
+    )
+
+
+@cache
+def _axis() -> Kind:
+    # Imported when one is met: most users have a platform, and starting is part of every command.
+    from identification.axis_model import (
+        AxisModel,
+        axis_from_dict,
+        base_axis_model,
+        save_axis_model,
+    )
+
+    def build(model: Any, geometry: Geometry | None) -> Mechanism:
+        if geometry is not None:
+            raise InputError("--geometry is of a mecanum platform; the axis of this model has none")
+        return model.axis
+
+    return Kind(
         AxisModel,
         AXIS,
-        _axis,
+        build,
         lambda logs, unit: base_axis_model(logs, unit=unit),
         axis_from_dict,
         save_axis_model,
         False,
-    ),
-}
+    )
+
+
+MECHANISMS: dict[str, Callable[[], Kind]] = {"mecanum": cache(_mecanum), "axis": _axis}
 """Kinds of mechanism by the name that model files and ``--mechanism`` give them."""
 
 
@@ -83,7 +95,7 @@ def kind(name: str) -> Kind:
     """
     if name not in MECHANISMS:
         raise InputError(f"unknown mechanism {name!r}; known are {', '.join(MECHANISMS)}")
-    return MECHANISMS[name]
+    return MECHANISMS[name]()
 
 
 def refuse_figures(of: Kind) -> None:
@@ -100,7 +112,8 @@ def refuse_figures(of: Kind) -> None:
 
 def kind_of(model: AnyModel) -> Kind:
     """The kind of mechanism that a model is of."""
-    return next(item for item in MECHANISMS.values() if isinstance(model, item.model))
+    kinds = (make() for make in MECHANISMS.values())
+    return next(item for item in kinds if isinstance(model, item.model))
 
 
 def check_mechanism(model: AnyModel, name: str | None) -> None:
@@ -135,7 +148,7 @@ def load_any_model(source: str | os.PathLike[str]) -> Any:
     mechanism = data.get("mechanism", "mecanum")
     if mechanism not in MECHANISMS:
         raise InputError(f"{name}: unknown mechanism {mechanism!r}; known: {', '.join(MECHANISMS)}")
-    return MECHANISMS[mechanism].read(data, name)
+    return MECHANISMS[mechanism]().read(data, name)
 
 
 def save_any_model(path: str | os.PathLike[str], model: AnyModel) -> None:
