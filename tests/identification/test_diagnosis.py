@@ -40,10 +40,10 @@ def test_nothing_missing_is_adequate_and_the_numbers_repeat_to_the_bit():
     ("name", "values"),
     [
         ("wheel_coulomb_friction", {"torque": 0.25}),
-        ("floor_tilt", {"tilt_x": -0.018, "tilt_y": 0.006}),
-        ("uneven_wheel_friction", {"extra_bl": 0.08}),
-        ("quadratic_friction", {"coefficient": 0.01}),
         ("actuator_lag", {"time_constant": 0.06}),
+        pytest.param("floor_tilt", {"tilt_x": -0.018, "tilt_y": 0.006}, marks=pytest.mark.slow),
+        pytest.param("uneven_wheel_friction", {"extra_bl": 0.08}, marks=pytest.mark.slow),
+        pytest.param("quadratic_friction", {"coefficient": 0.01}, marks=pytest.mark.slow),
     ],
 )
 def test_a_hidden_effect_is_named_sized_and_takes_the_error_to_the_floor(name, values):
@@ -69,6 +69,7 @@ def test_two_effects_are_both_found_and_coulomb_is_not_called_stribeck():
     assert errors == sorted(errors, reverse=True)
 
 
+@pytest.mark.slow
 def test_json_has_the_keys_of_the_design():
     found = diagnose(PAPER, logs_of({"floor_tilt": {"tilt_x": 0.018}})).to_dict()
     assert set(found) >= {
@@ -82,6 +83,7 @@ def test_json_has_the_keys_of_the_design():
     assert "floor falls" in found["words"][0]
 
 
+@pytest.mark.slow
 def test_only_changed_parameters_are_adequate_with_a_warning():
     heavier = PAPER.with_values({"m0": 45.0, "mu1": 0.2})
     found = diagnose(heavier, logs_of({})).to_dict()
@@ -110,6 +112,7 @@ def wind():
     CATALOGUE._effects.pop("steady_push")
 
 
+@pytest.mark.slow
 def test_a_users_effect_takes_part_and_wins_where_it_is_true(wind):
     found = diagnose(PAPER, logs_of({wind: {"force": 3.0}})).to_dict()
     assert found["missing"][0] == wind
