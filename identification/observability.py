@@ -8,7 +8,6 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from identification.filters import filter_samples, settled
 from identification.mecanum import PAPER_ORDER, Mecanum
 from identification.mechanism import Mechanism
 from identification.regression import Indices, Rows, gauge_groups, hac_covariance
@@ -180,11 +179,6 @@ def ideal_columns(mechanism: Mecanum, twist: Array, acceleration: Array) -> Arra
         force = np.stack(np.broadcast_arrays(*force, twist[:, 0])[:3], axis=-1)
         columns.append(force * mechanism.force_scale)
     return np.stack(columns, axis=-1)
-
-
-def filtered_columns(columns: Array, rate: float, dt: float) -> Array:
-    """Columns (n, A, F) through the paper's filter, its start left out."""
-    return filter_samples(columns, rate, dt)[settled(rate, dt) :]
 
 
 def block_estimates(
