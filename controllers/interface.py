@@ -2,10 +2,15 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from typing import NamedTuple, Protocol, runtime_checkable
 
 import numpy as np
 from numpy.typing import NDArray
+
+from youbot_env.errors import InputError
+from youbot_env.hardware import MAX_WHEEL_TORQUE
+from youbot_env.validation import finite
 
 Array = NDArray[np.float64]
 
@@ -37,11 +42,46 @@ class Reference(NamedTuple):
     twist : (3,) VX, VY, W [m/s, m/s, rad/s] in the body frame
     acceleration : (3,) time derivative of the twist's components
     preview : (k, 3) the next k twists, one sample time apart, None where they are not known
+    preview_acceleration : (k, 3) their accelerations
     """
 
     twist: Array
     acceleration: Array
     preview: Array | None = None
+    preview_acceleration: Array | None = None
+
+
+@dataclass(frozen=True)
+class Loop:
+    """What whoever builds a controller knows of the loop that it will run in.
+
+    Attributes
+    ----------
+    sample_time : [s] between calls; each command is held until the next
+    delay : [s] by which commands act late, bus and computation together; what the drives themselves
+        add is the model's (effects ``torque_delay`` and ``actuator_lag``)
+    measurement_delay : [s], the age of a measured speed; half a sample where counts are differenced
+    torque_limit : [N m] at each wheel
+    speed_noise : standard deviation of a measured wheel speed [rad/s]
+
+    Raises
+    ------
+    InputError
+        If a number cannot be.
+    """
+
+    sample_time: float = 0.01
+    delay: float = 0.0
+    measurement_delay: float = 0.0
+    torque_limit: float = MAX_WHEEL_TORQUE
+    speed_noise: float = 0.01
+
+    def __post_init__(self) -> None:
+        for name in ("sample_time", "torque_limit"):
+            finite(f"loop {name}", getattr(self, name), positive=True)
+        for name in ("delay", "measurement_delay", "speed_noise"):
+            if finite(f"loop {name}", getattr(self, name)) < 0.0:
+                raise InputError(f"loop {name}: {getattr(self, name):g} must be at least 0")
 
 
 @runtime_checkable

@@ -173,9 +173,10 @@ def _loop(
         state, measured = states[k], speed[k]
         measured += to_wheels @ state[:3]
         seen = Observation(k * dt, measured, to_body @ measured, state[3:6], last)
-        ahead = twist[k + 1 : k + 1 + preview] if preview else None
+        coming = slice(k + 1, k + 1 + preview)
+        ahead = (twist[coming], acceleration[coming]) if preview else (None, None)
         last = command[k]
-        last[:] = controller(seen, Reference(twist[k], acceleration[k], ahead))
+        last[:] = controller(seen, Reference(twist[k], acceleration[k], *ahead))
         if k < end:
             states[k + 1] = state
             for acting, piece in line.passed(last, dt) if line else ((last, dt),):
