@@ -14,10 +14,10 @@ from youbot_scripts.blind.cases import KINDS, write_case
 from youbot_scripts.blind.report import show, show_sizes
 from youbot_scripts.blind.scores import score
 from youbot_scripts.blind.sizes import force_ratio, size_table, sizings
-from youbot_scripts.blind.spread import spread
 from youbot_scripts.blind.trial import Record
 from youbot_scripts.blind.trials import Spec, plan, run_trials
 from youbot_scripts.cli import run_script
+from youbot_scripts.spread import spread
 
 EXAMPLES = (
     "youbot bench --cases 200 --kinds none --resume bench/",

@@ -2,21 +2,17 @@
 
 from __future__ import annotations
 
-import json
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
 from functools import partial
 from itertools import chain, zip_longest
 from pathlib import Path
 
-from youbot_env.errors import InputError
 from youbot_scripts.blind.cases import Case, draw_case
 from youbot_scripts.blind.effects import CATALOGUE
-from youbot_scripts.blind.spread import spread
 from youbot_scripts.blind.trial import Diagnose, Record, run_trial
-
-RESULTS = "results.jsonl"
-"""File of a folder of results: one trial a line."""
+from youbot_scripts.journal import append_result, plain, read_results
+from youbot_scripts.spread import spread
 
 
 @dataclass(frozen=True)
@@ -78,31 +74,6 @@ def try_case(diagnose: Diagnose, follow_up: bool, spec: Spec) -> Record:
         return {"case": case.to_dict(), "carriers": [], "seconds": 0.0, "error": message}
 
 
-def read_results(folder: Path) -> dict[str, Record]:
-    """Trials that a folder holds, by the case's key; a last line cut short is taken away.
-
-    Raises
-    ------
-    InputError
-        If a line is no trial.
-    """
-    path = folder / RESULTS
-    if not path.exists():
-        return {}
-    text = path.read_text("utf-8")
-    whole = text[: text.rfind("\n") + 1]
-    found = {}
-    for row, line in enumerate(whole.splitlines(), 1):
-        try:
-            record = json.loads(line)
-            found[record["case"]["key"]] = record
-        except (ValueError, KeyError, TypeError):
-            raise InputError(f"{path}: row {row}: not a trial; name another folder") from None
-    if whole != text:
-        path.write_text(whole, "utf-8")
-    return found
-
-
 def run_trials(
     specs: Sequence[Spec],
     diagnose: Diagnose,
@@ -125,31 +96,18 @@ def run_trials(
     InputError
         If the folder cannot be made or holds something else.
     """
-    done = {} if folder is None else read_results(folder)
+    done = {} if folder is None else read_results(folder, lambda record: record["case"]["key"])
     keys = {spec: spec.draw().key for spec in specs}
     waiting = [spec for spec in specs if keys[spec] not in done]
     for _ in range(len(specs) - len(waiting)):
         progress()
     for _, record in spread(partial(try_case, diagnose, follow_up), waiting, jobs):
-        record = json.loads(json.dumps(record, default=_plain))
+        record = plain(record)
         done[record["case"]["key"]] = record
         if folder is not None:
-            _append(folder, record)
+            append_result(folder, record)
         progress()
     return [done[keys[spec]] for spec in specs]
-
-
-def _append(folder: Path, record: Record) -> None:
-    try:
-        folder.mkdir(parents=True, exist_ok=True)
-        with (folder / RESULTS).open("a", encoding="utf-8") as file:
-            file.write(json.dumps(record) + "\n")
-    except OSError as error:
-        raise InputError(f"{folder}: cannot be written: {error.strerror}") from None
-
-
-def _plain(value: object) -> object:
-    return value.tolist() if hasattr(value, "tolist") else str(value)  # type: ignore[attr-defined]
 
 
 def errors_of(records: Iterable[Record]) -> list[str]:

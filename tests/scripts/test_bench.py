@@ -23,8 +23,9 @@ from youbot_scripts import blind
 from youbot_scripts.blind import cases, effects, motions, plant, scores, trial, trials
 from youbot_scripts.blind.shares import Share
 from youbot_scripts.blind.sizes import Sizing, size_table
-from youbot_scripts.blind.spread import spread
 from youbot_scripts.cli import main
+from youbot_scripts.journal import RESULTS
+from youbot_scripts.spread import spread
 
 FOLDER = Path(next(iter(blind.__path__)))
 
@@ -313,7 +314,7 @@ def test_an_interrupted_bench_is_taken_up_where_it_stopped(tmp_path: Path):
     first, second, third = Diagnose(stop_after=3), Diagnose(), Diagnose()
     with pytest.raises(KeyboardInterrupt):
         trials.run_trials(SPECS, first, folder=tmp_path)
-    path = tmp_path / trials.RESULTS
+    path = tmp_path / RESULTS
     path.write_text(path.read_text() + '{"case": {"key": "cut sho')
     found = trials.run_trials(SPECS, second, folder=tmp_path)
     again = trials.run_trials(SPECS, third, folder=tmp_path)
@@ -323,7 +324,7 @@ def test_an_interrupted_bench_is_taken_up_where_it_stopped(tmp_path: Path):
 
 
 def test_a_folder_of_something_else_is_refused(tmp_path: Path):
-    (tmp_path / trials.RESULTS).write_text("a line\nanother\n")
+    (tmp_path / RESULTS).write_text("a line\nanother\n")
     with pytest.raises(InputError, match="row 1: not a trial"):
         trials.run_trials(SPECS, Diagnose(), folder=tmp_path)
 
