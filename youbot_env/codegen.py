@@ -6,10 +6,10 @@ printed as Python that numba compiles. Nothing here knows an equation of motion.
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from types import SimpleNamespace
-from typing import Any
+from typing import Any, ClassVar
 
 from youbot_env.backends import symbols
 from youbot_env.dynamics import state_derivative
@@ -24,10 +24,16 @@ class System:
     sources : names of the modules that it is written in, for the cache's key
     """
 
+    prefix: ClassVar[str] = "kernel"
+
     derivative: Callable[..., tuple[Any, ...]]
     inputs: int
     lengths: tuple[str, ...]
     sources: tuple[str, ...]
+
+    def source(self, structure: Any) -> str:
+        """See :func:`kernel_source`."""
+        return kernel_source(structure, self)
 
 
 MECANUM = System(
@@ -54,10 +60,10 @@ def kernel_source(structure: Any, system: System = MECANUM) -> str:
         "theta": [f"p{i}" for i in range(len(structure.parameter_names))],
     }
     derivative = _derivative(structure, system, names)
-    return "\n\n".join([_HEADER, derivative, _step(size, names), _loops(size, names)])
+    return "\n\n".join([HEADER, derivative, _step(size, names), _loops(size, names)])
 
 
-_HEADER = '''"""Generated from the effects' own functions; written again when they change."""
+HEADER = '''"""Generated from the effects' own functions; written again when they change."""
 
 from math import cos, exp, sin, sqrt, tanh
 
@@ -65,21 +71,33 @@ from numba import njit'''
 
 
 def _derivative(structure: Any, system: System, names: dict[str, list[str]]) -> str:
-    import sympy
-
-    symbol: dict[str, Any] = {
-        key: [sympy.Symbol(name, real=True) for name in group] for key, group in names.items()
-    }
+    symbol = {key: real_symbols(group) for key, group in names.items()}
     geometry = SimpleNamespace(**dict(zip(system.lengths, symbol["lengths"], strict=True)))
     rates = system.derivative(
         symbols(), structure, geometry, symbol["theta"], symbol["state"], symbol["torque"]
     )
-    shared, results = sympy.cse([sympy.sympify(rate) for rate in rates], order="none")
+    return function_source(
+        "derivative", [name for group in names.values() for name in group], rates
+    )
+
+
+def real_symbols(names: Sequence[str]) -> list[Any]:
+    """Sympy symbols that stand for the arguments of a generated function."""
+    import sympy
+
+    return [sympy.Symbol(name, real=True) for name in names]
+
+
+def function_source(name: str, arguments: Sequence[str], results: Sequence[Any]) -> str:
+    """A compiled function of scalars that returns a tuple of expressions in its arguments."""
+    import sympy
+
+    shared, values = sympy.cse([sympy.sympify(result) for result in results], order="none")
     printer = _printer()
-    lines = [f"    {name} = {printer.doprint(value)}" for name, value in shared]
-    returned = ",\n        ".join(printer.doprint(value) for value in results)
+    lines = [f"    {part} = {printer.doprint(value)}" for part, value in shared]
+    returned = ",\n        ".join(printer.doprint(value) for value in values)
     return (
-        f"@njit(cache=True, error_model='numpy')\ndef derivative({_arguments(names)}):\n"
+        f"@njit(cache=True, error_model='numpy')\ndef {name}({', '.join(arguments)}):\n"
         + "\n".join(lines)
         + f"\n    return (\n        {returned},\n    )"
     )
@@ -95,10 +113,6 @@ def _printer() -> Any:
             return f"(1.0 if {x} > 0 else -1.0 if {x} < 0 else 0.0)"
 
     return Printer({"fully_qualified_modules": False})
-
-
-def _arguments(names: dict[str, list[str]]) -> str:
-    return ", ".join(name for group in names.values() for name in group)
 
 
 def _step(size: int, names: dict[str, list[str]]) -> str:

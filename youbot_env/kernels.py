@@ -8,6 +8,7 @@ import importlib.util
 import os
 import sys
 import tempfile
+from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cache, lru_cache
 from pathlib import Path
@@ -18,8 +19,8 @@ import numpy as np
 import platformdirs
 
 import youbot_env
-from youbot_env import codegen
 from youbot_env.codegen import MECANUM, System
+from youbot_env.inverse import INVERSE, LENGTHS, MOTION
 
 
 @dataclass(frozen=True)
@@ -42,21 +43,50 @@ class Kernel:
     derivative: Any
 
 
+@dataclass(frozen=True)
+class InverseKernel:
+    """Compiled inverse dynamics for one set of effects.
+
+    acting(motion, lengths, theta, tolerance, torque)
+        Least-norm torques that act at the wheels, ``torque`` (n, 4) [N m], which motions (n, 14)
+        demand: rows as ``inverse.MOTION``. Torques that depend on themselves (losses under load)
+        are sought, from the values that ``torque`` comes with, until they move by no more than
+        ``tolerance`` [N m] in sum.
+    interface(torque, rate, time, theta, out)
+        Interface torques ``out`` (4,) behind which ``torque`` (4,) acts and changes at ``rate``
+        (4,) [N m/s] at ``time`` [s]; they belong to a time earlier by ``Model.delay``.
+    """
+
+    structure: Any
+    acting: Any
+    interface: Any
+
+
 @lru_cache(maxsize=64)
 def kernel(structure: Any, system: System = MECANUM) -> Kernel:
     """The compiled kernel of a structure of a mechanism; compiles at the first use on a machine.
 
     A cached file that is torn or damaged is written again.
     """
+    return _built(structure, system, _compiled)
+
+
+@lru_cache(maxsize=64)
+def inverse_kernel(structure: Any) -> InverseKernel:
+    """The same of the platform's inverse dynamics: a module of its own, since few need it."""
+    return _built(structure, INVERSE, _compiled_inverse)
+
+
+def _built(structure: Any, system: Any, compiled: Callable[[Any, Any, Path], Any]) -> Any:
     for _ in range(2):
         path = _cached_source(structure, system)
         try:
-            return _compiled(structure, system, path)
+            return compiled(structure, system, path)
         except Exception:
             # Whatever a damaged cache raises (it holds Python source and numba's pickles), the cure
             # is the same; if the physics itself does not compile, the last attempt says so.
             _forget(path)
-    return _compiled(structure, system, _private_source(structure, system))
+    return compiled(structure, system, _private_source(structure, system))
 
 
 def cache_folder() -> Path:
@@ -77,8 +107,17 @@ def _compiled(structure: Any, system: System, path: Path) -> Kernel:
     return found
 
 
-def _cached_source(structure: Any, system: System = MECANUM) -> Path:
-    path = cache_folder() / f"kernel_{_key(structure, system)}.py"
+def _compiled_inverse(structure: Any, system: Any, path: Path) -> InverseKernel:
+    module = _load(path)
+    theta, torque = np.ones(len(structure.parameter_names)), np.zeros((1, 4))
+    found = InverseKernel(structure, module.acting, module.interface)
+    found.acting(np.zeros((1, len(MOTION))), np.ones(len(LENGTHS)), theta, 1.0, torque)
+    found.interface(torque[0], torque[0], 0.0, theta, np.empty(4))
+    return found
+
+
+def _cached_source(structure: Any, system: Any = MECANUM) -> Path:
+    path = cache_folder() / f"{system.prefix}_{_key(structure, system)}.py"
     if _is_intact(path):
         return path
     try:
@@ -87,14 +126,14 @@ def _cached_source(structure: Any, system: System = MECANUM) -> Path:
         return _private_source(structure, system)
 
 
-def _private_source(structure: Any, system: System) -> Path:
+def _private_source(structure: Any, system: Any) -> Path:
     """A read-only home must not keep anybody from simulating: compile for this process alone."""
-    path = _private_folder() / f"kernel_{_key(structure, system)}.py"
+    path = _private_folder() / f"{system.prefix}_{_key(structure, system)}.py"
     return _write(path, _sealed_source(structure, system))
 
 
-def _sealed_source(structure: Any, system: System) -> str:
-    source = codegen.kernel_source(structure, system)
+def _sealed_source(structure: Any, system: Any) -> str:
+    source = system.source(structure)
     return f"{_SEAL}{_checksum(source)}\n{source}"
 
 
@@ -143,7 +182,7 @@ def _forget(path: Path) -> None:
             continue  # not ours to remove; the next attempt goes elsewhere or fails by itself
 
 
-def _key(structure: Any, system: System = MECANUM) -> str:
+def _key(structure: Any, system: Any = MECANUM) -> str:
     """Changes with whatever could change the generated source."""
     digest = hashlib.sha256(youbot_env.__version__.encode())
     for name in system.sources:
