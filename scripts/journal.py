@@ -3,13 +3,15 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeVar
 
 from youbot_env.errors import InputError
+from youbot_scripts.spread import spread
 
 Record = dict[str, Any]
+Item = TypeVar("Item")
 
 RESULTS = "results.jsonl"
 """File of a folder of results: one record a line."""
@@ -68,3 +70,42 @@ def append_result(folder: Path, record: Record) -> None:
             file.write(json.dumps(record) + "\n")
     except OSError as error:
         raise InputError(f"{folder}: cannot be written: {error.strerror}") from None
+
+
+def resumed(
+    function: Callable[[Item], Record],
+    items: Mapping[str, Item],
+    key: Callable[[Record], str],
+    *,
+    jobs: int = 1,
+    folder: Path | None = None,
+    what: str = "trial",
+    progress: Callable[[], None] = lambda: None,
+) -> dict[str, Record]:
+    """What a function makes of items, by their keys, less what a folder holds already.
+
+    Parameters
+    ----------
+    function : of an item; picklable if ``jobs`` is more than one; its record is JSON-able
+    items : by the key that their records will have
+    key : of a record
+    folder : where each record is noted as it is done; None keeps none
+    what : a record is, for a message
+    progress : called once for each item
+
+    Raises
+    ------
+    InputError
+        If the folder cannot be made or holds something else.
+    """
+    done = {} if folder is None else read_results(folder, key, what)
+    waiting = {name: item for name, item in items.items() if name not in done}
+    for _ in range(len(items) - len(waiting)):
+        progress()
+    for _, record in spread(function, list(waiting.values()), jobs):
+        record = plain(record)
+        done[key(record)] = record
+        if folder is not None:
+            append_result(folder, record)
+        progress()
+    return {name: done[name] for name in items}

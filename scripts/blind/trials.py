@@ -11,8 +11,7 @@ from pathlib import Path
 from youbot_scripts.blind.cases import Case, draw_case
 from youbot_scripts.blind.effects import CATALOGUE
 from youbot_scripts.blind.trial import Diagnose, Record, run_trial
-from youbot_scripts.journal import append_result, plain, read_results
-from youbot_scripts.spread import spread
+from youbot_scripts.journal import resumed
 
 
 @dataclass(frozen=True)
@@ -96,17 +95,15 @@ def run_trials(
     InputError
         If the folder cannot be made or holds something else.
     """
-    done = {} if folder is None else read_results(folder, lambda record: record["case"]["key"])
     keys = {spec: spec.draw().key for spec in specs}
-    waiting = [spec for spec in specs if keys[spec] not in done]
-    for _ in range(len(specs) - len(waiting)):
-        progress()
-    for _, record in spread(partial(try_case, diagnose, follow_up), waiting, jobs):
-        record = plain(record)
-        done[record["case"]["key"]] = record
-        if folder is not None:
-            append_result(folder, record)
-        progress()
+    done = resumed(
+        partial(try_case, diagnose, follow_up),
+        {key: spec for spec, key in keys.items()},
+        lambda record: record["case"]["key"],
+        jobs=jobs,
+        folder=folder,
+        progress=progress,
+    )
     return [done[keys[spec]] for spec in specs]
 
 

@@ -1,0 +1,1 @@
+"""Controllers compared on plants: conditions, closed loops, metrics, tables and pictures."""

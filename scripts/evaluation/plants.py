@@ -1,0 +1,69 @@
+"""What moves: a model, or another simulator's platform, with what is hidden in it."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Any
+
+from identification.logs import Log
+from youbot_env.env import YouBotTrackingEnv
+from youbot_env.model import Model
+from youbot_env.model_file import load_model, model_to_dict
+from youbot_env.motions import Motion
+from youbot_scripts.driving import Progress
+from youbot_scripts.evaluation.closed_loop import ENCODER_TICKS, LoopSettings
+from youbot_scripts.experiments import with_effects
+from youbot_scripts.recording import record
+
+LAG = "actuator_lag"
+
+
+@dataclass(frozen=True)
+class Plant:
+    """A platform that is driven; what its controllers know of it is another matter.
+
+    Attributes
+    ----------
+    source : "paper" or another shipped model, or a model file
+    effects : added to it, as ``record --effect`` takes them
+    lag : time constant of the drives [s], 0 for none
+    """
+
+    source: str = "paper"
+    effects: tuple[str, ...] = ()
+    lag: float = 0.0
+
+    @cached_property
+    def truth(self) -> Model:
+        """The model that knows everything there is to know of it."""
+        model = with_effects(load_model(self.source), self.effects)
+        return model.with_effect(LAG, time_constant=self.lag) if self.lag else model
+
+    def environment(
+        self, loop: LoopSettings, motion: Motion, length: float, seed: int = 0
+    ) -> YouBotTrackingEnv:
+        """The plant in the environment's loop."""
+        return YouBotTrackingEnv(
+            self.truth,
+            delay=loop.delay,
+            wheel_speed_noise=loop.noise,
+            encoder_ticks=ENCODER_TICKS,
+            reference=motion,
+            episode_length=length,
+            control_rate=loop.rate,
+        )
+
+    def logs(
+        self, motions: Sequence[Motion], seed: int, progress: Progress | None = None
+    ) -> list[Log]:
+        """What a robot would have logged along motions, under the stock control, with noise."""
+        return record(self.truth, motions, seed=seed, progress=progress)
+
+    def to_dict(self) -> dict[str, Any]:
+        """All that its motion depends on."""
+        return {"plant": str(self), "model": model_to_dict(self.truth)}
+
+    def __str__(self) -> str:
+        return " + ".join((self.source, *self.effects))

@@ -1,0 +1,249 @@
+"""One controller on one plant along one reference; many of them, planned and taken up again."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import asdict, dataclass, field, replace
+from functools import cached_property
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from controllers import registry
+from youbot_env import __version__
+from youbot_env.model import Model
+from youbot_env.model_file import model_from_dict, model_to_dict
+from youbot_env.motions import Motion, multisine
+from youbot_scripts.evaluation.closed_loop import LoopSettings, Trace, drive
+from youbot_scripts.evaluation.knowledge import Knowledge
+from youbot_scripts.evaluation.metrics import judge
+from youbot_scripts.evaluation.plants import Plant
+from youbot_scripts.experiments import generator
+from youbot_scripts.journal import Record, resumed
+
+Advance = Callable[[], None]
+
+
+@dataclass(frozen=True)
+class Course:
+    """The random references of a band, as ``motions.multisine`` draws them.
+
+    Attributes
+    ----------
+    band : lowest and highest frequency [rad/s]
+    amplitude : peaks of VX, VY [m/s] and W [rad/s]
+    duration : [s] that is judged, after the ramp
+    ramp : [s] from rest to the full motion
+    """
+
+    band: tuple[float, float]
+    amplitude: tuple[float, float, float] = (0.22, 0.18, 0.6)
+    duration: float = 20.0
+    ramp: float = 1.5
+
+    @property
+    def length(self) -> float:
+        """[s] from rest to the end of what is judged, before the motion slows down again."""
+        return self.ramp + self.duration
+
+    def motion(self, plant: Plant, seed: int, index: int) -> Motion:
+        """The reference of one seed, the same for every controller, model and loop."""
+        name = f"{self.band[0]:g}-{self.band[1]:g}"
+        return multisine(
+            generator(seed, str(index), name),
+            band=self.band,
+            amplitude=self.amplitude,
+            duration=self.duration + 2 * self.ramp,
+            ramp=self.ramp,
+            geometry=plant.truth.geometry,
+            name=name,
+        )
+
+    def __str__(self) -> str:
+        return f"{self.band[0]:g}-{self.band[1]:g} rad/s"
+
+
+@dataclass(frozen=True)
+class Condition:
+    """What all controllers are compared under: a plant, a model of it, and a loop."""
+
+    plant: Plant
+    knowledge: Knowledge
+    loop: LoopSettings
+
+    def to_dict(self) -> dict[str, Any]:
+        """JSON form, for people."""
+        loop = {**asdict(self.loop), "lag": self.plant.lag}
+        return {"plant": str(self.plant), "model": str(self.knowledge), "loop": loop}
+
+    def __str__(self) -> str:
+        lag = f", drives' lag {1000 * self.plant.lag:g} ms" if self.plant.lag else ""
+        return f"plant {self.plant}, model {self.knowledge}, {self.loop}{lag}"
+
+
+@dataclass(frozen=True)
+class Learning:
+    """The task of finding a condition's model."""
+
+    plant: Plant
+    knowledge: Knowledge
+    seed: int
+
+    @cached_property
+    def key(self) -> str:
+        """The same whenever the result is."""
+        return digest("model", self.plant.to_dict(), self.knowledge.how, self.seed)
+
+    def __call__(self) -> Record:
+        found = self.knowledge.of(self.plant, self.seed)
+        return {"key": self.key, "model": model_to_dict(found)}
+
+
+@dataclass(frozen=True)
+class Designing:
+    """The task of finding a controller's settings on a model, for a loop."""
+
+    controller: str
+    model: Model
+    loop: LoopSettings
+
+    @cached_property
+    def key(self) -> str:
+        """The same whenever the result is."""
+        return digest("design", self.controller, model_to_dict(self.model), asdict(self.loop))
+
+    def __call__(self) -> Record:
+        design = registry.entry(self.controller).design
+        assert design is not None
+        settings = design(self.model, self.loop.known())
+        return {"key": self.key, "controller": self.controller, "settings": dict(settings)}
+
+
+@dataclass(frozen=True)
+class Trial:
+    """One closed loop: what it takes to run it again to the bit.
+
+    Attributes
+    ----------
+    model, settings : that the controller is built from
+    seed, index : of the run, and which of its references
+    """
+
+    condition: Condition
+    controller: str
+    model: Model
+    course: Course
+    seed: int
+    index: int
+    settings: Mapping[str, Any] = field(default_factory=dict)
+
+    @cached_property
+    def key(self) -> str:
+        """The same whenever the result is."""
+        plant, loop = self.condition.plant.to_dict(), asdict(self.condition.loop)
+        built = (self.controller, model_to_dict(self.model), dict(self.settings))
+        return digest("trial", plant, loop, *built, asdict(self.course), self.seed, self.index)
+
+    def trace(self) -> Trace:
+        """Drive it."""
+        plant, loop, course = self.condition.plant, self.condition.loop, self.course
+        motion = course.motion(plant, self.seed, self.index)
+        env = plant.environment(loop, motion, course.length)
+        controller = registry.build(self.controller, self.model, loop.known(), **self.settings)
+        noise = int(generator(self.seed, str(self.index), "noise").integers(2**31))
+        steps = round(course.length * loop.rate)
+        with np.errstate(all="ignore"):  # a loop that diverges is a result
+            return drive(env, controller, motion, seed=noise, steps=steps, show_pose=loop.pose)
+
+    def __call__(self) -> Record:
+        return {
+            "key": self.key,
+            **self.condition.to_dict(),
+            "controller": self.controller,
+            "band": list(self.course.band),
+            "seed": self.index,
+            **judge(self.trace(), self.course.ramp),
+        }
+
+
+Task = Learning | Designing | Trial
+
+
+def digest(*parts: Any) -> str:
+    """A short word that stands for everything that a result depends on, this version included."""
+    text = json.dumps([__version__, *parts], sort_keys=True)
+    return hashlib.sha256(text.encode()).hexdigest()[:24]
+
+
+def call(task: Task) -> Record:
+    """A task's record (a plain function, so that another process can be handed it)."""
+    return task()
+
+
+def run_all(
+    tasks: Sequence[Task], jobs: int, folder: Path | None, progress: Advance = lambda: None
+) -> list[Record]:
+    """The tasks' records in their order; see :func:`youbot_scripts.journal.resumed`."""
+    by_key = {task.key: task for task in tasks}
+    found = resumed(call, by_key, _key, jobs=jobs, folder=folder, progress=progress)
+    return [found[task.key] for task in tasks]
+
+
+def _key(record: Record) -> str:
+    return record["key"]
+
+
+def learn(
+    conditions: Sequence[Condition],
+    seed: int,
+    jobs: int = 1,
+    folder: Path | None = None,
+    progress: Advance = lambda: None,
+) -> dict[Condition, Model]:
+    """The model of each condition: recorded, identified, diagnosed as it asks for."""
+    tasks = [Learning(c.plant, c.knowledge, seed) for c in conditions]
+    costly = [task for task in tasks if task.knowledge.learns]
+    records = run_all(costly, jobs, folder and folder / "models", progress)
+    models = {r["key"]: model_from_dict(r["model"], "resumed model") for r in records}
+    return {
+        condition: models.get(task.key) or task.knowledge.of(task.plant, seed)
+        for condition, task in zip(conditions, tasks, strict=True)
+    }
+
+
+def design(
+    trials: Sequence[Trial],
+    jobs: int = 1,
+    folder: Path | None = None,
+    progress: Advance = lambda: None,
+) -> list[Trial]:
+    """The trials with the settings of those controllers that have to be designed first."""
+    tasks = {
+        n: Designing(trial.controller, trial.model, trial.condition.loop)
+        for n, trial in enumerate(trials)
+        if registry.entry(trial.controller).design is not None
+    }
+    records = run_all(list(tasks.values()), jobs, folder and folder / "designs", progress)
+    settings = dict(zip(tasks, (record["settings"] for record in records), strict=True))
+    return [replace(trial, settings=settings.get(n, {})) for n, trial in enumerate(trials)]
+
+
+def plan(
+    models: Mapping[Condition, Model],
+    controllers: Sequence[str],
+    courses: Sequence[Course],
+    seed: int,
+    seeds: int,
+) -> list[Trial]:
+    """Every controller on every condition and course, the seeds outermost: a part of them is a
+    fair sample."""
+    return [
+        Trial(condition, controller, model, course, seed, index)
+        for index in range(seeds)
+        for condition, model in models.items()
+        for course in courses
+        for controller in controllers
+    ]
