@@ -34,6 +34,8 @@ COMMANDS = (
     "compare",
     "diagnose",
     "add",
+    "evaluate",
+    "train",
     "bench",
     "effects",
     "demo",

@@ -59,10 +59,6 @@ class LoopSettings:
             speed_noise=self.noise,
         )
 
-    def __str__(self) -> str:
-        samples = f"{self.delay} sample" + ("" if self.delay == 1 else "s")
-        return f"{self.rate:g} Hz, delay {samples}, noise {self.noise:g} rad/s"
-
 
 @dataclass(frozen=True, eq=False)
 class Trace:
@@ -132,7 +128,7 @@ def drive(
             break
     kept = rows[:done]
     return Trace(
-        time[:done],
+        np.asarray(time[:done], np.float64),
         twist[:done],
         kept[:, :3],
         kept[:, 3:6],

@@ -79,10 +79,6 @@ class Condition:
         loop = {**asdict(self.loop), "lag": self.plant.lag}
         return {"plant": str(self.plant), "model": str(self.knowledge), "loop": loop}
 
-    def __str__(self) -> str:
-        lag = f", drives' lag {1000 * self.plant.lag:g} ms" if self.plant.lag else ""
-        return f"plant {self.plant}, model {self.knowledge}, {self.loop}{lag}"
-
 
 @dataclass(frozen=True)
 class Learning:
@@ -214,6 +210,11 @@ def learn(
     }
 
 
+def needs_design(trial: Trial) -> bool:
+    """Whether the controller has settings that have to be found first."""
+    return registry.entry(trial.controller).design is not None
+
+
 def design(
     trials: Sequence[Trial],
     jobs: int = 1,
@@ -224,7 +225,7 @@ def design(
     tasks = {
         n: Designing(trial.controller, trial.model, trial.condition.loop)
         for n, trial in enumerate(trials)
-        if registry.entry(trial.controller).design is not None
+        if needs_design(trial)
     }
     records = run_all(list(tasks.values()), jobs, folder and folder / "designs", progress)
     settings = dict(zip(tasks, (record["settings"] for record in records), strict=True))

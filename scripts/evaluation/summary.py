@@ -1,0 +1,150 @@
+"""Trials gathered: one result for each controller, condition and band, over its seeds."""
+
+from __future__ import annotations
+
+import json
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
+
+from youbot_scripts.evaluation.metrics import AXES, interval, mean_nrmse
+from youbot_scripts.journal import Record
+
+BY_AXIS = ("nrmse", "rmse", "worst")
+"""Metrics with a number for each axis."""
+
+OVERALL = (
+    "position_drift",
+    "heading_drift",
+    "effort",
+    "torque_rate",
+    "saturation",
+)
+"""Metrics with one number for a run."""
+
+SATURATED = 0.001
+"""Share of instants at a torque limit above which a comparison is shown but not scored: there the
+limit decides, not the controller."""
+
+Interval = dict[str, Any]
+
+
+@dataclass(frozen=True)
+class Result:
+    """One controller in one condition and band.
+
+    Attributes
+    ----------
+    place : plant, model and loop, as ``Condition.to_dict`` gives them
+    band : [rad/s]
+    runs, diverged : how many there were, and how many of them diverged
+    metrics : mean and interval over the runs that did not diverge, by name; those by axis are
+        named ``nrmse VX`` and so on; ``nrmse`` alone is the mean over the axes
+    """
+
+    place: dict[str, Any]
+    band: tuple[float, float]
+    controller: str
+    runs: int
+    diverged: int
+    metrics: dict[str, Interval]
+
+    def mean(self, name: str) -> float:
+        """A metric's mean over the runs, NaN where one diverged: no mean is honest then."""
+        value = self.metrics[name]["mean"]
+        return math.nan if self.diverged or value is None else value
+
+    def half(self, name: str) -> float:
+        """Half width of its interval; 0 where there is none to tell."""
+        return 0.0 if self.diverged else self.metrics[name]["half"] or 0.0
+
+    def to_dict(self) -> dict[str, Any]:
+        """JSON form."""
+        return {
+            **self.place,
+            "band": list(self.band),
+            "controller": self.controller,
+            "runs": self.runs,
+            "diverged": self.diverged,
+            "metrics": self.metrics,
+        }
+
+
+def gather(trials: Sequence[Record]) -> list[Result]:
+    """The results of trials, in the order in which their groups begin."""
+    groups: dict[str, list[Record]] = {}
+    for trial in trials:
+        groups.setdefault(json.dumps([_place(trial), trial["band"], trial["controller"]]), [])
+        groups[json.dumps([_place(trial), trial["band"], trial["controller"]])].append(trial)
+    return [_result(group) for group in groups.values()]
+
+
+def _place(trial: Record) -> dict[str, Any]:
+    return {name: trial[name] for name in ("plant", "model", "loop")}
+
+
+def _result(group: Sequence[Record]) -> Result:
+    sound = [trial for trial in group if trial["diverged"] is None]
+    metrics = {name: interval([trial[name] for trial in sound]) for name in OVERALL}
+    for name in BY_AXIS:
+        for axis, label in enumerate(AXES):
+            moving = [t[name][axis] for t in sound if t[name][axis] is not None]
+            metrics[f"{name} {label}"] = interval(moving)
+    metrics["nrmse"] = interval([mean_nrmse(trial) for trial in sound])
+    first = group[0]
+    low, high = first["band"]
+    return Result(
+        _place(first),
+        (low, high),
+        first["controller"],
+        len(group),
+        len(group) - len(sound),
+        metrics,
+    )
+
+
+def unscored(results: Sequence[Result]) -> dict[tuple[float, float], str]:
+    """Bands of one condition in which a torque limit decides, and why, in words."""
+    found = {}
+    for result in results:
+        share = result.metrics["saturation"]["mean"]
+        if share is not None and share > SATURATED:
+            reason = f"{result.controller} saturates {100 * share:.1f} % of the time"
+            found.setdefault(result.band, reason)
+    return found
+
+
+def ratios(results: Sequence[Result], against: str) -> dict[tuple[float, float], dict[str, float]]:
+    """By band and controller: error over that of another controller, on the worst of the axes."""
+    found: dict[tuple[float, float], dict[str, float]] = {}
+    for other in (r for r in results if r.controller == against):
+        row = found.setdefault(other.band, {})
+        for result in (r for r in results if r.band == other.band):
+            values = [
+                result.mean(f"nrmse {axis}") / other.mean(f"nrmse {axis}")
+                for axis in AXES
+                if other.metrics[f"nrmse {axis}"]["mean"] != 0
+            ]
+            row[result.controller] = max(values) if all(map(math.isfinite, values)) else math.nan
+    return found
+
+
+def by_condition(results: Sequence[Result]) -> list[list[Result]]:
+    """The results of each condition."""
+    groups: dict[str, list[Result]] = {}
+    for result in results:
+        groups.setdefault(json.dumps(result.place), []).append(result)
+    return list(groups.values())
+
+
+def in_words(place: dict[str, Any]) -> str:
+    """Plant, model and loop in one line."""
+    loop = place["loop"]
+    samples = f"{loop['delay']} sample" + ("" if loop["delay"] == 1 else "s")
+    lag = f", lag {1000 * loop['lag']:g} ms" if loop["lag"] else ""
+    pose = ", pose measured" if loop["pose"] else ""
+    return (
+        f"plant {place['plant']}, model {place['model']}; {loop['rate']:g} Hz, delay {samples}"
+        f"{lag}, noise {loop['noise']:g} rad/s{pose}"
+    )

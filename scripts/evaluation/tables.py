@@ -1,0 +1,168 @@
+"""What an evaluation prints: one overview, then tracking and cost by controller and band."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
+
+from youbot_scripts import common
+from youbot_scripts.evaluation.metrics import AXES
+from youbot_scripts.evaluation.summary import Result, by_condition, in_words, ratios, unscored
+
+
+@dataclass(frozen=True)
+class Table:
+    """A table, whoever shows it: a terminal or a web page; ``heading`` opens a condition."""
+
+    title: str
+    headers: tuple[str, ...]
+    rows: tuple[tuple[str, ...], ...]
+    notes: tuple[str, ...] = ()
+    heading: str = ""
+
+
+def tables(results: Sequence[Result], against: str) -> list[Table]:
+    """All tables of an evaluation, condition by condition.
+
+    Parameters
+    ----------
+    against : the controller that others are measured by
+    """
+    found = []
+    for group in by_condition(results):
+        found.append(overview(group, against))
+        found += [tracking(group), size(group), effort(group)]
+    return found
+
+
+def overview(group: Sequence[Result], against: str) -> Table:
+    """Mean normalised RMSE of each controller in each band of one condition."""
+    bands = list(dict.fromkeys(result.band for result in group))
+    names = list(dict.fromkeys(result.controller for result in group))
+    by_key = {(result.controller, result.band): result for result in group}
+    rows = [(name, *(_mean(by_key[name, band], "nrmse") for band in bands)) for name in names]
+    found = ratios(group, against)
+    notes = [f"{_band(band)}: not scored, {reason}" for band, reason in unscored(group).items()]
+    for band in found:
+        shares = [
+            f"{name} {_ratio(share)}" for name, share in found[band].items() if name != against
+        ]
+        if shares:
+            notes.append(f"{_band(band)}, worst axis against {against}: {', '.join(shares)}")
+    return Table(
+        "Normalised RMSE [%], mean of VX, VY, W, by band [rad/s]",
+        ("controller", *(_band(band) for band in bands)),
+        tuple(rows),
+        tuple(notes),
+        f"{in_words(group[0].place)}; {_seeds(group)}",
+    )
+
+
+def tracking(group: Sequence[Result]) -> Table:
+    """Normalised errors by axis, and the worst twentieth of the time."""
+    rows = [
+        (
+            *(_mean(result, f"nrmse {axis}") for axis in AXES),
+            _short(100 * max(result.mean(f"worst {axis}") for axis in _moving(result))),
+        )
+        for result in group
+    ]
+    headers = (*(f"{axis} %" for axis in AXES), "worst 5 %")
+    title = "Normalised RMSE by axis; the 95th percentile of the worst axis' error [%]"
+    return Table(title, (*LEAD, *headers), _led(group, rows))
+
+
+def size(group: Sequence[Result]) -> Table:
+    """Errors in SI units, and the drift that they leave."""
+    rows = [
+        (
+            *(_short(result.mean(f"rmse {axis}")) for axis in AXES),
+            _short(result.mean("position_drift")),
+            _short(math.degrees(result.mean("heading_drift"))),
+        )
+        for result in group
+    ]
+    headers = ("VX m/s", "VY m/s", "W rad/s", "drift m", "drift deg")
+    return Table(
+        "RMSE, and drift from the integrated reference", (*LEAD, *headers), _led(group, rows)
+    )
+
+
+def effort(group: Sequence[Result]) -> Table:
+    """What the torques were like."""
+    rows = [
+        (
+            _short(result.mean("effort"), 3),
+            _short(result.mean("torque_rate"), 3),
+            "-" if result.diverged else f"{100 * result.mean('saturation'):.1f}",
+        )
+        for result in group
+    ]
+    headers = ("torque N m", "rate N m/s", "saturated %")
+    return Table("Torque and its rate (rms)", (*LEAD, *headers), _led(group, rows))
+
+
+LEAD = ("rad/s", "controller")
+"""First columns of the tables by band."""
+
+
+def _led(group: Sequence[Result], rows: Sequence[tuple[str, ...]]) -> tuple[tuple[str, ...], ...]:
+    """Rows with band and controller in front, band by band; a band is named once."""
+    ordered = sorted(zip(group, rows, strict=True), key=lambda pair: pair[0].band)
+    found, last = [], None
+    for result, row in ordered:
+        band = _band(result.band) if result.band != last else ""
+        found.append((band, result.controller, *row))
+        last = result.band
+    return tuple(found)
+
+
+def _moving(result: Result) -> list[str]:
+    return [axis for axis in AXES if result.metrics[f"worst {axis}"]["mean"] is not None] or ["VX"]
+
+
+def show(out: Any, found: Sequence[Table]) -> None:
+    """Print tables, their headings and their notes."""
+    for table in found:
+        if table.heading:
+            out.print(f"{table.heading}\n")
+        common.show_table(out, table.title, table.headers, table.rows, left=LEAD)
+        for note in table.notes:
+            out.print(f"  {note}", soft_wrap=True)
+        if table.notes:
+            out.print()
+
+
+def _mean(result: Result, name: str) -> str:
+    """Mean and half interval in per cent; or how many runs diverged."""
+    if result.diverged:
+        return f"{result.diverged}/{result.runs} diverge"
+    if not math.isfinite(result.mean(name)):
+        return "-"
+    mean, half = 100 * result.mean(name), 100 * result.half(name)
+    digits = 0 if mean >= 100 else 1 if mean >= 10 else 2 if mean >= 1 else 3
+    return f"{mean:.{digits}f}" + (f" ± {half:.{digits}f}" if half else "")
+
+
+def _short(value: float, digits: int = 2) -> str:
+    """A number with few digits and no exponent where people would write none."""
+    if not math.isfinite(value):
+        return "-"
+    return f"{value:.0f}" if abs(value) >= 100 else common.number(value, digits)
+
+
+def _ratio(share: float) -> str:
+    return f"{share:.2g}x" if math.isfinite(share) else "diverges"
+
+
+def _band(band: tuple[float, float]) -> str:
+    return f"{band[0]:g}-{band[1]:g}"
+
+
+def _seeds(group: Sequence[Result]) -> str:
+    runs = max(result.runs for result in group)
+    if runs == 1:
+        return "1 seed, no interval"
+    return f"{runs} seeds, ± 95 % interval of Student's t"
