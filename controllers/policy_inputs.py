@@ -1,0 +1,108 @@
+"""What a policy sees: the environment's observation, and linear features of it that learn fast.
+
+No model enters: the features are differences and scales, the mix is the wheels' geometry.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from controllers.interface import Array, Observation, Reference
+from youbot_env.errors import InputError
+from youbot_env.geometry import SIGN_LATERAL, SIGN_Y
+
+CUT = 5.0
+"""The environment cuts each observed value at this many times its scale."""
+
+ERROR_GAIN, TWIST_GAIN, ACTION_GAIN = 30.0, 4.0, 4.0
+"""Features of order one: a tracking error of 1/30 of full speed, a twist and a torque of 1/4."""
+
+SLOPE_GAIN, CURVATURE_GAIN = 250.0, 500.0
+"""The same for a change of the reference in one sample, and for the change of that change."""
+
+WHEEL_MIX: Array = np.column_stack([np.ones(4), SIGN_LATERAL, -np.array(SIGN_Y)])
+"""(4, 3): what pushes forward, left and turns to the left, for each wheel fl, fr, bl, br."""
+
+
+@dataclass(frozen=True)
+class Layout:
+    """How ``YouBotTracking-v0`` lays out what it observes; see its docstring.
+
+    Attributes
+    ----------
+    twist_scale : (VX, VY, W) [m/s, m/s, rad/s] by which twists are divided
+    preview : coming reference samples
+    action_history : past actions
+    base_torque : whether the torque over the torque limit (4,) that the controller beneath asks for
+        follows at the end
+    """
+
+    twist_scale: tuple[float, float, float]
+    preview: int = 5
+    action_history: int = 1
+    base_torque: bool = False
+
+    @property
+    def size(self) -> int:
+        """Numbers in an observation."""
+        return 6 + 3 * self.preview + 4 * (self.action_history + self.base_torque)
+
+    def observe(
+        self, observation: Observation, reference: Reference, actions: Array, base: Array | None
+    ) -> Array:
+        """The observation (size,) of one instant; ``actions`` (4 k,) are past ones, newest first.
+
+        Raises
+        ------
+        InputError
+            If the reference does not look far enough ahead.
+        """
+        coming = reference.preview
+        if self.preview and (coming is None or len(coming) < self.preview):
+            raise InputError(
+                f"policy: needs the reference {self.preview} samples ahead, "
+                f"not {0 if coming is None else len(coming)}; give Reference.preview"
+            )
+        parts = [observation.body_twist, reference.twist]
+        if self.preview and coming is not None:
+            parts.append(coming[: self.preview].ravel())
+        twists = np.concatenate(parts).reshape(-1, 3) / self.twist_scale
+        tail = (actions,) if base is None else (actions, base)
+        return np.concatenate((twists.ravel(), *tail))
+
+
+def plain_features(layout: Layout) -> Array:
+    """(D, D): the observation as it is, for policies that were trained on it."""
+    return np.eye(layout.size)
+
+
+def tracking_features(layout: Layout) -> Array:
+    """(F, D): error, twist, slope and curvature of the reference, past actions; all of order one.
+
+    Torques (past actions, those of the controller beneath) are seen as forward, left and turn.
+    """
+    see = np.eye(layout.size)
+    measured, now = see[0:3], see[3:6]
+    rows = [ERROR_GAIN * (now - measured), TWIST_GAIN * now]
+    last, middle = layout.preview, layout.preview // 2
+
+    def slope(start: int, end: int) -> Array:
+        first, second = (see[3 + 3 * k : 6 + 3 * k] for k in (start, end))
+        return (second - first) / (end - start)
+
+    if last >= 1:
+        rows.append(SLOPE_GAIN * slope(0, last))
+    if last >= 2:
+        rows.append(CURVATURE_GAIN * (slope(middle, last) - slope(0, middle)))
+    unmix = ACTION_GAIN * np.linalg.pinv(WHEEL_MIX)
+    for start in range(6 + 3 * last, layout.size, 4):
+        rows.append(unmix @ see[start : start + 4])
+    return np.vstack(rows)
+
+
+def cut(values: Array) -> NDArray[np.float64]:
+    """As the environment does: NaN is 0, and the rest within +-``CUT``."""
+    return np.clip(np.nan_to_num(values, nan=0.0, posinf=CUT, neginf=-CUT), -CUT, CUT)

@@ -1,0 +1,317 @@
+"""Train a policy with Stable-Baselines3 and write it in a form that cannot run code."""
+
+from __future__ import annotations
+
+import platform
+import shlex
+import sys
+from enum import StrEnum
+from pathlib import Path
+from typing import Annotated, Any
+
+import typer
+
+from controllers.policy import Description
+from youbot_env.errors import InputError
+from youbot_env.model import Model
+from youbot_env.model_file import load_model
+from youbot_env.tasks import twist_scale
+from youbot_scripts import common
+from youbot_scripts.cli import run_script
+from youbot_scripts.training import require_learning
+from youbot_scripts.training.settings import LEARNERS, Choice, changed
+
+EXAMPLES = (
+    "youbot train ppo --model model.json --output trained/",
+    "youbot train ppo --output trained/ --resume",
+    "youbot train sac --steps 100000 --set gamma=0.95 --set reward_margins.yaw_rate=0.03",
+    "youbot train ppo --residual computed_torque --effect wheel_coulomb_friction:torque=0.15",
+    "youbot train ppo --import model.zip --output imported/",
+)
+
+SHARE = 0.3
+"""Of the torque limit, for a policy on top of a controller that does most of the work."""
+
+
+class Algorithm(StrEnum):
+    """Learners of Stable-Baselines3."""
+
+    PPO = "ppo"
+    SAC = "sac"
+    TD3 = "td3"
+
+
+def main(
+    algorithm: Annotated[Algorithm, typer.Argument(metavar="ALGO", help="ppo, sac or td3.")],
+    model: Annotated[
+        str | None, typer.Option(metavar="MODEL", help="Model file; default: paper.")
+    ] = None,
+    steps: Annotated[
+        int | None, typer.Option(min=1, metavar="N", help="Control periods, of all platforms.")
+    ] = None,
+    seed: Annotated[
+        int | None, typer.Option(min=0, metavar="N", help="Seed of all random numbers; default 0.")
+    ] = None,
+    envs: Annotated[
+        int | None, typer.Option(min=1, metavar="N", help="Platforms side by side.")
+    ] = None,
+    randomise: Annotated[
+        str | None,
+        typer.Option(
+            metavar="HOW",
+            help="Plants: covariance (of the model), none, or m0=90%:110%,aX=-0.02:0.02 and so "
+            "on. Default: the covariance; if the model has none, all parameters by 5 %.",
+        ),
+    ] = None,
+    effect: Annotated[
+        list[str] | None,
+        typer.Option(
+            metavar="NAME:P=VALUE,...", help="Add an effect to the plant, not to what is believed."
+        ),
+    ] = None,
+    delay: Annotated[
+        int | None, typer.Option(min=0, metavar="N", help="Periods of delay; default 1.")
+    ] = None,
+    lag: Annotated[
+        float | None, typer.Option(metavar="S", help="Time constant of the drives [s].")
+    ] = None,
+    residual: Annotated[
+        str | None,
+        typer.Option(metavar="NAME", help="Learn on top of this controller, built on MODEL."),
+    ] = None,
+    share: Annotated[
+        float | None,
+        typer.Option(
+            min=0.0, max=1.0, help=f"Its share of the torque limit then; default {SHARE:g}."
+        ),
+    ] = None,
+    set_: Annotated[
+        list[str] | None,
+        typer.Option("--set", metavar="KEY=VALUE", help="Any setting of learner or environment."),
+    ] = None,
+    output: Annotated[
+        Path | None, typer.Option(metavar="DIR", help="Folder of the run; default trained/ALGO.")
+    ] = None,
+    resume: Annotated[
+        bool, typer.Option("--resume", help="Go on with the run in --output, to its total.")
+    ] = False,
+    tensorboard: Annotated[
+        bool, typer.Option("--tensorboard", help="Write DIR/tensorboard too.")
+    ] = False,
+    device: Annotated[str, typer.Option(help="Of torch; the CPU is faster here.")] = "cpu",
+    import_: Annotated[
+        Path | None,
+        typer.Option(
+            "--import",
+            metavar="ZIP",
+            help="Turn a Stable-Baselines3 zip into a policy file. LOADING ONE CAN RUN ANY CODE: "
+            "only what you made yourself or trust.",
+        ),
+    ] = None,
+    json: common.JsonOption = None,
+) -> None:
+    """Train a policy on the tracking environment and write it as policy.json and policy.npz.
+
+    Many platforms, each with a model of its own, follow random multisines; wheel speeds have
+    noise and come from encoder counts. The policy is judged on held-out references all along, the
+    best one kept; at the end it drives 20 further references beside the stock controller. Errors
+    are true ones: rms of reference - twist over the reference's rms. Checkpoints go to the folder;
+    --resume continues from the last one. A policy file cannot run code, and plays without torch.
+    """
+    require_learning()
+    out = common.console(json)
+    folder = output or Path("trained") / algorithm.value
+    options = {
+        "model": model,
+        "steps": steps,
+        "seed": seed,
+        "envs": envs,
+        "randomise": randomise,
+        "effect": effect,
+        "delay": delay,
+        "lag": lag,
+        "residual": residual,
+        "share": share,
+        "set": set_,
+    }
+    given = {name: value for name, value in options.items() if value is not None}
+    if import_ is not None:
+        _import(out, algorithm, import_, folder, given)
+        return
+    result = train(algorithm.value, folder, given, resume, tensorboard, device, out)
+    common.write_result(json, result, result["training"]["seed"])
+
+
+def chosen(algorithm: str, given: dict[str, Any]) -> tuple[Choice, Model]:
+    """Settings and model that the options of the command line ask for.
+
+    Raises
+    ------
+    InputError
+        If one cannot be.
+    """
+    if "share" in given and "residual" not in given:
+        raise InputError("share: belongs to --residual; a policy alone may use all the torque")
+    choice = Choice(
+        algorithm,
+        LEARNERS[algorithm],
+        randomise=given.get("randomise", "auto"),
+        effects=tuple(given.get("effect", ())),
+        base=given.get("residual"),
+        share=given.get("share", SHARE) if "residual" in given else 1.0,
+        seed=given.get("seed", 0),
+    )
+    short = ("steps", "envs", "delay", "lag")
+    assignments = [f"{name}={given[name]}" for name in short if name in given]
+    return changed(choice, [*given.get("set", ()), *assignments]), load_model(
+        given.get("model", "paper")
+    )
+
+
+def train(
+    algorithm: str,
+    path: Path,
+    given: dict[str, Any],
+    resume: bool = False,
+    tensorboard: bool = False,
+    device: str = "cpu",
+    out: Any = None,
+) -> dict[str, Any]:
+    """Train as the command does and return its result: the record and the final test.
+
+    Parameters
+    ----------
+    path : folder of the run
+    given : options by the command's names, those that were given
+    out : console to tell the evaluations to
+    """
+    from youbot_scripts.training import learning
+    from youbot_scripts.training.held_out import TEST_SEED
+    from youbot_scripts.training.run_folder import RunFolder
+
+    folder = RunFolder(path)
+    if resume:
+        choice, model, command = _resumed(folder, algorithm, given)
+    else:
+        choice, model = chosen(algorithm, given)
+        command = shlex.join(["youbot", "train", algorithm, *_words(given)])
+        learning.prepare(choice, model)  # what cannot be shows before a folder is made
+        folder.begin(choice, model, command)
+    out = out or common.console()
+    with common.progress(choice.learner.steps, f"training {algorithm}") as advance:
+        trainee, record = learning.train(
+            choice,
+            model,
+            folder,
+            device=device,
+            tensorboard=tensorboard,
+            progress=advance,
+            report=lambda row: out.print(_line(row)),
+        )
+    record = {
+        "command": command,
+        "seed": choice.seed,
+        "choice": choice.to_dict(),
+        "model": model.name,
+        **_versions(),
+        **record,
+    }
+    network = learning.finish(trainee, folder, record)
+    tests = {"kinematic": trainee.judge_other("kinematic", model, TEST_SEED)}
+    if choice.base not in (None, "kinematic"):
+        tests[choice.base] = trainee.judge_other(choice.base, model, TEST_SEED)
+    tests[trainee.description.name] = trainee.judge(network, TEST_SEED)
+    record["test"] = {name: found.to_dict() for name, found in tests.items()}
+    learning.finish(trainee, folder, record)
+    _show(out, record, folder.policy)
+    return {"policy": str(folder.policy), "training": record}
+
+
+def _resumed(folder: Any, algorithm: str, given: dict[str, Any]) -> tuple[Choice, Model, str]:
+    choice, model, command = folder.asked()
+    if given:
+        raise InputError(
+            f"resume: the run keeps its own settings; leave out --{next(iter(given))}, or begin "
+            "another run"
+        )
+    if choice.algorithm != algorithm:
+        raise InputError(f"{folder.path}: was begun as `{command}`; resume {choice.algorithm}")
+    return choice, model, command
+
+
+def _words(given: dict[str, Any]) -> list[str]:
+    words = []
+    for name, value in given.items():
+        for item in value if isinstance(value, list) else [value]:
+            words += [f"--{name}", str(item)]
+    return words
+
+
+def _versions() -> dict[str, Any]:
+    from importlib.metadata import version
+
+    names = ("youbot", "numpy", "torch", "stable-baselines3")
+    found = {name: version(name).partition("+")[0] for name in names}
+    return {"versions": {"python": platform.python_version(), **found}}
+
+
+def _line(row: dict[str, Any]) -> str:
+    by_axis = "  ".join(common.percent(error) for error in row["error_by_axis"].values())
+    return (
+        f"{row['steps']:>9,} steps {row['wall_time']:6.0f} s  held-out "
+        f"{common.percent(row['error']):>8}  VX, VY, W {by_axis}"
+    )
+
+
+def _show(out: Any, record: dict[str, Any], policy: Path) -> None:
+    rows = [
+        (
+            name,
+            *(common.percent(error) for error in found["error_by_axis"].values()),
+            common.percent(found["error"]),
+            f"{found['torque_rate']:.1f}",
+            f"{100 * found['saturated']:.1f}",
+        )
+        for name, found in record["test"].items()
+    ]
+    headers = ("controller", "VX", "VY", "W", "mean", "N m/s", "saturated")
+    count = next(iter(record["test"].values()))["references"]
+    common.show_table(out, f"{count} unseen references, error over the reference", headers, rows)
+    out.print(
+        f"{record['steps']:,} steps, {record['wall_time']:.0f} s ({record['cpu_time']:.0f} s of "
+        f"one core), seed {record['seed']}"
+    )
+    out.print(f"Policy: {policy} and {policy.with_suffix('.npz').name}", soft_wrap=True)
+
+
+def _import(
+    out: Any, algorithm: Algorithm, path: Path, folder: Path, given: dict[str, Any]
+) -> None:
+    from youbot_scripts.training.exporting import export_policy, import_zip, layout_of
+
+    choice, model = chosen(algorithm.value, {**given, "seed": 0})
+    if choice.base is not None:
+        raise InputError("import: a policy on top of a controller cannot be imported, only trained")
+    print(
+        f"youbot: warning: {path} holds pickles: loading it runs whatever code its author put "
+        "there",
+        file=sys.stderr,
+    )
+    found = import_zip(algorithm.value, path)
+    conditions = choice.conditions
+    scale = tuple(twist_scale(model.geometry).tolist())
+    inputs = int(found.observation_space.shape[0])
+    description = Description(
+        name=path.stem,
+        layout=layout_of(inputs, scale, conditions.action_history),  # pyright: ignore[reportArgumentType]
+        torque_limit=conditions.torque_limit,
+        control_rate=conditions.control_rate,
+        training={"imported_from": path.name, "steps": int(found.num_timesteps)},
+    )
+    folder.mkdir(parents=True, exist_ok=True)
+    export_policy(found, folder / "policy.json", description)
+    out.print(f"Policy: {folder / 'policy.json'} and policy.npz", soft_wrap=True)
+
+
+if __name__ == "__main__":
+    sys.exit(run_script(__file__))

@@ -1,0 +1,129 @@
+"""What a policy is trained and judged on: plant, loop, references, reward."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import asdict, dataclass, field, fields
+from typing import Any
+
+from youbot_env import hardware, randomisation
+from youbot_env.actuation import Actuation
+from youbot_env.errors import InputError
+from youbot_env.model import BASE_UNITS, Model
+from youbot_env.sensors import Sensors
+from youbot_env.stepping import Setup, episode_steps
+from youbot_env.tasks import TrackingTask
+from youbot_env.validation import finite
+
+SPREAD = ("95%", "105%")
+"""Of each base parameter, for a model that does not know how uncertain it is."""
+
+REWARD_MARGINS = {"velocity_x": 0.02, "velocity_y": 0.02, "yaw_rate": 0.06, "smoothness": 0.3}
+"""Narrower than the environment's, which hardly tell a good policy from a very good one."""
+
+REWARD_WEIGHTS = {"effort": 0.0, "smoothness": 0.02}
+"""Effort follows from the reference alone; a little smoothness keeps noise out of the torques."""
+
+
+@dataclass(frozen=True)
+class Conditions:
+    """Options of ``YouBotTracking-v0`` that training sets; see there.
+
+    The defaults are those under which the shipped policies were trained. JSON holds them as they
+    are, so a run that was interrupted goes on under the same ones.
+
+    Raises
+    ------
+    InputError
+        When ``setup`` is called, if one cannot be.
+    """
+
+    delay: int = 1
+    lag: float | None = None
+    wheel_speed_noise: float = 0.01
+    encoder_ticks: float | None = hardware.ENCODER_TICKS
+    torque_limit: float = hardware.MAX_WHEEL_TORQUE
+    control_rate: float = 100.0
+    episode_length: float = 10.0
+    band: tuple[float, float] = (0.5, 3.0)
+    tones: int = 7
+    amplitude: tuple[float, float, float] = (0.22, 0.18, 0.6)
+    ramp: float = 1.5
+    preview: int = 5
+    action_history: int = 1
+    reward_weights: Mapping[str, float] = field(default_factory=lambda: dict(REWARD_WEIGHTS))
+    reward_margins: Mapping[str, float] = field(default_factory=lambda: dict(REWARD_MARGINS))
+
+    def setup(self, model: Model, ranges: randomisation.Ranges | str | None = None) -> Setup:
+        """Everything that a ``Stepper`` needs, with the model drawn anew for each episode."""
+        added = {}
+        if self.lag is not None:
+            added["actuator_lag"] = {"time_constant": finite("lag", self.lag, positive=True)}
+        period = 1.0 / finite("control_rate", self.control_rate, positive=True)
+        return Setup(
+            source=randomisation.source(ranges, model, added),
+            task=TrackingTask(
+                self.band,
+                self.tones,
+                self.amplitude,
+                self.ramp,
+                self.preview,
+                self.action_history,
+                self.reward_weights,
+                self.reward_margins,
+            ),
+            actuation=Actuation(self.torque_limit, self.delay),
+            sensors=Sensors(self.wheel_speed_noise, self.encoder_ticks),
+            period=period,
+            steps=episode_steps(self.episode_length, period),
+        )
+
+    def to_dict(self) -> dict[str, Any]:
+        """JSON-able; ``Conditions(**this)`` is the same again."""
+        return asdict(self)
+
+
+CONDITION_NAMES = tuple(field.name for field in fields(Conditions))
+
+
+def ranges_from(text: str, model: Model) -> randomisation.Ranges | str | None:
+    """What the option `--randomise` asks for.
+
+    Parameters
+    ----------
+    text : "covariance", "none", "auto" (the covariance where the model has one, else every base
+        parameter from 95 to 105 %), or ranges such as ``m0=90%:110%,aX=-0.02:0.02``
+
+    Raises
+    ------
+    InputError
+        If a range is not written like that.
+    """
+    if text == "auto":
+        text = "spread" if model.covariance is None else "covariance"
+    if text == "spread":
+        return dict.fromkeys(BASE_UNITS, SPREAD)
+    if text in ("covariance", "none"):
+        return text if text == "covariance" else None
+    return dict(_range(part) for part in text.split(","))
+
+
+def _range(text: str) -> tuple[str, tuple[float | str, float | str]]:
+    name, equals, bounds = text.partition("=")
+    low, colon, high = bounds.partition(":")
+    if not (equals and colon and name.strip()):
+        raise InputError(
+            f"randomise: {text!r} is none of covariance, none, auto, nor a range such as "
+            "m0=90%:110%"
+        )
+    return name.strip(), (_bound(low, text), _bound(high, text))
+
+
+def _bound(word: str, text: str) -> float | str:
+    word = word.strip()
+    if word.endswith("%"):
+        return word
+    try:
+        return float(word)
+    except ValueError:
+        raise InputError(f"randomise: {text!r}: {word!r} is neither a number nor a share") from None

@@ -1,0 +1,202 @@
+"""A run of training: learner, evaluations and checkpoints, from the beginning or resumed."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+import torch
+from stable_baselines3.common.callbacks import BaseCallback
+from stable_baselines3.common.noise import NormalActionNoise
+
+from controllers.policy import Network
+from controllers.policy_file import load_policy, save_policy
+from youbot_env.errors import InputError
+from youbot_env.model import Model
+from youbot_scripts.training.exporting import ALGORITHMS, network_of
+from youbot_scripts.training.held_out import EVALUATION_SEED
+from youbot_scripts.training.platforms import TrackingVecEnv
+from youbot_scripts.training.run_folder import RunFolder
+from youbot_scripts.training.settings import ACTION_NOISE, Choice
+from youbot_scripts.training.trainee import ACTIVATIONS, Trainee, prepare
+
+Report = Callable[[dict[str, Any]], None]
+"""Told each evaluation: steps, wall_time and cpu_time [s], error, error_by_axis."""
+
+
+def train(
+    choice: Choice,
+    model: Model,
+    folder: RunFolder,
+    *,
+    device: str = "cpu",
+    tensorboard: bool = False,
+    progress: Callable[..., None] = lambda steps=1: None,
+    report: Report = lambda row: None,
+) -> tuple[Trainee, dict[str, Any]]:
+    """Train to the choice's total of steps, from the folder's checkpoint if it has one.
+
+    The best policy by held-out error is in the folder at each moment. One seed gives the same
+    weights to the bit on one machine; a resumed run goes on with other random numbers.
+
+    Returns
+    -------
+    what was trained, and its record: learning curve, steps, times
+
+    Raises
+    ------
+    InputError
+        If an option cannot be.
+    """
+    torch.set_num_threads(1)  # networks this small lose by more, and sums keep their order
+    trainee = prepare(choice, model)
+    state, replay = folder.load()
+    begun = 0 if state is None else int(state["steps"])
+    learner = _learner(trainee, begun, device, folder if tensorboard else None)
+    if state is not None:
+        _restore(learner, state, replay, folder)
+    keeper = _Keeper(trainee, folder, state, progress, report)
+    if begun < choice.learner.steps:
+        learner.learn(choice.learner.steps - begun, keeper, reset_num_timesteps=state is None)
+        keeper.evaluate()
+    return trainee, keeper.record()
+
+
+def finish(trainee: Trainee, folder: RunFolder, record: dict[str, Any]) -> Network:
+    """Put the record into the best policy's description, and return its network."""
+    network, description = load_policy(folder.policy)
+    save_policy(folder.policy, network, replace(description, training=record))
+    return network
+
+
+def _learner(trainee: Trainee, begun: int, device: str, board: RunFolder | None) -> Any:
+    choice, learner = trainee.choice, trainee.choice.learner
+    seed = choice.seed if begun == 0 else choice.seed + begun
+    env = TrackingVecEnv(
+        trainee.fleet(learner.envs), trainee.features, trainee.mix, (choice.seed, begun)
+    )
+    options = dict(learner.learning)
+    first, last = options.pop("learning_rate"), learner.final_learning_rate
+    if choice.algorithm == "td3":
+        size = trainee.mix.shape[1]
+        options["action_noise"] = NormalActionNoise(np.zeros(size), np.full(size, ACTION_NOISE))
+    policy = {**learner.policy, "activation_fn": ACTIVATIONS[learner.activation]}
+    try:
+        found = ALGORITHMS[choice.algorithm](
+            "MlpPolicy",
+            env,
+            learning_rate=lambda left: last + (first - last) * left,
+            policy_kwargs=policy,
+            tensorboard_log=None if board is None else str(board.path / "tensorboard"),
+            seed=seed % 2**32,
+            device=device,
+            **options,
+        )
+    except (ValueError, TypeError, AssertionError, RuntimeError, ImportError) as error:
+        reason = str(error).splitlines()[0] if str(error) else type(error).__name__
+        raise InputError(f"train {choice.algorithm}: {reason}") from None
+    return found
+
+
+def _restore(
+    learner: Any, state: dict[str, Any], replay: dict[str, Any] | None, folder: RunFolder
+) -> None:
+    try:
+        learner.set_parameters(state["parameters"])
+        learner.num_timesteps, learner._n_updates = int(state["steps"]), int(state["updates"])
+        if replay is not None:
+            buffer = learner.replay_buffer
+            count = int(replay["count"])
+            for name in _REPLAY:
+                getattr(buffer, name)[:count] = replay[name].numpy()
+            buffer.pos, buffer.full = int(replay["pos"]), bool(replay["full"])
+    except (KeyError, ValueError, RuntimeError, AttributeError, TypeError) as error:
+        reason = str(error).splitlines()[0] if str(error) else type(error).__name__
+        raise InputError(f"{folder.checkpoint}: does not fit its run.json: {reason}") from None
+
+
+_REPLAY = ("observations", "next_observations", "actions", "rewards", "dones", "timeouts")
+
+
+def _replay(learner: Any) -> dict[str, Any] | None:
+    """What an off-policy learner has seen, as tensors."""
+    buffer = getattr(learner, "replay_buffer", None)
+    if buffer is None:
+        return None
+    count = buffer.buffer_size if buffer.full else buffer.pos
+    held = {name: torch.from_numpy(getattr(buffer, name)[:count].copy()) for name in _REPLAY}
+    return {**held, "count": count, "pos": buffer.pos, "full": buffer.full}
+
+
+class _Keeper(BaseCallback):
+    """Evaluates at even distances, keeps the best policy, writes checkpoints, moves the bar."""
+
+    def __init__(
+        self,
+        trainee: Trainee,
+        folder: RunFolder,
+        state: dict[str, Any] | None,
+        progress: Callable[..., None],
+        report: Report,
+    ) -> None:
+        super().__init__()
+        self._trainee, self._folder = trainee, folder
+        self._progress, self._report = progress, report
+        state = state or {"steps": 0, "curve": [], "wall_time": 0.0, "cpu_time": 0.0}
+        self._curve: list[dict[str, Any]] = list(state["curve"])
+        self._wall = time.perf_counter() - state["wall_time"]
+        self._cpu = time.process_time() - state["cpu_time"]
+        self._steps = int(state["steps"])
+        progress(self._steps)
+
+    @property
+    def _interval(self) -> float:
+        return self._trainee.choice.learner.steps / self._trainee.choice.learner.evaluations
+
+    def record(self) -> dict[str, Any]:
+        """Learning curve, steps and times so far."""
+        return {"steps": self._steps, **self._times(), "curve": self._curve}
+
+    def _times(self) -> dict[str, float]:
+        return {
+            "wall_time": time.perf_counter() - self._wall,
+            "cpu_time": time.process_time() - self._cpu,
+        }
+
+    def _on_step(self) -> bool:
+        self._progress(self.training_env.num_envs)
+        return True
+
+    def _on_rollout_start(self) -> None:
+        if self.num_timesteps - self._steps >= self._interval:
+            self.evaluate()
+
+    def evaluate(self) -> None:
+        """Judge the policy as it is, and write everything down."""
+        if self.num_timesteps == self._steps:
+            return
+        trainee = self._trainee
+        network = network_of(self.model, trainee.features, trainee.mix)
+        found = trainee.judge(network, EVALUATION_SEED).to_dict()
+        best = min((row["error"] for row in self._curve), default=np.inf)
+        self._steps = self.num_timesteps
+        row = {"steps": self._steps, **self._times(), **found}
+        self._curve.append(row)
+        if not found["error"] >= best or not self._folder.policy.exists():
+            save_policy(self._folder.policy, network, trainee.description)
+        self._save()
+        self.logger.record("held_out/error", found["error"])
+        for axis, error in found["error_by_axis"].items():
+            self.logger.record(f"held_out/{axis}", error)
+        self._report(row)
+
+    def _save(self) -> None:
+        state = {
+            "parameters": self.model.get_parameters(),
+            "updates": getattr(self.model, "_n_updates", 0),
+            **self.record(),
+        }
+        self._folder.save(state, _replay(self.model))

@@ -1,0 +1,199 @@
+"""The environment's own fast platforms as Stable-Baselines3 wants them.
+
+Observations are turned into features and outputs into wheel actions here, so that the network in
+training sees what the exported policy will see.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from typing import Any
+
+import numpy as np
+from gymnasium import spaces
+from numpy.typing import NDArray
+from stable_baselines3.common.vec_env import VecEnv
+
+from controllers.interface import Array, Controller, Observation, Reference
+from controllers.policy import FEATURE_LIMIT, compose
+from controllers.policy_inputs import Layout
+from youbot_env.stepping import Setup, Stepper
+from youbot_env.tasks import reference_table, twist_scale
+
+MakeBase = Callable[[], Controller]
+"""Makes the controller beneath, one for each platform."""
+
+
+class Beneath:
+    """A controller under each of ``stepper``'s platforms.
+
+    Attributes
+    ----------
+    action : (n, 4) what they ask for now, over the torque limit
+    """
+
+    def __init__(self, make: MakeBase, stepper: Stepper) -> None:
+        self._stepper = stepper
+        count = len(stepper.clock)
+        self._controllers = [make() for _ in range(count)]
+        self._ahead = max(getattr(c, "preview_needed", 0) for c in self._controllers)
+        self._tables: list[Array] = [np.empty((0, 6))] * count
+        self.action = np.zeros((count, 4))
+
+    def begin(self, row: int) -> None:
+        """A platform has been reset: so is its controller."""
+        setup, motion = self._stepper.setup, self._stepper.references[row]
+        assert motion is not None
+        samples = setup.steps + 1 + self._ahead
+        self._tables[row] = reference_table(motion, setup.period, samples)
+        self._controllers[row].reset()
+        self._ask(row)
+
+    def follow(self) -> None:
+        """Asks every controller, after a step."""
+        for row in range(len(self._controllers)):
+            self._ask(row)
+
+    def _ask(self, row: int) -> None:
+        _, _, info = self._stepper.result(row)
+        now = int(self._stepper.clock[row])
+        coming = self._tables[row][now + 1 : now + 1 + self._ahead]
+        observation = Observation(
+            info["time"],
+            info["wheel_speed"],
+            info["measured_twist"],
+            info["pose"],
+            info["applied_torque"],
+        )
+        reference = Reference(
+            info["reference_twist"], info["reference_acceleration"], coming[:, :3], coming[:, 3:]
+        )
+        torque = self._controllers[row](observation, reference)
+        self.action[row] = torque / self._stepper.setup.actuation.torque_limit
+
+
+class Fleet:
+    """Platforms that a policy drives, alone or on top of a controller beneath.
+
+    Parameters
+    ----------
+    setup : of the platforms
+    count : how many
+    make_base : makes the controller beneath, None if there is none
+    share : largest part of the torque limit that the policy may ask for
+    """
+
+    def __init__(
+        self, setup: Setup, count: int, make_base: MakeBase | None = None, share: float = 1.0
+    ) -> None:
+        self.stepper = Stepper(setup, count)
+        self.share = share
+        self._beneath = None if make_base is None else Beneath(make_base, self.stepper)
+
+    @property
+    def layout(self) -> Layout:
+        """Of what ``observe`` gives."""
+        setup, scale = self.stepper.setup, twist_scale(self.stepper.plant.geometry)
+        task, base = setup.task, self._beneath is not None
+        return Layout(tuple(scale.tolist()), task.preview, task.action_history, base)
+
+    def reset(self, row: int, rng: np.random.Generator) -> None:
+        """Begin an episode of one platform."""
+        self.stepper.reset(row, rng)
+        if self._beneath is not None:
+            self._beneath.begin(row)
+
+    def step(self, action: Array) -> None:
+        """One control period under the policy's wheel actions (n, 4)."""
+        base = None if self._beneath is None else self._beneath.action
+        self.stepper.step(compose(self.share * action, base))
+        if self._beneath is not None:
+            self._beneath.follow()
+
+    def observe(self) -> Array:
+        """Observations (n, D) as ``controllers.policy_inputs.Layout`` has them."""
+        seen = self.stepper.observation.astype(np.float64)
+        return seen if self._beneath is None else np.hstack([seen, self._beneath.action])
+
+
+class TrackingVecEnv(VecEnv):
+    """A fleet as Stable-Baselines3's vector environment.
+
+    Finished episodes begin anew at once. The first ones end early, each at another time, so that
+    a batch always holds all parts of an episode.
+
+    Parameters
+    ----------
+    fleet : the platforms
+    features : (F, D) applied to observations, see ``controllers.policy_inputs``
+    mix : (4, A) wheel actions of the network's outputs
+    seed : of models, references and noise; a sequence of whole numbers
+    """
+
+    def __init__(self, fleet: Fleet, features: Array, mix: Array, seed: Sequence[int]) -> None:
+        self._fleet, self._features, self._mix = fleet, features, mix
+        count, steps = len(fleet.stepper.clock), fleet.stepper.setup.steps
+        streams = np.random.SeedSequence(list(seed)).spawn(count)
+        self._generators = [np.random.default_rng(stream) for stream in streams]
+        self._steps = steps
+        self._left = steps - steps * np.arange(count) // count
+        self._sum, self._length = np.zeros(count), np.zeros(count, int)
+        self._action = np.zeros((count, mix.shape[1]))
+        super().__init__(
+            count,
+            spaces.Box(-FEATURE_LIMIT, FEATURE_LIMIT, (len(features),), np.float32),
+            spaces.Box(-1.0, 1.0, (mix.shape[1],), np.float32),
+        )
+
+    def _see(self) -> NDArray[np.float32]:
+        found = self._fleet.observe() @ self._features.T
+        return np.clip(found, -FEATURE_LIMIT, FEATURE_LIMIT).astype(np.float32)
+
+    def reset(self) -> NDArray[np.float32]:
+        for row, generator in enumerate(self._generators):
+            self._fleet.reset(row, generator)
+        return self._see()
+
+    def step_async(self, actions: NDArray[Any]) -> None:
+        self._action = np.clip(actions.astype(np.float64), -1.0, 1.0)
+
+    def step_wait(self) -> Any:
+        stepper = self._fleet.stepper
+        self._fleet.step(self._action @ self._mix.T)
+        reward, terminated = stepper.reward.copy(), stepper.terminated.copy()
+        self._left -= 1
+        self._sum += reward
+        self._length += 1
+        done = terminated | (self._left <= 0)
+        seen = self._see()
+        infos: list[dict[str, Any]] = [{} for _ in range(self.num_envs)]
+        for row in np.flatnonzero(done).tolist():
+            infos[row] = self._ended(row, seen[row], bool(terminated[row]))
+            self._fleet.reset(row, self._generators[row])
+        if done.any():
+            seen = self._see()
+        return seen, reward.astype(np.float32), done, infos
+
+    def _ended(self, row: int, seen: NDArray[np.float32], terminated: bool) -> dict[str, Any]:
+        total, length = float(self._sum[row]), int(self._length[row])
+        self._left[row], self._sum[row], self._length[row] = self._steps, 0.0, 0
+        return {
+            "terminal_observation": seen.copy(),
+            "TimeLimit.truncated": not terminated,
+            "episode": {"r": total, "l": length, "t": 0.0},
+        }
+
+    def close(self) -> None:
+        """Nothing is held open."""
+
+    def get_attr(self, attr_name: str, indices: Any = None) -> list[Any]:
+        return [getattr(self, attr_name, None) for _ in self._get_indices(indices)]
+
+    def set_attr(self, attr_name: str, value: Any, indices: Any = None) -> None:
+        raise AttributeError(f"{attr_name}: these platforms have no attributes to set")
+
+    def env_method(self, method_name: str, *args: Any, indices: Any = None, **kwargs: Any) -> Any:
+        raise AttributeError(f"{method_name}: these platforms have no methods of their own")
+
+    def env_is_wrapped(self, wrapper_class: Any, indices: Any = None) -> list[bool]:
+        return [False for _ in self._get_indices(indices)]

@@ -1,0 +1,203 @@
+"""Settings of the learners: one table per algorithm, and changes to it from the command line."""
+
+from __future__ import annotations
+
+import difflib
+import json
+from collections.abc import Iterable, Mapping
+from dataclasses import asdict, dataclass, field, replace
+from typing import Any
+
+from youbot_env.errors import InputError
+from youbot_scripts.training.conditions import CONDITION_NAMES, Conditions
+
+
+@dataclass(frozen=True)
+class Learner:
+    """An algorithm of Stable-Baselines3 and how it is set.
+
+    Attributes
+    ----------
+    steps : control periods in all, over all platforms
+    envs : platforms side by side
+    evaluations : over the run, on held-out references
+    learning : arguments of the algorithm by Stable-Baselines3's names; the learning rate falls
+        linearly to ``final_learning_rate``
+    policy : the same for its ``policy_kwargs``
+    activation : of the network, see ``controllers.policy.ACTIVATIONS``
+    features : "tracking" or "plain", see ``controllers.policy_inputs``
+    mixed : whether the network asks for forward, left and turn, or for four wheels
+    """
+
+    steps: int
+    envs: int
+    learning: Mapping[str, Any]
+    policy: Mapping[str, Any]
+    final_learning_rate: float = 0.0
+    evaluations: int = 20
+    activation: str = "tanh"
+    features: str = "tracking"
+    mixed: bool = True
+
+    def to_dict(self) -> dict[str, Any]:
+        """JSON-able; ``Learner(**this)`` is the same again."""
+        return asdict(self)
+
+
+OFF_POLICY: dict[str, Any] = {
+    "learning_rate": 1e-3,
+    "buffer_size": 200_000,
+    "learning_starts": 5_000,
+    "batch_size": 256,
+    "train_freq": 1,
+    "gradient_steps": 8,
+    "gamma": 0.9,
+    "tau": 0.01,
+}
+
+LEARNERS: dict[str, Learner] = {
+    "ppo": Learner(
+        steps=2_000_000,
+        envs=64,
+        learning={
+            "learning_rate": 1e-3,
+            "n_steps": 64,
+            "batch_size": 1024,
+            "n_epochs": 10,
+            "gamma": 0.9,
+            "gae_lambda": 0.9,
+            "clip_range": 0.2,
+            "ent_coef": 0.0,
+        },
+        policy={"net_arch": [64, 64], "log_std_init": -2.0},
+    ),
+    "sac": Learner(
+        steps=200_000,
+        envs=16,
+        learning={**OFF_POLICY, "ent_coef": "auto_0.01", "target_entropy": -9.0},
+        policy={"net_arch": [64, 64], "log_std_init": -2.0},
+        activation="relu",
+    ),
+    "td3": Learner(
+        steps=200_000,
+        envs=16,
+        learning={**OFF_POLICY, "policy_delay": 2, "target_policy_noise": 0.02},
+        policy={"net_arch": [64, 64]},
+        activation="relu",
+    ),
+}
+"""A horizon of ten samples (gamma 0.9) is enough: a torque shows in the twist within two. Small
+first actions (log_std_init) do, since a tenth of the torque already moves the platform."""
+
+ACTION_NOISE = 0.1
+"""Standard deviation of TD3's exploration, of the torque limit."""
+
+
+@dataclass(frozen=True)
+class Choice:
+    """Everything that a run's result depends on, its model aside; a run folder keeps it as JSON.
+
+    Attributes
+    ----------
+    algorithm : a key of ``LEARNERS``
+    learner, conditions : see there
+    randomise : see ``conditions.ranges_from``
+    effects : texts NAME:p=value of what the plant has beyond the model
+    base, share : name of the controller beneath, and the policy's share of the torque limit on it
+    seed : of everything
+    """
+
+    algorithm: str
+    learner: Learner
+    conditions: Conditions = field(default_factory=Conditions)
+    randomise: str = "auto"
+    effects: tuple[str, ...] = ()
+    base: str | None = None
+    share: float = 1.0
+    seed: int = 0
+
+    def to_dict(self) -> dict[str, Any]:
+        """JSON-able; ``choice_from_dict`` reads it."""
+        return asdict(self)
+
+
+def choice_from_dict(data: Mapping[str, Any]) -> Choice:
+    """What ``Choice.to_dict`` described.
+
+    Raises
+    ------
+    InputError
+        If it describes no choice.
+    """
+    try:
+        learner, conditions = Learner(**data["learner"]), Conditions(**data["conditions"])
+        effects = tuple(data["effects"])
+        return Choice(**{**data, "learner": learner, "conditions": conditions, "effects": effects})
+    except (TypeError, KeyError) as error:
+        raise InputError(f"not the settings of a run: {error}") from None
+
+
+def changed(choice: Choice, assignments: Iterable[str]) -> Choice:
+    """The choice with ``key=value`` texts applied; a value is JSON, or text where it is none.
+
+    A key is a field of ``Learner``, an argument of the algorithm or of its policy, or a field of
+    ``Conditions``; dots lead into dictionaries (``reward_margins.yaw_rate=0.05``).
+
+    Raises
+    ------
+    InputError
+        If a key is unknown, or a value has another kind than the one that it replaces.
+    """
+    for text in assignments:
+        key, equals, word = text.partition("=")
+        if not equals:
+            raise InputError(f"set: {text!r} is not key=value; write for instance gamma=0.95")
+        choice = _with(choice, key.strip(), _value(word.strip()))
+    return choice
+
+
+def _with(choice: Choice, key: str, value: Any) -> Choice:
+    learner, conditions = choice.learner, choice.conditions
+    head, _, rest = key.partition(".")
+    if head in CONDITION_NAMES:
+        old = getattr(conditions, head)
+        new = {**old, rest: value} if rest and isinstance(old, Mapping) else value
+        checked = _alike(key, old, new)
+        return replace(choice, conditions=replace(conditions, **{head: checked}))
+    for part in ("learning", "policy"):
+        table = getattr(learner, part)
+        if key in table:
+            table = {**table, key: _alike(key, table[key], value)}
+            return replace(choice, learner=replace(learner, **{part: table}))
+    plain = [name for name in asdict(learner) if name not in ("learning", "policy")]
+    if key in plain:
+        checked = _alike(key, getattr(learner, key), value)
+        return replace(choice, learner=replace(learner, **{key: checked}))
+    known = [*plain, *learner.learning, *learner.policy, *CONDITION_NAMES]
+    close = difflib.get_close_matches(key, known, 1)
+    hint = f"did you mean {close[0]!r}?" if close else f"known are {', '.join(known)}"
+    raise InputError(f"set: unknown key {key!r}; {hint}")
+
+
+def _value(word: str) -> Any:
+    try:
+        return json.loads(word)
+    except ValueError:
+        return word
+
+
+def _alike(key: str, old: Any, new: Any) -> Any:
+    """The new value if it is of the old one's kind; what is None or text may become anything."""
+    number = (int, float)
+    fits = (
+        old is None
+        or isinstance(old, str)
+        or (isinstance(old, bool) and isinstance(new, bool))
+        or (isinstance(old, int) and isinstance(new, int) and not isinstance(new, bool))
+        or (isinstance(old, float) and (new is None or isinstance(new, number)))
+        or (isinstance(old, (list, tuple)) and isinstance(new, (list, tuple)))
+        or (isinstance(old, Mapping) and isinstance(new, Mapping))
+    )
+    if not fits:
+        raise InputError(f"set: {key}={new!r} cannot replace {old!r}")
+    return new
