@@ -18,6 +18,7 @@ from youbot_env import hardware, randomisation
 from youbot_env.actuation import Actuation, action_rows
 from youbot_env.errors import InputError
 from youbot_env.geometry import Geometry
+from youbot_env.mjcf import Contact, contact_named
 from youbot_env.model import Model
 from youbot_env.model_file import load_model
 from youbot_env.motion_base import Motion, finite
@@ -34,7 +35,8 @@ class YouBotTrackingEnv(gym.Env[NDArray[np.float32], NDArray[np.float32]]):
     A mecanum platform (KUKA youBot) follows a body twist, a sum of sines on each axis, by the
     torques of its four wheels. It moves as an identified model says: the paper's seven parameters
     and whatever effects the model file holds. Control runs at 100 Hz; in between the model is
-    integrated by Runge-Kutta steps to 1e-7 m/s.
+    integrated by Runge-Kutta steps to 1e-7 m/s. With `plant="contact"` (extra `mujoco`) bodies
+    with the model's parameters move in MuJoCo instead: gravity, rollers, friction with the floor.
 
     Wheel order: front left, front right, back left, back right (fl, fr, bl, br). Body frame:
     X forward, Y left, yaw counter-clockwise. SI units.
@@ -116,6 +118,7 @@ class YouBotTrackingEnv(gym.Env[NDArray[np.float32], NDArray[np.float32]]):
     |----------------------|------------------|----------------------------------------------------|
     | `model`              | "paper"          | model file, shipped model's name, or `Model`       |
     | `effects`            | None             | effects to add: `{name: {parameter: value}}`       |
+    | `plant`              | "model"          | "contact": MuJoCo; or its settings, `Contact(...)` |
     | `lag`                | None             | time constant [s] of the effect actuator_lag       |
     | `delay`              | 0                | whole control periods by which torques act late    |
     | `torque_limit`       | 2.008            | N m at an action of 1                              |
@@ -155,6 +158,7 @@ class YouBotTrackingEnv(gym.Env[NDArray[np.float32], NDArray[np.float32]]):
         model: str | os.PathLike[str] | Model = "paper",
         *,
         effects: randomisation.Effects | None = None,
+        plant: str | Contact = "model",
         lag: float | None = None,
         delay: int = 0,
         torque_limit: float = hardware.MAX_WHEEL_TORQUE,
@@ -202,6 +206,7 @@ class YouBotTrackingEnv(gym.Env[NDArray[np.float32], NDArray[np.float32]]):
             steps=episode_steps(episode_length, 1.0 / rate),
             start=initial_state or {},
             reference=reference,
+            contact=contact_named(plant),
         )
         self._stepper = Stepper(setup)
         self._steps_left = 0

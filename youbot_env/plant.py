@@ -6,7 +6,7 @@ import math
 import os
 from collections.abc import Sequence
 from dataclasses import replace
-from typing import Any
+from typing import Any, Protocol
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -16,6 +16,7 @@ from youbot_env.delay import DelayLine
 from youbot_env.dynamics import DRIVE_STATE, STATE
 from youbot_env.effects import ACTUATOR, CATALOGUE, CHANNEL, CLOCK
 from youbot_env.errors import InputError
+from youbot_env.geometry import Geometry
 from youbot_env.kernels import kernel
 from youbot_env.model import Model
 from youbot_env.model_file import load_model
@@ -32,6 +33,36 @@ DRIVES = slice(len(STATE), len(STATE) + len(DRIVE_STATE))
 SMOOTH_FINENESS = 3
 """How many times finer than friction's kinks the base model and its drives are resolved: they carry
 the whole speed and torque, a dry friction's kink the last mm/s alone."""
+
+
+class Platforms(Protocol):
+    """What drives, records and environments ask of platforms that stand side by side.
+
+    Attributes
+    ----------
+    models : the model of each platform
+    states : (n, S) in the order of ``models[0].structure.state_names``, live
+    wheel_rates : (n, 4) [rad/s], live; (0, 4) where no wheel slips and the twist tells its rate
+    """
+
+    geometry: Geometry
+    models: list[Model]
+    states: Array
+    wheel_rates: Array
+
+    def reset(
+        self, model: Model | None = None, *, row: int | Sequence[int] | None = None, **start: Any
+    ) -> Array:
+        """Put platforms (None: all) at a start; see :meth:`Plant.reset`."""
+        ...
+
+    def advance(self, torque: Array, duration: float) -> None:
+        """Move on by ``duration`` [s] under torques (n, 4) [N m], C-contiguous, that are held."""
+        ...
+
+    def acting_torque(self, command: Array) -> Array:
+        """Torques (n, 4) [N m] that act at the wheels now, under the commands (n, 4)."""
+        ...
 
 
 class Plant:
@@ -57,6 +88,7 @@ class Plant:
     Attributes
     ----------
     states : (n, S) in the order of ``model.structure.state_names``, live, not a copy
+    wheel_rates : (0, 4): no wheel slips, so ``wheel_speed`` follows from the twist
     models : the model of each platform
 
     Raises
@@ -81,6 +113,7 @@ class Plant:
         self.geometry = model.geometry
         self.models = [model] * count
         self.states: Array = np.tile(initial_state(model), (count, 1))
+        self.wheel_rates: Array = np.empty((0, 4))
         self._theta: Array = np.tile(model.theta, (count, 1))
         self._lengths = model.lengths
         self._substeps = substeps
@@ -124,10 +157,7 @@ class Plant:
 
         Returns the new state, (S,) or (n, S).
         """
-        wheel_torque = np.array(torque, float)
-        if wheel_torque.shape != ((4,) if self._single else (len(self.states), 4)):
-            raise InputError(f"plant: four torques per platform, not shape {wheel_torque.shape}")
-        self.advance(wheel_torque.reshape(-1, 4), duration)
+        self.advance(checked_torque(torque, len(self.states), single=self._single), duration)
         return self.state
 
     def advance(self, torque: Array, duration: float) -> None:
@@ -194,6 +224,14 @@ class Plant:
     def __setstate__(self, state: dict[str, Any]) -> None:
         self.__dict__.update(state)
         self._advance = kernel(self.structure).advance
+
+
+def checked_torque(torque: ArrayLike, platforms: int, *, single: bool) -> Array:
+    """The torques of a step as rows (n, 4), or InputError if they have another shape."""
+    wheel_torque = np.array(torque, float)
+    if wheel_torque.shape != ((4,) if single else (platforms, 4)):
+        raise InputError(f"plant: four torques per platform, not shape {wheel_torque.shape}")
+    return wheel_torque.reshape(-1, 4)
 
 
 def plant_substeps(model: Model, duration: float) -> int:

@@ -55,12 +55,23 @@ class Sensors:
 
 @njit(cache=True)
 def sense(
-    rows, states, kinematics, noise, clock, counts, resolution, period, wheel_speed, body_twist
+    rows,
+    states,
+    rates,
+    kinematics,
+    noise,
+    clock,
+    counts,
+    resolution,
+    period,
+    wheel_speed,
+    body_twist,
 ):
     """Fill measured wheel speeds (n, 4) [rad/s] and body twist (n, 3) of states (n, S).
 
     ``rows`` (first, past the last) says of which platforms. ``kinematics`` (2, 4, 3): wheel rates
-    per twist, and the least-squares way back; ``noise`` (n, N, 4) at the sample ``clock`` (n,);
+    per twist, and the least-squares way back; ``rates`` (n, 4) are the wheels' own where they slip,
+    (0, 4) where the twist tells them; ``noise`` (n, N, 4) at the sample ``clock`` (n,);
     ``counts`` (n, 4) are the encoders' last readings and move on.
     """
     for row in range(rows[0], rows[1]):
@@ -72,6 +83,8 @@ def sense(
                 count = math.floor(states[row, 6 + wheel] / resolution)
                 speed = (count - counts[row, wheel]) * resolution / period
                 counts[row, wheel] = count
+            elif len(rates):
+                speed = rates[row, wheel]
             else:
                 for axis in range(3):
                     speed += kinematics[0, wheel, axis] * states[row, axis]

@@ -14,8 +14,10 @@ from numpy.typing import ArrayLike, NDArray
 
 from youbot_env.actuation import Actuation, command, reject
 from youbot_env.errors import InputError
+from youbot_env.mjcf import Contact
+from youbot_env.model import Model
 from youbot_env.motion_base import Motion, finite
-from youbot_env.plant import TWIST, WHEEL_ANGLE, Plant, plant_substeps
+from youbot_env.plant import TWIST, WHEEL_ANGLE, Plant, Platforms, plant_substeps
 from youbot_env.randomisation import Same, Source
 from youbot_env.sensors import Sensors, sense
 from youbot_env.tasks import (
@@ -53,6 +55,7 @@ class Setup:
     steps : control periods in an episode
     start : initial state by name, see ``START_SIZES``; zero where left out
     reference : the same motion in each episode, or None for random ones
+    contact : None integrates the model; else MuJoCo moves bodies that have its parameters
     """
 
     source: Source
@@ -63,6 +66,7 @@ class Setup:
     steps: int = 1000
     start: Mapping[str, ArrayLike] = field(default_factory=dict)
     reference: Motion | None = None
+    contact: Contact | None = None
 
 
 class Shown:
@@ -109,7 +113,7 @@ class Stepper:
         checked_start(setup.start, twist_scale(model.geometry))
         if setup.reference is None:  # so that what cannot be shows here, not at the first reset
             task.reference(np.random.default_rng(0), samples * setup.period, model.geometry)
-        self.plant = Plant(model, platforms=platforms, substeps=self._substeps())
+        self.plant = self._plant(model, platforms)
         self.references: list[Motion | None] = [setup.reference] * platforms
         self.clock = np.zeros(platforms, np.int64)
         self._parameters: list[dict[str, float]] = [model.values] * platforms
@@ -124,6 +128,13 @@ class Stepper:
         self._queue = np.zeros((platforms, slots, 4))
         self._all = (0, platforms)
         self._shown = Shown(platforms, task.observation_size)
+
+    def _plant(self, model: Model, platforms: int) -> Platforms:
+        if self.setup.contact is None:
+            return Plant(model, platforms=platforms, substeps=self._substeps())
+        from youbot_env.contact_plant import ContactPlant
+
+        return ContactPlant(model, self.setup.contact, platforms=platforms)
 
     def _substeps(self) -> int:
         """As fine as any draw needs: a platform's course must not depend on its neighbours."""
@@ -166,7 +177,11 @@ class Stepper:
         self._queue[row] = 0.0
         if resolution := self.setup.sensors.resolution:
             state = self.plant.states[row]
-            turned = self.plant.geometry.wheel_speeds(state[TWIST]) * self.setup.period
+            slipping = self.plant.wheel_rates
+            rate = (
+                slipping[row] if len(slipping) else self.plant.geometry.wheel_speeds(state[TWIST])
+            )
+            turned = rate * self.setup.period
             self._counts[row] = np.floor((state[WHEEL_ANGLE] - turned) / resolution)
         shown = self._shown = self._shown.copy()
         shown.commanded[row] = 0.0
@@ -206,6 +221,7 @@ class Stepper:
         sense(
             rows,
             states,
+            self.plant.wheel_rates,
             self._kinematics,
             self._noise,
             self.clock,
