@@ -42,7 +42,7 @@ class Inverse:
     sources: tuple[str, ...] = (*MECANUM.sources, "youbot_env.inverse")
 
     def source(self, structure: Any) -> str:
-        """Python source of a module with ``acting`` and ``interface``; see ``InverseKernel``."""
+        """Python source of a module with what ``kernels.InverseKernel`` holds."""
         return "\n\n".join([HEADER, _demand(structure), _command(structure), _loops(structure)])
 
 
@@ -111,4 +111,13 @@ def interface(torque, rate, time, theta, out):
         torque[0], torque[1], torque[2], torque[3],
         rate[0], rate[1], rate[2], rate[3], time, {theta}
     )
+
+
+@njit(cache=True, error_model='numpy')
+def held(motion, hold, lengths, theta, tolerance, torque, mean, out):
+    acting(motion, lengths, theta, tolerance, torque)
+    for i in range(4):
+        mean[i] = (torque[0, i] + 4.0 * torque[1, i] + torque[2, i]) / 6.0
+        out[i] = (torque[2, i] - torque[0, i]) / hold
+    interface(mean, out, motion[1, 13], theta, out)
 """

@@ -55,11 +55,16 @@ class InverseKernel:
     interface(torque, rate, time, theta, out)
         Interface torques ``out`` (4,) behind which ``torque`` (4,) acts and changes at ``rate``
         (4,) [N m/s] at ``time`` [s]; they belong to a time earlier by ``Model.delay``.
+    held(motion, hold, lengths, theta, tolerance, torque, mean, out)
+        The interface torques ``out`` (4,) that, held for ``hold`` [s], do best what the motions
+        (3, 14) at the start, the middle and the end of the hold demand: they make the mean (4,) of
+        the acting torques (Simpson's rule) and their mean rate. ``torque`` (3, 4) as above.
     """
 
     structure: Any
     acting: Any
     interface: Any
+    held: Any
 
 
 @lru_cache(maxsize=64)
@@ -109,9 +114,11 @@ def _compiled(structure: Any, system: System, path: Path) -> Kernel:
 
 def _compiled_inverse(structure: Any, system: Any, path: Path) -> InverseKernel:
     module = _load(path)
-    theta, torque = np.ones(len(structure.parameter_names)), np.zeros((1, 4))
-    found = InverseKernel(structure, module.acting, module.interface)
-    found.acting(np.zeros((1, len(MOTION))), np.ones(len(LENGTHS)), theta, 1.0, torque)
+    found = InverseKernel(structure, module.acting, module.interface, module.held)
+    motion, torque = np.zeros((3, len(MOTION))), np.zeros((3, 4))
+    lengths, theta = np.ones(len(LENGTHS)), np.ones(len(structure.parameter_names))
+    found.held(motion, 1.0, lengths, theta, 1.0, torque, np.empty(4), np.empty(4))
+    found.acting(motion, lengths, theta, 1.0, torque)
     found.interface(torque[0], torque[0], 0.0, theta, np.empty(4))
     return found
 

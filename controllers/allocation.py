@@ -1,0 +1,66 @@
+"""Four wheel torques for three generalised forces, within the torques that the drives can give.
+
+The fourth direction, (1, 1, -1, -1), exerts no force on the platform: the wheels only brace against
+each other. It is the room in which the largest torque can come down before the force has to.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numba import njit
+from numpy.typing import ArrayLike, NDArray
+
+from youbot_env.geometry import Geometry
+
+Array = NDArray[np.float64]
+
+IDLE = (1.0, 1.0, -1.0, -1.0)
+"""Torques that exert no force: F_X, F_Y and M_W of (1, 1, -1, -1) are zero."""
+
+
+def allocate(geometry: Geometry, force: ArrayLike, limit: ArrayLike) -> tuple[Array, float]:
+    """Wheel torques for a force, and the share of it that they exert.
+
+    Least norm where that is within the limits; else shifted along ``IDLE`` by as little as needed;
+    else the largest force of the same direction.
+
+    Parameters
+    ----------
+    force : (3,) F_X, F_Y [N], M_W [N m] about O in the body frame
+    limit : [N m], one number or one a wheel (4,)
+
+    Returns
+    -------
+    torque (4,) [N m] fl, fr, bl, br; share in (0, 1]: ``geometry.body_force(torque)`` is
+    ``share * force``.
+    """
+    out = np.empty(4)
+    limits = np.broadcast_to(np.asarray(limit, float), (4,)).copy()
+    share = within_limits(geometry.wheel_torque(force), limits, out)
+    return out, share
+
+
+@njit(cache=True, error_model="numpy")
+def within_limits(torque, limit, out):
+    """Fill ``out`` (4,) with torques within +-``limit`` (4,) that exert ``share`` of the force of
+    ``torque`` (4,), and return the share: 1 where a shift along ``IDLE`` is enough.
+
+    In w = IDLE * torque the shift adds one number to all four, so the limits leave an interval for
+    it; where that is empty, the two wheels furthest apart say how much the force must shrink.
+    """
+    low, high, share = -np.inf, np.inf, 1.0
+    for i in range(4):
+        for j in range(4):
+            apart = IDLE[i] * torque[i] - IDLE[j] * torque[j]
+            if share * apart > limit[i] + limit[j]:
+                share = (limit[i] + limit[j]) / apart
+    for i in range(4):
+        value = share * IDLE[i] * torque[i]
+        low = max(low, -limit[i] - value)
+        high = min(high, limit[i] - value)
+    if share < 1.0:
+        low = high = 0.5 * (low + high)
+    shift = min(max(0.0, low), high)
+    for i in range(4):
+        out[i] = min(max(share * torque[i] + IDLE[i] * shift, -limit[i]), limit[i])
+    return share
