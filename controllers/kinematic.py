@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass, fields
 
 import numpy as np
@@ -21,6 +22,7 @@ class Gains:
     ----------
     proportional : [N m s/rad]
     integral : [N m/rad]
+    lead : [s] by which the reference twist is read ahead; the stock control takes it as it comes
 
     Raises
     ------
@@ -30,6 +32,7 @@ class Gains:
 
     proportional: float = 0.12
     integral: float = 0.30
+    lead: float = 0.0
 
     def __post_init__(self) -> None:
         for field in fields(self):
@@ -76,6 +79,10 @@ class KinematicControl:
     torque_limit : [N m] at each wheel
     sample_time : [s] between calls
 
+    Attributes
+    ----------
+    preview_needed : coming reference samples that it reads; 0 without a lead
+
     Raises
     ------
     InputError
@@ -95,6 +102,9 @@ class KinematicControl:
         self.sample_time = finite("sample time [s]", sample_time, positive=True)
         self._integral_step = self.gains.integral * self.sample_time
         self._to_wheels = self.geometry.wheel_jacobian
+        ahead = self.gains.lead / self.sample_time
+        self.preview_needed = math.ceil(ahead - 1e-9)
+        self._share = 1.0 + ahead - self.preview_needed  # between the last two samples needed
         self.reset()
 
     def reset(self) -> None:
@@ -105,10 +115,27 @@ class KinematicControl:
         """Wheel torques (4,) [N m]; uses the wheel speeds and the reference twist alone.
 
         A NaN in a wheel's speed gives that wheel NaN torque once, and leaves its integral alone.
+
+        Raises
+        ------
+        InputError
+            If there is a lead and the reference shows too few of its coming samples.
         """
-        errors = (self._to_wheels @ reference.twist - observation.wheel_speed).tolist()
+        twist = self._ahead(reference) if self.preview_needed else reference.twist
+        errors = (self._to_wheels @ twist - observation.wheel_speed).tolist()
         # floats, because numpy on four numbers takes three times as long
         return np.array([self._loop(wheel, error) for wheel, error in enumerate(errors)])
+
+    def _ahead(self, reference: Reference) -> Array:
+        """The twist a lead from now, linear between samples."""
+        count, preview = self.preview_needed, reference.preview
+        if preview is None or len(preview) < count:
+            raise InputError(
+                f"kinematic control with a lead of {self.gains.lead:g} s needs {count} coming "
+                "reference samples: give it a preview, or gains without lead"
+            )
+        before = preview[count - 2] if count > 1 else reference.twist
+        return before + self._share * (preview[count - 1] - before)
 
     def _loop(self, wheel: int, error: float) -> float:
         step = self._integral_step * error
