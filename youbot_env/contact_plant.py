@@ -54,8 +54,8 @@ class ContactPlant:
     ----------
     model : its parameters are the bodies' masses, inertias and frictions. Of its effects,
         floor_tilt turns gravity, wheel_coulomb_friction and uneven_wheel_friction brake the wheel
-        joints, roller_inertia is the rollers', payload_change puts a load on at its time, and
-        torque_delay and actuator_lag act on the torques before the engine gets them.
+        joints, payload_change puts a load on at its time, and torque_delay and actuator_lag act
+        on the torques before the engine gets them.
     contact : friction with the floor, and how the rollers are made
     platforms : as for ``Plant``
 

@@ -36,7 +36,7 @@ PAYLOAD_HEIGHT = 0.2
 
 TRANSLATED = (
     *("floor_tilt", "wheel_coulomb_friction", "uneven_wheel_friction", "payload_change"),
-    *("roller_inertia", "actuator_lag", "torque_delay"),
+    *("actuator_lag", "torque_delay"),
 )
 """Effects of a model that the contact plant knows how to build."""
 
@@ -200,7 +200,7 @@ def mjcf(model: Model, contact: Contact, *, loaded: bool = False) -> str:
     Parameters
     ----------
     model : its parameters, and of its effects floor_tilt, wheel_coulomb_friction,
-        uneven_wheel_friction, roller_inertia
+        uneven_wheel_friction
     loaded : whether the effect payload_change's load is on it
 
     Raises
@@ -266,8 +266,9 @@ def _wheel(model: Model, contact: Contact, wheel: Wheel, index: int) -> str:
     rollers = (_roller(model, contact, wheel, index, k) for k in range(contact.rollers))
     return f"""
       <body pos="{place}">
-        <joint name="{name}" axis="0 1 0" damping="{damping!r}" frictionloss="{dry!r}"
-            armature="{wheel.armature!r}"/>
+        <joint name="{name}" axis="0 1 0" damping="{damping!r}" armature="{wheel.armature!r}"
+            frictionloss="{dry!r}" solreffriction="{CONTACT_TIME!r} 1"
+            solimpfriction="0.99 0.99 1"/>
         <inertial pos="0 0 0" mass="{wheel.hub!r}" diaginertia="{inertia}"/>
         {"".join(rollers)}
       </body>"""
@@ -281,8 +282,8 @@ def _roller(model: Model, contact: Contact, wheel: Wheel, index: int, k: int) ->
     axis = (math.cos(skew) * c, math.sin(skew), -math.cos(skew) * s)
     place = (-(g.R - g.r) * s, 0.0, -(g.R - g.r) * c)
     half = roller_half_length(g, contact.rollers)
-    # Its own inertia, or so much that explicit damping stops a free roller in one step.
-    spin = max(v.get("roller_inertia.inertia", 0.0), contact.timestep * v["mu2"])
+    # So much inertia that explicit damping stops a free roller in one step, and no sooner.
+    spin = contact.timestep * v["mu2"]
     across, along = wheel.roller * (g.r**2 + half**2) / 5, 0.4 * wheel.roller * g.r**2
     inertia = _numbers((across, across, along))
     return f"""
