@@ -10,13 +10,12 @@ from numpy.typing import NDArray
 
 from controllers.interface import Controller, Observation, Reference
 from identification.logs import Log
-from youbot_env.delay import DelayLine
 from youbot_env.errors import InputError
 from youbot_env.geometry import WHEELS
-from youbot_env.kernels import kernel
 from youbot_env.model import Model
 from youbot_env.motions import Motion
-from youbot_env.simulate import initial_state, substeps
+from youbot_env.plant import POSE, TWIST, Plant, Platforms
+from youbot_env.simulate import substeps
 from youbot_env.validation import count, finite
 
 Array = NDArray[np.float64]
@@ -99,7 +98,7 @@ class Run:
 
 
 def run(
-    model: Model,
+    plant: Model | Platforms,
     motion: Motion,
     controller: Controller,
     *,
@@ -114,7 +113,8 @@ def run(
 
     Parameters
     ----------
-    model : the plant; the controller knows of it only what it was built with
+    plant : a model, or one platform that stands for itself (``ContactPlant``); the controller knows
+        of it only what it was built with
     controller : is reset, then called ``ticks`` times per log row at equal distances; each command
         is held until the next
     rate : of the log [Hz], 20 to 1000
@@ -140,18 +140,19 @@ def run(
     twist, acceleration = motion.evaluate(dt * np.arange(total + 1 + preview))
     # Until its tick comes, a row holds the noise that will be added to it.
     speed = speed_noise * rng.standard_normal((total + 1, 4))
-    states = np.empty((total + 1, len(model.structure.state_names)))
-    states[0] = initial_state(model)
+    platform = Plant(plant, substeps=substeps(plant, dt)) if isinstance(plant, Model) else plant
+    platform.reset()
+    states = np.empty((total + 1, platform.states.shape[1]))
     command = np.zeros((total + 1, 4))
     references, record = (twist, acceleration, preview), (states, speed, command)
     with np.errstate(all="ignore"):  # a run that diverges is told below, in one line
-        _loop(model, controller, dt, references, record, progress)
-    _check_finite(model, motion, dt, states, command)
+        _loop(platform, controller, dt, references, record, progress)
+    _check_finite(platform.models[0], motion, dt, states, command)
     return Run(motion.name, dt, ticks, twist[: total + 1], states, speed, command)
 
 
 def _loop(
-    model: Model,
+    plant: Platforms,
     controller: Controller,
     dt: float,
     references: tuple[Array, Array, int],
@@ -161,26 +162,23 @@ def _loop(
     """Fill ``record``: states, measured wheel speeds (given: their noise) and commands."""
     twist, acceleration, preview = references
     states, speed, command = record
-    advance, steps = kernel(model.structure).advance, substeps(model, dt)
-    lengths, theta = model.lengths, model.theta[None]
-    line = DelayLine(model.delay) if model.delay else None
-    to_wheels = model.geometry.wheel_jacobian
+    to_wheels = plant.geometry.wheel_jacobian
     to_body = np.linalg.pinv(to_wheels)
+    slips = len(plant.wheel_rates) > 0
     controller.reset()
     last = np.zeros(4)
     end = len(states) - 1
     for k in range(end + 1):
         state, measured = states[k], speed[k]
-        measured += to_wheels @ state[:3]
-        seen = Observation(k * dt, measured, to_body @ measured, state[3:6], last)
+        state[:] = plant.states[0]
+        measured += plant.wheel_rates[0] if slips else to_wheels @ state[TWIST]
+        seen = Observation(k * dt, measured, to_body @ measured, state[POSE], last)
         coming = slice(k + 1, k + 1 + preview)
         ahead = (twist[coming], acceleration[coming]) if preview else (None, None)
         last = command[k]
         last[:] = controller(seen, Reference(twist[k], acceleration[k], *ahead))
         if k < end:
-            states[k + 1] = state
-            for acting, piece in line.passed(last, dt) if line else ((last, dt),):
-                advance(states[k + 1 : k + 2], acting[None], lengths, theta, piece, steps)
+            plant.advance(last[None], dt)
         if progress is not None and k % 500 == 499:
             progress(500 * dt)
     if progress is not None:
@@ -197,7 +195,7 @@ def _check_finite(model: Model, motion: Motion, dt: float, states: Array, comman
 
 
 def drive(
-    model: Model,
+    plant: Model | Platforms,
     motion: Motion,
     controller: Controller,
     *,
@@ -211,6 +209,7 @@ def drive(
 
     Parameters
     ----------
+    plant : see :func:`run`
     controller : called every ``control_step(rate)`` [s]
     rate : of the log [Hz], 20 to 1000
     torque_noise, speed_noise : standard deviations of the white noise [N m], [rad/s]
@@ -223,6 +222,6 @@ def drive(
     """
     rng = rng or np.random.default_rng(0)
     found = run(
-        model, motion, controller, rate=rate, speed_noise=speed_noise, rng=rng, progress=progress
+        plant, motion, controller, rate=rate, speed_noise=speed_noise, rng=rng, progress=progress
     )
     return found.log(torque_noise, rng)

@@ -13,6 +13,7 @@ from identification.logs import Log
 from youbot_env.errors import InputError
 from youbot_env.model import Model
 from youbot_env.motions import Motion
+from youbot_env.plant import Platforms
 from youbot_env.validation import finite
 from youbot_scripts.driving import SPEED_NOISE, TORQUE_NOISE, Progress, Run, control_step, run
 from youbot_scripts.experiments import generator
@@ -40,7 +41,7 @@ class Recording:
 
 
 def recordings(
-    model: Model,
+    plant: Model | Platforms,
     motions: Sequence[Motion],
     *,
     rate: float = 100.0,
@@ -57,10 +58,10 @@ def recordings(
     step = control_step(rate)
     torque_noise, speed_noise = _noise("torque", torque_noise), _noise("speed", speed_noise)
     for motion in motions:
-        controller = KinematicControl(model.geometry, sample_time=step)
+        controller = KinematicControl(plant.geometry, sample_time=step)
         rng = generator(seed, motion.name, "noise")
         found = run(
-            model,
+            plant,
             motion,
             controller,
             rate=rate,
@@ -78,7 +79,7 @@ def _noise(what: str, value: float) -> float:
 
 
 def record(
-    model: Model,
+    plant: Model | Platforms,
     motions: Sequence[Motion],
     *,
     rate: float = 100.0,
@@ -91,7 +92,7 @@ def record(
 
     Parameters
     ----------
-    model : the plant, effects included
+    plant : a model, effects included, or one platform (``ContactPlant``)
     rate : of the logs [Hz], 20 to 1000; the loop runs at a multiple of it near 500 Hz
     seed : of the noise; the noise of a log depends on it and on the motion's name alone
     torque_noise, speed_noise : standard deviations of white noise [N m], [rad/s]
@@ -103,7 +104,7 @@ def record(
         If the rate or a noise cannot be, or a run diverges.
     """
     found = recordings(
-        model,
+        plant,
         motions,
         rate=rate,
         seed=seed,
