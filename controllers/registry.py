@@ -3,11 +3,16 @@
 from __future__ import annotations
 
 import difflib
+import hashlib
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
+from functools import partial
+from itertools import chain
 from typing import Any
 
 from controllers.interface import Controller, Loop
+from controllers.policy import build_policy
+from controllers.policy_file import load_policy, shipped_policies
 from youbot_env.errors import InputError
 from youbot_env.model import Model
 
@@ -38,14 +43,45 @@ def _kinematic(model: Model, loop: Loop, **settings: Any) -> Controller:
     return KinematicControl(model.geometry, Gains(**settings), loop.torque_limit, loop.sample_time)
 
 
+def _gains(model: Model, loop: Loop) -> Settings:
+    """The best gains within the margins and the torque rate that ``tuning`` asks for."""
+    from controllers.tuning import tuned_kinematic
+
+    return asdict(tuned_kinematic(model, loop))
+
+
+def _free_gains(model: Model, loop: Loop) -> Settings:
+    """The best gains that are stable at all."""
+    from controllers.trials import Trial, references
+    from controllers.tuning import Bench, KinematicStructure
+
+    bench = Bench(KinematicStructure(model, loop), Trial(model, loop, references(model)))
+    return bench.best(None).point
+
+
+def _computed_torque(model: Model, loop: Loop, **settings: Any) -> Controller:
+    from controllers.computed_torque import ComputedTorque
+
+    return ComputedTorque(model, loop, **settings)
+
+
 CONTROLLERS: dict[str, Entry] = {
     "kinematic": Entry(_kinematic, "wheel-speed PI, gains like the stock ones"),
+    "kinematic_tuned": Entry(
+        _kinematic, "the same, tuned for model and loop within stability margins", _gains
+    ),
+    "kinematic_free": Entry(
+        _kinematic, "the same, its unconstrained best: hardly any margin", _free_gains
+    ),
+    "computed_torque": Entry(
+        _computed_torque, "the model's inverse dynamics fed forward in time, and feedback"
+    ),
 }
 """Every controller that a name alone stands for."""
 
 
 def entry(name: str) -> Entry:
-    """The entry of a name.
+    """The entry of a name, of a shipped policy, or of a policy file (NAME.json).
 
     Raises
     ------
@@ -54,9 +90,30 @@ def entry(name: str) -> Entry:
     """
     if name in CONTROLLERS:
         return CONTROLLERS[name]
-    close = difflib.get_close_matches(name, CONTROLLERS, 3)
-    hint = f"did you mean {' or '.join(close)}?" if close else f"known are {', '.join(CONTROLLERS)}"
-    raise InputError(f"controller {name!r}: not known; {hint}")
+    if name in (shipped := shipped_policies()) or name.endswith(".json"):
+        return Entry(partial(build_policy, name), "a trained policy")
+    known = (*CONTROLLERS, *shipped)
+    close = difflib.get_close_matches(name, known, 3)
+    hint = f"did you mean {' or '.join(close)}?" if close else f"known are {', '.join(known)}"
+    raise InputError(f"controller {name!r}: not known; {hint}, or a policy's .json")
+
+
+def fingerprint(name: str) -> str:
+    """What a policy's file holds, as a short word; empty for what this package's version says.
+
+    Raises
+    ------
+    InputError
+        If the name is unknown or the file is no valid policy.
+    """
+    entry(name)
+    if name in CONTROLLERS:
+        return ""
+    network, description = load_policy(name)
+    found = hashlib.sha256(repr(description).encode())
+    for array in (network.features, network.mix, *chain.from_iterable(network.layers)):
+        found.update(array.tobytes())
+    return found.hexdigest()
 
 
 def build(name: str, model: Model, loop: Loop, **settings: Any) -> Controller:

@@ -19,7 +19,7 @@ from youbot_scripts.evaluation.trials import Condition, Course
 
 Band = tuple[float, float]
 
-BASIC = ("kinematic", "kinematic_tuned", "pid", "lqi", "computed_torque")
+BASIC = ("kinematic", "kinematic_tuned", "computed_torque")
 """Compared unless others are named."""
 
 WIDE: tuple[Band, ...] = ((0.5, 3.0),)
@@ -102,12 +102,12 @@ SUITES: dict[str, Mapping[str, Any]] = {
     "paper": {},
     "prompt": {
         "models": ("known", "identified"),
-        "controllers": (*BASIC, "kinematic_free", "adaptive"),
+        "controllers": (*BASIC, "kinematic_free"),
         "bands": WIDE,
     },
     "late": {
         "models": ("known", "identified"),
-        "controllers": (*BASIC, "kinematic_free", "adaptive"),
+        "controllers": (*BASIC, "kinematic_free"),
         "bands": WIDE,
         "delay": 3,
         "lag": 0.03,

@@ -61,17 +61,10 @@ def overview(group: Sequence[Result], against: str) -> Table:
 
 
 def tracking(group: Sequence[Result]) -> Table:
-    """Normalised errors by axis, and the worst twentieth of the time."""
-    rows = [
-        (
-            *(_mean(result, f"nrmse {axis}") for axis in AXES),
-            _short(100 * max(result.mean(f"worst {axis}") for axis in _moving(result))),
-        )
-        for result in group
-    ]
-    headers = (*(f"{axis} %" for axis in AXES), "worst 5 %")
-    title = "Normalised RMSE by axis; the 95th percentile of the worst axis' error [%]"
-    return Table(title, (*LEAD, *headers), _led(group, rows))
+    """Normalised errors by axis."""
+    rows = [tuple(_mean(result, f"nrmse {axis}") for axis in AXES) for result in group]
+    headers = tuple(f"{axis} %" for axis in AXES)
+    return Table("Normalised RMSE by axis", (*LEAD, *headers), _led(group, rows))
 
 
 def size(group: Sequence[Result]) -> Table:
@@ -91,17 +84,19 @@ def size(group: Sequence[Result]) -> Table:
 
 
 def effort(group: Sequence[Result]) -> Table:
-    """What the torques were like."""
+    """The worst twentieth of the time, and what the torques were like."""
     rows = [
         (
+            _short(100 * max(result.mean(f"worst {axis}") for axis in _moving(result))),
             _short(result.mean("effort"), 3),
             _short(result.mean("torque_rate"), 3),
             "-" if result.diverged else f"{100 * result.mean('saturation'):.1f}",
         )
         for result in group
     ]
-    headers = ("torque N m", "rate N m/s", "saturated %")
-    return Table("Torque and its rate (rms)", (*LEAD, *headers), _led(group, rows))
+    headers = ("worst %", "torque N m", "rate N m/s", "saturated %")
+    title = "95th percentile of the worst axis' normalised error; torque and its rate (rms)"
+    return Table(title, (*LEAD, *headers), _led(group, rows))
 
 
 LEAD = ("rad/s", "controller")

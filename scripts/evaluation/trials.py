@@ -126,6 +126,7 @@ class Trial:
     ----------
     model, settings : that the controller is built from
     seed, index : of the run, and which of its references
+    fingerprint : of a policy's file, see ``registry.fingerprint``
     """
 
     condition: Condition
@@ -135,12 +136,13 @@ class Trial:
     seed: int
     index: int
     settings: Mapping[str, Any] = field(default_factory=dict)
+    fingerprint: str = ""
 
     @cached_property
     def key(self) -> str:
         """The same whenever the result is."""
         plant, loop = self.condition.plant.to_dict(), asdict(self.condition.loop)
-        built = (self.controller, model_to_dict(self.model), dict(self.settings))
+        built = (self.controller, self.fingerprint, model_to_dict(self.model), dict(self.settings))
         return digest("trial", plant, loop, *built, asdict(self.course), self.seed, self.index)
 
     def trace(self) -> Trace:
@@ -241,8 +243,9 @@ def plan(
 ) -> list[Trial]:
     """Every controller on every condition and course, the seeds outermost: a part of them is a
     fair sample."""
+    prints = {controller: registry.fingerprint(controller) for controller in controllers}
     return [
-        Trial(condition, controller, model, course, seed, index)
+        Trial(condition, controller, model, course, seed, index, fingerprint=prints[controller])
         for index in range(seeds)
         for condition, model in models.items()
         for course in courses

@@ -13,7 +13,8 @@ from youbot_env.model_file import load_model
 TWIST, AHEAD = np.array([0.2, -0.1, 0.3]), 40
 REFERENCE = Reference(TWIST, np.zeros(3), np.tile(TWIST, (AHEAD, 1)), np.zeros((AHEAD, 3)))
 
-DESIGNED = {"kinematic_tuned": {"proportional": 0.5, "integral": 2.0}}
+GAINS = {"proportional": 0.5, "integral": 2.0}
+DESIGNED = {"kinematic_tuned": GAINS, "kinematic_free": GAINS}
 """Settings of those whose design takes long, as a design would give them."""
 
 

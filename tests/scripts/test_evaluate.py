@@ -1,0 +1,401 @@
+"""The evaluation of controllers: closed loops, many of them, and the command around them."""
+
+from __future__ import annotations
+
+import json
+import re
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from controllers import registry
+from controllers.interface import Loop, Observation, Reference
+from controllers.kinematic import Gains, KinematicControl
+from controllers.registry import Entry
+from youbot_env.env import YouBotTrackingEnv
+from youbot_env.errors import InputError
+from youbot_env.hardware import MAX_WHEEL_TORQUE
+from youbot_env.model import Model
+from youbot_env.motions import multisine
+from youbot_scripts import evaluate as command
+from youbot_scripts.cli import main
+from youbot_scripts.evaluation import tables
+from youbot_scripts.evaluation.closed_loop import LoopSettings, drive
+from youbot_scripts.evaluation.knowledge import Knowledge
+from youbot_scripts.evaluation.plants import Plant
+from youbot_scripts.evaluation.settings import SUITES, Settings, settings
+from youbot_scripts.evaluation.summary import gather, ratios, unscored
+from youbot_scripts.evaluation.trials import Condition, Course, digest, learn, plan, run_all
+
+QUICK: dict[str, Any] = {
+    "models": ("known",),
+    "controllers": ("kinematic",),
+    "bands": ((1.0, 2.0), (2.0, 4.0)),
+    "seeds": 2,
+    "duration": 2.0,
+    "against": "kinematic",
+}
+ARGUMENTS = (
+    *("evaluate", "--model", "known", "--bands", "1-2,2-4", "--seeds", "2", "--duration", "2"),
+    *("--against", "kinematic", "--jobs", "1"),
+)
+
+MOTION = multisine(np.random.default_rng(0), band=(1.0, 3.0), duration=5.0)
+
+
+def unstable(model: Model, loop: Loop) -> KinematicControl:
+    """Gains that no loop with a delay stands."""
+    return KinematicControl(model.geometry, Gains(60.0, 5000.0), 1e6, loop.sample_time)
+
+
+class Silent:
+    """Notes what it is shown, commands nothing, and NaN from a given call on."""
+
+    preview_needed = 3
+
+    def __init__(self, nan_from: int = 10**9, torque: float = 0.0) -> None:
+        self.nan_from, self.torque = nan_from, torque
+        self.seen: list[tuple[Observation, Reference]] = []
+
+    def reset(self) -> None:
+        self.seen = []
+
+    def __call__(self, observation: Observation, reference: Reference) -> np.ndarray:
+        self.seen.append((observation, reference))
+        value = np.nan if len(self.seen) > self.nan_from else self.torque
+        return np.full(4, value)
+
+
+@pytest.fixture
+def controllers(monkeypatch: pytest.MonkeyPatch) -> Callable[[str, Entry], None]:
+    """Adds controllers to the registry for one test."""
+    return lambda name, entry: monkeypatch.setitem(registry.CONTROLLERS, name, entry)
+
+
+# --- one loop --------------------------------------------------------------------------------
+
+
+class TestDrive:
+    def loop(self, controller: Any, **options: Any) -> Any:
+        env = YouBotTrackingEnv(reference=MOTION, episode_length=5.0, delay=2)
+        return drive(env, controller, MOTION, steps=100, **options)
+
+    def test_a_controller_sees_what_the_interface_says(self):
+        silent = Silent()
+        found = self.loop(silent)
+        observation, reference = silent.seen[40]
+        assert observation.time == pytest.approx(0.4) and observation.pose is None
+        assert observation.wheel_torque is not None and reference.preview is not None
+        coming = MOTION.evaluate(0.01 * np.arange(41, 44))
+        np.testing.assert_array_equal(reference.twist, MOTION.twist(0.4))
+        np.testing.assert_array_equal(reference.preview, coming[0])
+        np.testing.assert_array_equal(reference.preview_acceleration, coming[1])
+        assert found.diverged is None and len(found.time) == 100
+
+    def test_it_is_shown_its_own_commands_within_the_limit(self):
+        silent = Silent(torque=9.0)
+        found = self.loop(silent)
+        told = [o.wheel_torque for o, _ in silent.seen if o.wheel_torque is not None]
+        np.testing.assert_array_equal(told[0], np.zeros(4))
+        np.testing.assert_allclose(told[1:], np.full((99, 4), MAX_WHEEL_TORQUE))
+        assert found.saturated.all()
+
+    def test_the_pose_only_where_it_is_measured(self):
+        silent = Silent(torque=0.5)
+        found = self.loop(silent, show_pose=True)
+        poses = [o.pose for o, _ in silent.seen if o.pose is not None]
+        np.testing.assert_array_equal(poses, found.pose)
+        assert found.pose[-1, 0] > 0.05
+
+    def test_no_number_is_no_control(self):
+        found = self.loop(Silent(nan_from=30))
+        assert found.diverged == pytest.approx(0.3) and len(found.time) == 30
+
+    def test_what_runs_away_has_diverged(self):
+        env = YouBotTrackingEnv(reference=MOTION, episode_length=20.0, torque_limit=300.0)
+        found = drive(env, Silent(torque=200.0), MOTION, steps=400)
+        assert found.diverged is not None and found.diverged < 4.0
+        assert len(found.time) == round(found.diverged / 0.01)
+
+
+# --- many ------------------------------------------------------------------------------------
+
+
+def records(folder: Path | None = None, jobs: int = 1, **changes: Any) -> list[dict[str, Any]]:
+    found = command.evaluate(Settings(**{**QUICK, **changes}), jobs=jobs, folder=folder)
+    return found.records
+
+
+def test_processes_and_resumption_change_no_bit(tmp_path: Path):
+    alone = records()
+    kept = records(folder=tmp_path)
+    results = tmp_path / "results.jsonl"
+    lines = results.read_text().splitlines(keepends=True)
+    results.write_text("".join(lines[:1]) + lines[1][:50])  # interrupted in the second
+    assert records(folder=tmp_path, jobs=2) == kept == alone
+    assert len(results.read_text().splitlines()) == len(lines) == 4
+
+
+def test_a_folder_serves_many_settings_without_mixing_them(tmp_path: Path):
+    first = records(folder=tmp_path)
+    other = records(folder=tmp_path, delay=3)
+    assert len((tmp_path / "results.jsonl").read_text().splitlines()) == 8
+    assert not {r["key"] for r in first} & {r["key"] for r in other}
+    assert records(folder=tmp_path) == first
+
+
+def test_all_controllers_meet_the_same_references_and_noise(controllers):
+    seen: list[list[tuple[Observation, Reference]]] = []
+
+    class Witness(Silent):
+        def reset(self) -> None:
+            super().reset()
+            seen.append(self.seen)
+
+    for name in ("first", "second"):
+        controllers(name, Entry(lambda model, loop: Witness(), "sees"))
+    records(controllers=("first", "second"), bands=((1.0, 2.0),))
+    one, other, next_seed, _ = seen
+    for (a, reference), (b, same) in zip(one, other, strict=True):
+        np.testing.assert_array_equal(a.wheel_speed, b.wheel_speed)
+        np.testing.assert_array_equal(reference.twist, same.twist)
+    assert not np.array_equal(one[-1][1].twist, next_seed[-1][1].twist)
+    noise = np.array([o.wheel_speed for o, _ in one]) - np.array(
+        [o.wheel_speed for o, _ in next_seed]
+    )
+    assert noise.std() > 0.01  # two draws of 0.01 rad/s, on a platform that stands still
+
+
+def test_a_controller_never_gets_the_plant(controllers):
+    """What it is built on is the condition's model, however the plant differs from it."""
+    built: list[Model] = []
+
+    def build(model: Model, loop: Loop) -> Silent:
+        built.append(model)
+        return Silent()
+
+    controllers("spy", Entry(build, "sees"))
+    effects = ("floor_tilt:tilt_x=0.02",)
+    records(controllers=("spy",), models=("paper", "known"), effects=effects, lag=0.03, seeds=1)
+    believed = [tuple(model.effects) for model in built]
+    assert set(believed) == {(), ("floor_tilt", "actuator_lag")}
+    assert believed.count(()) == len(believed) / 2
+
+
+def test_designs_are_made_once_for_a_model_and_a_loop_and_kept(controllers, tmp_path: Path):
+    made: list[Loop] = []
+
+    def design(model: Model, loop: Loop) -> dict[str, float]:
+        made.append(loop)
+        return {"proportional": 0.5, "integral": 0.25}
+
+    def build(model: Model, loop: Loop, **settings: float) -> KinematicControl:
+        return KinematicControl(model.geometry, Gains(**settings), sample_time=loop.sample_time)
+
+    controllers("designed", Entry(build, "searched for", design))
+    chosen = Settings(**{**QUICK, "controllers": ("designed",), "delay": 3})
+    for _ in range(2):
+        found = command.evaluate(chosen, folder=tmp_path)
+        assert [design["settings"] for design in found.to_dict()["designs"]] == [
+            {"proportional": 0.5, "integral": 0.25}
+        ]
+    assert [(loop.delay, loop.measurement_delay) for loop in made] == [(0.03, 0.005)]
+
+
+# --- models ----------------------------------------------------------------------------------
+
+
+def test_an_identified_model_is_close_to_the_plant_and_kept(tmp_path: Path):
+    condition = Condition(Plant(lag=0.03), Knowledge("identified"), LoopSettings())
+    truth = condition.plant.truth.values
+    first = learn([condition], 0, folder=tmp_path)[condition]
+    for name, size in {"m0": 0.02, "I0": 0.02, "mu1": 0.01, "mu2": 0.01}.items():
+        assert first.values[name] == pytest.approx(truth[name], rel=size)
+        assert first.values[name] != truth[name]
+    assert first.values["actuator_lag.time_constant"] == pytest.approx(0.03, abs=0.002)
+    before = (tmp_path / "models" / "results.jsonl").stat().st_mtime_ns
+    again = learn([condition], 0, folder=tmp_path)[condition]
+    assert again.values == first.values
+    assert (tmp_path / "models" / "results.jsonl").stat().st_mtime_ns == before
+
+
+@pytest.mark.slow
+def test_the_loop_closes():
+    """Diagnosed, the hidden slope no longer disturbs computed torque."""
+    chosen = Settings(
+        effects=("floor_tilt:tilt_x=-0.018,tilt_y=-0.004",),
+        models=("identified", "diagnosed"),
+        controllers=("computed_torque",),
+        bands=((0.5, 3.0),),
+        seeds=2,
+    )
+    before, after = (result.mean("nrmse") for result in command.evaluate(chosen, jobs=2).results)
+    assert after < before / 3
+
+
+def test_settings_that_nothing_can_be_learnt_from_are_refused():
+    for how in ("identifed", "nowhere.json", "identified+magic"):
+        with pytest.raises(InputError):
+            Knowledge(how)
+
+
+# --- results ---------------------------------------------------------------------------------
+
+
+def record(controller: str, seed: int, size: float, **changes: Any) -> dict[str, Any]:
+    """A trial's record whose errors are ``size``, twice that on VY."""
+    condition = Condition(Plant(), Knowledge("known"), LoopSettings()).to_dict()
+    numbers = {name: [size, 2 * size, size] for name in ("rmse", "nrmse", "worst")}
+    others = ("position_drift", "heading_drift", "effort", "torque_rate")
+    return {
+        **{"key": f"{controller}{seed}", **condition, "controller": controller, "band": [1.0, 2.0]},
+        **{"seed": seed, "diverged": None, "saturation": 0.0, **numbers},
+        **dict.fromkeys(others, 1.0),
+        **changes,
+    }
+
+
+def test_a_diverged_run_is_shown_and_never_averaged_away():
+    lost = {"key": "x", "diverged": 1.0}
+    sound = record("a", 0, 0.1)
+    kept = {k: v for k, v in sound.items() if not isinstance(v, float) and k not in ("nrmse",)}
+    results = gather([sound, {**kept, **lost, "seed": 1}, record("b", 0, 0.2)])
+    assert (results[0].runs, results[0].diverged) == (2, 1)
+    assert np.isnan(results[0].mean("nrmse VX")) and np.isnan(ratios(results, "b")[1.0, 2.0]["a"])
+    shown = "\n".join(" ".join(row) for t in tables.tables(results, "b") for row in t.rows)
+    assert "a 1/2 diverge" in shown
+    assert "a diverges" in " ".join(tables.overview(results, "b").notes)
+
+
+def test_ratios_are_those_of_the_worst_axis():
+    other = record("b", 0, 0.1)
+    other["nrmse"] = [0.1, 0.1, 0.1]
+    results = gather([record("a", 0, 0.1), other])
+    assert ratios(results, "b")[1.0, 2.0] == {"a": pytest.approx(2.0), "b": 1.0}
+    assert ratios(results, "a")[1.0, 2.0]["b"] == pytest.approx(1.0)
+
+
+def test_what_saturates_is_shown_but_not_scored():
+    results = gather([record("a", 0, 0.1), record("b", 0, 0.1, saturation=0.25)])
+    assert unscored(results) == {(1.0, 2.0): "b saturates 25.0 % of the time"}
+    assert "not scored" in tables.overview(results, "a").notes[0]
+    assert unscored(results[:1]) == {}
+
+
+def test_a_torque_beyond_the_limit_saturates(controllers):
+    controllers("greedy", Entry(lambda model, loop: Silent(torque=9.0), "wants too much"))
+    found = records(controllers=("greedy", "kinematic"), seeds=1)
+    assert [r["saturation"] for r in found] == [1.0, 0.0, 1.0, 0.0]
+    assert found[0]["effort"] == pytest.approx(MAX_WHEEL_TORQUE)
+
+
+def test_a_key_stands_for_everything_that_a_result_depends_on():
+    model = Plant().truth
+    base = Condition(Plant(), Knowledge("known"), LoopSettings())
+    courses = [Course((1.0, 2.0)), Course((1.0, 2.0), duration=21.0), Course((1.0, 2.1))]
+    conditions = [
+        base,
+        Condition(Plant(lag=0.03), base.knowledge, base.loop),
+        Condition(Plant(effects=("floor_tilt:tilt_x=0.01",)), base.knowledge, base.loop),
+        Condition(base.plant, base.knowledge, LoopSettings(noise=0.02)),
+        Condition(base.plant, base.knowledge, LoopSettings(pose=True)),
+    ]
+    for models in (model, model.with_values({"m0": 36.0})):
+        found = plan(dict.fromkeys(conditions, models), ["kinematic"], courses, 0, 2)
+        assert len({trial.key for trial in found}) == len(conditions) * len(courses) * 2
+    assert digest("a", 1) != digest("a", 2)
+
+
+# --- the command -----------------------------------------------------------------------------
+
+
+def test_the_command_prints_tables_and_writes_everything(controllers, tmp_path: Path, capsys):
+    controllers("unstable", Entry(unstable, "falls over"))
+    files = {name: str(tmp_path / name) for name in ("out.json", "out.html", "plots")}
+    status = main(
+        [*ARGUMENTS, "--controllers", "kinematic,unstable", "--json", files["out.json"]]
+        + ["--report", files["out.html"], "--plots", files["plots"]]
+    )
+    printed = capsys.readouterr()
+    assert status == 0, printed.err
+    assert "plant paper, model known; 100 Hz, delay 1 sample" in printed.out
+    found = json.loads((tmp_path / "out.json").read_text())
+    assert found["seed"] == 0 and found["version"] and len(found["trials"]) == 8
+    assert found["conditions"][0]["believed"] == found["conditions"][0]["truth"]
+    errors = [r["metrics"]["nrmse VX"]["mean"] for r in found["results"][::2]]
+    assert 0.1 < errors[0] < errors[1] < 1.0
+    pictures = {path.name for path in (tmp_path / "plots").iterdir()}
+    assert pictures == {"error_by_frequency.png", "time_courses.png"}
+    page = (tmp_path / "out.html").read_text()
+    assert page.count("data:image/png;base64,") == 2 and "kinematic" in page
+    assert not re.search(r"(src|href)=\"(?!data:)|https?://|<script|@import|url\(", page)
+
+
+@pytest.mark.parametrize(
+    ("arguments", "says"),
+    [
+        (["--controllers", "kinematik"], "did you mean kinematic"),
+        (["--controllers", ","], "none is named"),
+        (["--bands", "1-0.5"], "write for instance 0.5-1"),
+        (["--bands", "a"], "write for instance 0.5-1"),
+        (["--amplitude", "1,2"], "three numbers"),
+        (["--amplitude", "1,2,nan"], "finite"),
+        (["--plant", "nowhere.json"], "nowhere.json"),
+        (["--model", "identifed"], "identified"),
+        (["--effect", "flor_tilt"], "floor_tilt"),
+        (["--suite", "papre"], "did you mean paper"),
+        (["--lag", "-1"], "lag"),
+        (["--rate", "0"], "rate"),
+        (["--duration", "-3"], "duration"),
+        (["--delay", "-1"], "delay"),
+        (["--report", "/nowhere/at/all.html"], "does not exist"),
+    ],
+)
+def test_a_mistake_is_one_line_and_status_2(arguments: list[str], says: str, capsys):
+    assert main([*ARGUMENTS, "--controllers", "kinematic", *arguments]) == 2
+    error = capsys.readouterr().err.strip()
+    assert "\n" not in error and says in error
+
+
+def test_a_folder_of_something_else_is_refused(tmp_path: Path, capsys):
+    (tmp_path / "results.jsonl").write_text("{}\n")
+    assert main([*ARGUMENTS, "--controllers", "kinematic", "--resume", str(tmp_path)]) == 2
+    assert "row 1: not a trial" in capsys.readouterr().err
+
+
+def test_an_interruption_keeps_what_is_done_and_says_so(controllers, tmp_path: Path, capsys):
+    calls = []
+
+    def build(model: Model, loop: Loop) -> Silent:
+        calls.append(1)
+        if len(calls) == 3:
+            raise KeyboardInterrupt
+        return Silent()
+
+    controllers("interrupted", Entry(build, "stops"))
+    status = main([*ARGUMENTS, "--controllers", "interrupted", "--resume", str(tmp_path)])
+    assert status == 130 and "interrupted" in capsys.readouterr().err
+    assert len((tmp_path / "results.jsonl").read_text().splitlines()) == 2
+
+
+@pytest.mark.parametrize("suite", SUITES)
+def test_every_suite_can_be_run(suite: str):
+    chosen = settings(suite, {"seeds": 1})
+    assert chosen.seeds == 1 and chosen.conditions() and chosen.courses()
+
+
+def test_what_a_user_says_goes_before_the_suite():
+    assert settings("late", {}).delay == 3
+    assert settings("late", {"delay": 2, "lag": None}).delay == 2
+    assert settings("late", {"delay": 2, "lag": None}).lag == 0.03
+
+
+def test_run_all_keeps_the_order_of_the_tasks():
+    condition = Condition(Plant(), Knowledge("known"), LoopSettings())
+    courses = [Course((2.0, 4.0), duration=1.0), Course((1.0, 2.0), duration=1.0)]
+    trials = plan({condition: condition.plant.truth}, ["kinematic"], courses, 0, 1)
+    found = run_all([trials[1], trials[0], trials[1]], 1, None)
+    assert [record["band"][0] for record in found] == [1.0, 2.0, 1.0]
