@@ -1,17 +1,19 @@
-"""A trained policy as a controller: played with numpy alone, whatever it was trained with."""
+"""A trained policy as a controller: played without the libraries it was trained with."""
 
 from __future__ import annotations
 
+import math
 import os
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
+from numba import njit
 from numpy.typing import NDArray
 
 from controllers.interface import Array, Controller, Loop, Observation, Reference
-from controllers.policy_inputs import Layout, cut
+from controllers.policy_inputs import CUT, Layout
 from youbot_env.errors import InputError
 from youbot_env.hardware import MAX_WHEEL_TORQUE
 from youbot_env.model import Model
@@ -25,13 +27,8 @@ RATE_TOLERANCE = 0.01
 """A sample time may differ from the trained one by this share."""
 
 
-def relu(x: Weights) -> Weights:
-    """max(0, x)."""
-    return np.maximum(x, np.float32(0.0))
-
-
-ACTIVATIONS = {"tanh": np.tanh, "relu": relu}
-"""Functions between the layers, by the names that a description uses."""
+ACTIVATIONS = ("tanh", "relu")
+"""Functions between the layers."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -44,7 +41,8 @@ class Network:
     layers : (weight (out, in), bias (out,)) float32, first to last
     mix : (4, A), wheel actions per output
     activation : between layers, of ``ACTIVATIONS``
-    squashed : whether the outputs pass through tanh, as those of SAC and TD3 do
+    squashed : whether the outputs pass through tanh, as those of SAC and TD3 do; else they are cut
+        at +-1, as those of PPO are
     """
 
     features: Array
@@ -52,30 +50,71 @@ class Network:
     mix: Array
     activation: str = "tanh"
     squashed: bool = False
-    _steps: tuple[tuple[Weights, Weights], ...] = field(init=False, repr=False)
+    _packed: Weights = field(init=False, repr=False)
+    _sizes: NDArray[np.int64] = field(init=False, repr=False)
 
     def __post_init__(self) -> None:
-        steps = tuple((np.ascontiguousarray(w.T), b) for w, b in self.layers)
-        object.__setattr__(self, "_steps", steps)
-
-    def see(self, observation: Array) -> Weights:
-        """Features (..., F) float32 of observations (..., D)."""
-        found = np.asarray(observation, np.float64) @ self.features.T
-        return np.minimum(np.maximum(found, -FEATURE_LIMIT), FEATURE_LIMIT).astype(np.float32)
-
-    def outputs(self, features: Weights) -> Array:
-        """Outputs (..., A) in [-1, 1] for features (..., F)."""
-        activation, x = ACTIVATIONS[self.activation], features
-        for weight, bias in self._steps[:-1]:
-            x = activation(x @ weight + bias)
-        weight, bias = self._steps[-1]
-        x = x @ weight + bias
-        x = np.tanh(x) if self.squashed else np.minimum(np.maximum(x, -1.0), 1.0)
-        return x.astype(np.float64)
+        parts = [part for weight, bias in self.layers for part in (weight.T.ravel(), bias)]
+        sizes = [len(self.features), *(len(bias) for _, bias in self.layers)]
+        object.__setattr__(self, "_packed", np.concatenate(parts).astype(np.float32))
+        object.__setattr__(self, "_sizes", np.array(sizes, np.int64))
+        object.__setattr__(self, "features", np.ascontiguousarray(self.features, np.float64))
+        object.__setattr__(self, "mix", np.ascontiguousarray(self.mix, np.float64))
 
     def actions(self, observation: Array) -> Array:
-        """Wheel actions (..., 4), not yet limited, for observations (..., D)."""
-        return self.outputs(self.see(observation)) @ self.mix.T
+        """Wheel actions (n, 4), not yet limited, for observations (n, D); NaN counts as 0."""
+        seen = np.ascontiguousarray(observation, np.float64)
+        out = np.empty((len(seen), 4))
+        evaluate(
+            seen,
+            self.features,
+            self._packed,
+            self._sizes,
+            self.activation == "relu",
+            self.squashed,
+            self.mix,
+            out,
+        )
+        return out
+
+
+@njit(cache=True)
+def evaluate(seen, features, packed, sizes, is_relu, squashed, mix, out):
+    """Fill wheel actions ``out`` (n, 4) for observations ``seen`` (n, D).
+
+    ``packed`` holds each layer's weight (in, out) and bias (out,) one after another, ``sizes`` the
+    widths. Layers are computed in single precision, as they were trained.
+    """
+    last = sizes.size - 2
+    for row in range(seen.shape[0]):
+        x = np.empty(sizes[0], np.float32)
+        for i in range(sizes[0]):
+            total = 0.0
+            for k in range(seen.shape[1]):
+                value = seen[row, k] if seen[row, k] == seen[row, k] else 0.0
+                total += features[i, k] * min(max(value, -CUT), CUT)
+            x[i] = min(max(total, -FEATURE_LIMIT), FEATURE_LIMIT)
+        at = 0
+        for layer in range(last + 1):
+            before, after = sizes[layer], sizes[layer + 1]
+            y = packed[at + before * after : at + (before + 1) * after].copy()
+            for k in range(before):
+                weight = packed[at + k * after : at + (k + 1) * after]
+                for i in range(after):
+                    y[i] += x[k] * weight[i]
+            at += (before + 1) * after
+            for i in range(after):
+                if layer == last and not squashed:
+                    y[i] = min(max(y[i], np.float32(-1.0)), np.float32(1.0))
+                elif layer < last and is_relu:
+                    y[i] = max(y[i], np.float32(0.0))
+                else:
+                    y[i] = math.tanh(y[i])
+            x = y
+        for wheel in range(4):
+            out[row, wheel] = 0.0
+            for i in range(x.size):
+                out[row, wheel] += mix[wheel, i] * x[i]
 
 
 @dataclass(frozen=True)
@@ -140,6 +179,9 @@ class Policy:
         self.preview_needed = max(description.layout.preview, getattr(base, "preview_needed", 0))
         ratio = (torque_limit or description.torque_limit) / description.torque_limit
         self._bound = min(1.0, ratio)
+        self._divisors = description.layout.divisors
+        self._seen = np.zeros((1, description.layout.size))
+        network.actions(self._seen)  # compile, or load what is compiled, before a loop needs it
         self.reset()
 
     def reset(self) -> None:
@@ -158,23 +200,24 @@ class Policy:
         """
         how, base = self.description, None
         if self.base is not None:
-            base = self.base(observation, reference) / how.torque_limit
-        seen = how.layout.observe(observation, reference, self._past, base)
-        if not np.abs(seen).max() <= CUT_FREE:  # so that NaN is cut too
-            seen = cut(seen)
-        action = compose(how.share * self.network.actions(seen), base, self._bound)
-        self._past = np.concatenate((action, self._past[:-4]))
+            base = self.base(alone(observation), reference) / how.torque_limit
+        how.layout.fill(self._seen[0], observation, reference, self._past, base)
+        wanted = how.share * self.network.actions(self._seen / self._divisors)[0]
+        action = compose(wanted, base, self._bound)
+        self._past[4:] = self._past[:-4].copy()
+        self._past[:4] = action
         return how.torque_limit * action
-
-
-CUT_FREE = 1.0
-"""Below this no value needs to be cut, and ``cut`` costs a third of a step."""
 
 
 def compose(action: Array, base: Array | None, bound: float = 1.0) -> Array:
     """Actions (..., 4): a policy's, on top of the controller's beneath (NaN counts as 0)."""
     total = action if base is None else action + np.nan_to_num(base)
     return np.minimum(np.maximum(total, -bound), bound)
+
+
+def alone(observation: Observation) -> Observation:
+    """What a controller beneath is shown: no torques, since they are not its own alone."""
+    return observation._replace(wheel_torque=None)
 
 
 def build_policy(source: str | os.PathLike[str], model: Model, loop: Loop) -> Policy:

@@ -8,7 +8,6 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from controllers.interface import Array, Observation, Reference
 from youbot_env.errors import InputError
@@ -50,28 +49,42 @@ class Layout:
         """Numbers in an observation."""
         return 6 + 3 * self.preview + 4 * (self.action_history + self.base_torque)
 
-    def observe(
-        self, observation: Observation, reference: Reference, actions: Array, base: Array | None
-    ) -> Array:
-        """The observation (size,) of one instant; ``actions`` (4 k,) are past ones, newest first.
+    @property
+    def divisors(self) -> Array:
+        """(size,): by what an observation's twists are divided; 1 for its torques."""
+        twists = np.tile(self.twist_scale, 2 + self.preview)
+        return np.concatenate((twists, np.ones(self.size - len(twists))))
+
+    def fill(
+        self,
+        seen: Array,
+        observation: Observation,
+        reference: Reference,
+        actions: Array,
+        base: Array | None,
+    ) -> None:
+        """Write one instant's observation, not yet divided, into ``seen`` (size,).
+
+        ``actions`` (4 k,) are past ones, newest first; ``base`` (4,) that of the controller
+        beneath.
 
         Raises
         ------
         InputError
             If the reference does not look far enough ahead.
         """
-        coming = reference.preview
-        if self.preview and (coming is None or len(coming) < self.preview):
-            raise InputError(
-                f"policy: needs the reference {self.preview} samples ahead, "
-                f"not {0 if coming is None else len(coming)}; give Reference.preview"
-            )
-        parts = [observation.body_twist, reference.twist]
-        if self.preview and coming is not None:
-            parts.append(coming[: self.preview].ravel())
-        twists = np.concatenate(parts).reshape(-1, 3) / self.twist_scale
-        tail = (actions,) if base is None else (actions, base)
-        return np.concatenate((twists.ravel(), *tail))
+        coming, last = reference.preview, 6 + 3 * self.preview
+        seen[:3], seen[3:6] = observation.body_twist, reference.twist
+        if self.preview:
+            if coming is None or len(coming) < self.preview:
+                raise InputError(
+                    f"policy: needs the reference {self.preview} samples ahead, "
+                    f"not {0 if coming is None else len(coming)}; give Reference.preview"
+                )
+            seen[6:last] = coming[: self.preview].ravel()
+        seen[last : last + len(actions)] = actions
+        if base is not None:
+            seen[-4:] = base
 
 
 def plain_features(layout: Layout) -> Array:
@@ -101,8 +114,3 @@ def tracking_features(layout: Layout) -> Array:
     for start in range(6 + 3 * last, layout.size, 4):
         rows.append(unmix @ see[start : start + 4])
     return np.vstack(rows)
-
-
-def cut(values: Array) -> NDArray[np.float64]:
-    """As the environment does: NaN is 0, and the rest within +-``CUT``."""
-    return np.clip(np.nan_to_num(values, nan=0.0, posinf=CUT, neginf=-CUT), -CUT, CUT)

@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from dataclasses import replace
 from typing import Any
 
@@ -60,9 +61,25 @@ def train(
         _restore(learner, state, replay, folder)
     keeper = _Keeper(trainee, folder, state, progress, report)
     if begun < choice.learner.steps:
-        learner.learn(choice.learner.steps - begun, keeper, reset_num_timesteps=state is None)
+        with _diverging(folder):
+            learner.learn(choice.learner.steps - begun, keeper, reset_num_timesteps=state is None)
         keeper.evaluate()
     return trainee, keeper.record()
+
+
+@contextmanager
+def _diverging(folder: RunFolder) -> Iterator[None]:
+    try:
+        yield
+    except InputError:
+        raise
+    except ValueError as error:  # how torch's distributions greet a NaN
+        if "invalid values" not in str(error):
+            raise
+        raise InputError(
+            f"train: the network's weights became NaN; lower learning_rate (the last good policy "
+            f"is in {folder.path})"
+        ) from None
 
 
 def finish(trainee: Trainee, folder: RunFolder, record: dict[str, Any]) -> Network:
@@ -185,7 +202,7 @@ class _Keeper(BaseCallback):
         self._steps = self.num_timesteps
         row = {"steps": self._steps, **self._times(), **found}
         self._curve.append(row)
-        if not found["error"] >= best or not self._folder.policy.exists():
+        if found["error"] < best or not self._folder.policy.exists():
             save_policy(self._folder.policy, network, trainee.description)
         self._save()
         self.logger.record("held_out/error", found["error"])

@@ -25,7 +25,7 @@ MakeBase = Callable[[], Controller]
 
 
 class Beneath:
-    """A controller under each of ``stepper``'s platforms.
+    """A controller under each of ``stepper``'s platforms; it sees what ``policy.alone`` shows.
 
     Attributes
     ----------
@@ -59,11 +59,7 @@ class Beneath:
         now = int(self._stepper.clock[row])
         coming = self._tables[row][now + 1 : now + 1 + self._ahead]
         observation = Observation(
-            info["time"],
-            info["wheel_speed"],
-            info["measured_twist"],
-            info["pose"],
-            info["applied_torque"],
+            info["time"], info["wheel_speed"], info["measured_twist"], info["pose"]
         )
         reference = Reference(
             info["reference_twist"], info["reference_acceleration"], coming[:, :3], coming[:, 3:]

@@ -63,7 +63,8 @@ class Trainee:
 
     def judge_other(self, name: str, model: Model, seed: int, references: int = 20) -> Tracking:
         """The same for a controller of the registry that believes ``model``."""
-        make = base_maker(name, model, loop_of(self.choice.conditions))
+        conditions = self.choice.conditions
+        make = base_maker(name, believed(model, conditions), loop_of(conditions))
         return track(idle, self.nominal, references=references, seed=seed, make_base=make)
 
 
@@ -81,7 +82,7 @@ def prepare(choice: Choice, model: Model) -> Trainee:
     nominal = conditions.setup(plant)
     make_base = None
     if choice.base is not None:
-        make_base = base_maker(choice.base, model, loop_of(conditions))
+        make_base = base_maker(choice.base, believed(model, conditions), loop_of(conditions))
     layout = Fleet(nominal, 1, make_base).layout
     if learner.features not in FEATURES or learner.activation not in ACTIVATIONS:
         raise InputError(
@@ -98,6 +99,13 @@ def prepare(choice: Choice, model: Model) -> Trainee:
     mix = WHEEL_MIX if learner.mixed else np.eye(4)
     features = FEATURES[learner.features](layout)
     return Trainee(choice, training, nominal, make_base, features, mix, description)
+
+
+def believed(model: Model, conditions: Conditions) -> Model:
+    """What controllers believe: the model and the drives' lag, not the plant's other effects."""
+    if conditions.lag is None:
+        return model
+    return model.with_effect("actuator_lag", time_constant=conditions.lag)
 
 
 def loop_of(conditions: Conditions) -> Loop:
