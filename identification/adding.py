@@ -10,7 +10,6 @@ import numpy as np
 
 from identification.logs import Log
 from identification.mechanisms import AnyModel, mechanism_of
-from identification.regression import fit
 from identification.search import MATERIAL, Search, Step
 from identification.words import describe
 from youbot_env.errors import InputError
@@ -99,7 +98,7 @@ def add_effect(
     candidate = ranking.candidates[0]
     fitted = candidate.fitted or search.fit(candidate.mechanism, candidate.theta)
     after = search.step(fitted, effect)
-    result = fit(fitted.mechanism, search.samples, fitted.theta)
+    result = search.final(fitted)
     new = fitted.mechanism.fitted_model(
         result,
         name=model.name,

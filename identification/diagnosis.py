@@ -13,7 +13,7 @@ from identification.candidates import Candidate, Fitted
 from identification.logs import Log
 from identification.mechanism import Mechanism
 from identification.mechanisms import AnyModel, mechanism_of
-from identification.regression import Fit, fit
+from identification.regression import Fit
 from identification.search import MATERIAL, Ranking, Search, Step, given_errors
 from identification.words import describe
 from youbot_env.errors import InputError
@@ -130,9 +130,9 @@ def diagnose(
         if ranking.best and ranking.tied and ranking.best.name in accepted
     }
     verdict = _verdict(unexplained, bool(ties), bool(accepted))
-    final = _final_fit(search, steps[-1].fitted)
+    final = search.final(steps[-1].fitted)
     given = given_errors(mechanism, model.theta, search.samples)
-    fitted_model = _model(final, model, logs, steps, floor)
+    fitted_model = _model(steps[-1].fitted.mechanism, final, model, logs, steps, floor)
     return Diagnosis(
         verdict=verdict,
         missing=tuple(accepted),
@@ -218,18 +218,14 @@ def _verdict(unexplained: bool, tied: bool, accepted: bool) -> str:
     return "effect" if accepted else "adequate"
 
 
-def _final_fit(search: Search, fitted: Fitted) -> tuple[Mechanism, Fit]:
-    return fitted.mechanism, fit(fitted.mechanism, search.samples, fitted.theta)
-
-
 def _model(
-    final: tuple[Mechanism, Fit],
+    mechanism: Mechanism,
+    final: Fit,
     model: AnyModel,
     logs: Sequence[Log],
     steps: Sequence[Step],
     floor: dict[str, float],
 ) -> Any:
-    mechanism, result = final
     errors = {
         "force_error": steps[-1].force_error,
         "velocity_error": steps[-1].velocity_error,
@@ -237,7 +233,7 @@ def _model(
         "noise_floor": floor,
     }
     return mechanism.fitted_model(
-        result,
+        final,
         name=model.name,
         logs=tuple({"name": log.name, "sha256": log.sha256} for log in logs),
         errors=errors,

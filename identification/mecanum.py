@@ -22,7 +22,7 @@ from identification.noise import white_noise
 from identification.resampling import RATE_SMOOTHING, moved, smoothed
 from youbot_env import dynamics
 from youbot_env.dynamics import Instant, Points, Structure, component_wrench
-from youbot_env.effects import BASE, CATALOGUE, Effect, Parameter
+from youbot_env.effects import BASE, CATALOGUE, CHANNEL, Effect, Parameter
 from youbot_env.errors import InputError
 from youbot_env.geometry import WHEELS, Geometry
 
@@ -36,6 +36,7 @@ class Samples:
     name : of the log; time (N,) [s] from the log's start; dt [s]
     twist (N, 3) body frame [m/s, m/s, rad/s]; pose (N, 3) world [m, m, rad]
     wheel_angle, wheel_speed (N, 4) [rad, rad/s]; torque (N, 4) as logged [N m]
+    internal (N,): the part of the torque that does not move the platform, see INTERNAL [N m]
     angle_measured : whether the angles have columns of their own, or are integrated
     """
 
@@ -52,6 +53,17 @@ class Samples:
     def __len__(self) -> int:
         return len(self.time)
 
+    @cached_property
+    def internal(self) -> Array:
+        """(N,) how much of ``INTERNAL`` the logged torques hold, smoothed [N m]."""
+        return smoothed(self.torque @ INTERNAL / 4.0, INTERNAL_SMOOTHING / self.dt)
+
+
+INTERNAL = np.array([1.0, 1.0, -1.0, -1.0])
+"""Four torques that exert no force: what a motion demands settles three, and leaves this free."""
+
+INTERNAL_SMOOTHING = 0.05
+"""Window [s] over which the internal torque is averaged: its noise would enter the columns."""
 
 SLIPPING = 4.0
 """Deviations of the random walk that noise on a wheel's speed makes; beyond them it slips."""
@@ -81,6 +93,9 @@ def _wheel_angles(log: Log, geometry: Geometry, dt: float) -> tuple[Array, bool]
     middle = 0.5 * (yaw[1:] + yaw[:-1])
     c, s = np.cos(middle), np.sin(middle)
     dx, dy, turn = np.diff(log.pose, axis=0).T
+    # From the chord to the arc that was driven: a part in 10^5, but a ripple counts each turn.
+    arc = 1.0 / np.sinc(turn / (2 * np.pi))
+    dx, dy = arc * dx, arc * dy
     way = geometry.wheel_speeds(np.column_stack([c * dx + s * dy, c * dy - s * dx, turn]))
     rolled = np.vstack([np.zeros(4), np.cumsum(way, axis=0)])
     drift = white_noise(log.velocity) * np.sqrt(dt * dt * len(log))
@@ -117,6 +132,12 @@ def samples_of(log: Log, geometry: Geometry) -> Samples:
     angle, measured = _wheel_angles(log, geometry, dt)
     return Samples(log.name, time, dt, twist, pose, angle, log.velocity, log.effort, measured)
 
+
+LOAD_STEP = 1e-6
+"""Torque [N m] over which the slope of a friction under load is taken."""
+
+Rows3 = list[list[Any]]
+"""Rows of 3x3 matrices, one at each instant."""
 
 PAPER_ORDER = (0, 1, 4, 2, 3, 5, 6)
 """theta's base parameters (m0, I0, m_aX, m_aY, I1, mu1, mu2) in the order of x1 ... x7."""
@@ -306,9 +327,14 @@ class Demand:
 
     def __init__(self, mechanism: Mecanum, theta: Array, samples: Samples) -> None:
         self.mechanism, self.theta, self.samples = mechanism, theta, samples
-        # Friction that depends on the load needs the torque: a fixed point on the whole wrench.
-        self.whole = mechanism.structure.depends_on_load
         self.instant = self._instant()
+        if mechanism.structure.depends_on_load:
+            torque = dynamics.acting_torque(
+                *(np, mechanism.structure, mechanism.geometry, theta, self.instant),
+                internal=tuple(part * self._internal for part in INTERNAL),
+                tolerance=1e-10,
+            )
+            self.instant = replace(self.instant, torque=torque)
 
     def _instant(self) -> Instant:
         s = self.samples
@@ -325,7 +351,7 @@ class Demand:
     @cached_property
     def force(self) -> Array:
         """(2, N - 1, 3) [N m] in units of the interface torque (as logged or commanded)."""
-        return self._finish(None if self.whole else self._body_force(), self.theta)
+        return self._finish(self._body_force(), self.theta)
 
     def _body_force(self) -> Array:
         return sum(self._contributions.values(), start=np.zeros((2, len(self.samples) - 1, 3)))
@@ -349,27 +375,84 @@ class Demand:
             np.multiply(force[i], scale[i], out=out[..., i])
         return out
 
-    def _finish(self, force: Array | None, theta: Array) -> Array:
-        """From the force that acts (None: to be found) to the force of the interface torque."""
+    def _unscaled(self, force: Array) -> dynamics.Triple:
+        """(F_X, F_Y, M_W) [N, N, N m] of a scaled force (..., 3)."""
+        return tuple(np.moveaxis(force / self.mechanism.force_scale, -1, 0))  # type: ignore
+
+    @cached_property
+    def _losses(self) -> Rows3 | None:
+        """I - dF/dF of friction under load: more force takes more torque, which loses more.
+
+        None where no effect reads the torque.
+        """
+        structure, geometry = self.mechanism.structure, self.mechanism.geometry
+        if not structure.depends_on_load:
+            return None
+        slopes = [self._loss_by(wheel) for wheel in range(4)]
+        units = [dynamics.allocate(geometry, tuple(unit)) for unit in np.eye(3)]  # type: ignore
+        # What a unit of each force asks of the four wheels, times what they lose by it.
+        lost = [sum(share * slope for share, slope in zip(u, slopes, strict=True)) for u in units]
+        identity = np.eye(3)
+        return [[identity[i, j] - np.asarray(lost[j])[i] for j in range(3)] for i in range(3)]
+
+    def _loss_by(self, wheel: int) -> Array:
+        """(3, 2, N - 1): by how much the force lost grows with one wheel's torque."""
+        ends = []
+        for shift in (LOAD_STEP, -LOAD_STEP):
+            torque = list(self.instant.torque)
+            torque[wheel] = torque[wheel] + shift
+            at = replace(self.instant, torque=tuple(torque))
+            points = Points(np, self.mechanism.geometry, self.theta, at)
+            readers = self.mechanism.structure.load_readers
+            forces = [component_wrench(np, r, self.theta[where], points) for r, where in readers]
+            ends.append(np.sum(forces, axis=0))
+        return (ends[0] - ends[1]) / (2 * LOAD_STEP)
+
+    def _responding(self, force: Array) -> Array:
+        """A small force together with what friction under load makes of it."""
+        if self._losses is None:
+            return force
+        return self._scaled(dynamics.solve3(self._losses, self._unscaled(force)))
+
+    def _finish(self, force: Array, theta: Array) -> Array:
+        """From the force that acts to the force of the interface torque."""
         delay = dynamics.torque_delay(np, self.mechanism.structure, theta)
         # What acts at t + delay was logged at t. The measured side stays as it is: to shift or
         # filter it would shrink its noise and make any delay look good.
         return moved(self._interface(force, theta), float(delay) / self.samples.dt)
 
-    def _interface(self, force: Array | None, theta: Array) -> Array:
+    def _interface(self, force: Array, theta: Array) -> Array:
         structure, geometry = self.mechanism.structure, self.mechanism.geometry
-        if force is None:
-            torque = dynamics.acting_torque(
-                np, structure, geometry, theta, self.instant, tolerance=1e-10
-            )
-        elif structure.only_wrenches:
+        if structure.only_wrenches:
             return force
-        else:
-            body = tuple(np.moveaxis(force / self.mechanism.force_scale, -1, 0))
-            torque = dynamics.allocate(geometry, body)  # type: ignore[arg-type]
+        torque = dynamics.allocate(geometry, self._unscaled(force))
         at = replace(self.instant, torque=torque, torque_rate=self._rates(torque))
-        interface = dynamics.interface_torque(np, structure, theta, at)
-        return self._scaled(dynamics.body_force(geometry, interface))
+        logged = dynamics.interface_torque(np, structure, theta, at)
+        if structure.at(CHANNEL):
+            logged = self._with_internal(logged, theta, at)
+        return self._scaled(dynamics.body_force(geometry, logged))
+
+    def _with_internal(
+        self, logged: tuple[Array, ...], theta: Array, at: Instant
+    ) -> tuple[Array, ...]:
+        """Logged torques moved along the acting ones' ``INTERNAL`` until they hold what was logged.
+
+        Where gains differ by wheel, torques that seem to cancel do not.
+        """
+        more = tuple(torque + part for torque, part in zip(at.torque, INTERNAL, strict=True))
+        along = dynamics.interface_torque(
+            np, self.mechanism.structure, theta, replace(at, torque=more)
+        )
+        way = [b - a for a, b in zip(logged, along, strict=True)]
+        lacking = self._internal - INTERNAL @ np.stack(logged, axis=1) / 4.0
+        amount = lacking / (INTERNAL @ np.stack(way, axis=1) / 4.0)
+        return tuple(torque + amount * step for torque, step in zip(logged, way, strict=True))
+
+    @cached_property
+    def _internal(self) -> Array:
+        """(2, N - 1) of the logged torques, at both ends of each interval [N m]."""
+        internal = self.samples.internal
+        return np.stack([internal[:-1], internal[1:]])
 
     def _rates(self, torque: tuple[Array, ...]) -> tuple[Array, ...]:
         """Rates of the acting torques: differences between smoothed samples."""
@@ -401,10 +484,11 @@ class Demand:
             return self._finish(self._component(item, unit, self._points), self.theta)
         step = 1e-3 * item.parameter(item.parameter_names[index - where.start]).size
         # Where forces just add up, the components that the parameter does not enter cancel out.
-        adds_up = not self.whole and len(structure.wrenches) == len(structure.slices)
+        adds_up = len(structure.wrenches) == len(structure.slices)
         force = self._entered if adds_up else self._shifted
         ahead, behind = (force(item, index, sign * step) for sign in (1.0, -1.0))
-        return (ahead - behind) / (2 * step)
+        slope = (ahead - behind) / (2 * step)
+        return self._responding(slope) if adds_up else slope
 
     def _entered(self, owner: Effect, index: int, shift: float) -> Array:
         """With one parameter moved, the force of the components that it enters, alone."""
@@ -434,13 +518,11 @@ class Demand:
         structure = self.mechanism.structure
         theta = self.theta.copy()
         theta[index] += shift
-        if self.whole:
-            return self._finish(None, theta)
         changed = {owner.name, *(structure.base_readers if owner.name in BASE else ())}
         points = Points(np, self.mechanism.geometry, theta, self.instant)
-        force = self._body_force()
+        change = np.zeros((2, len(self.samples) - 1, 3))
         for item, where in structure.wrenches:
             if item.name in changed:
                 new = self._component(item, theta[where], points)
-                force += new - self._contributions[item.name]
-        return self._finish(force, theta)
+                change += new - self._contributions[item.name]
+        return self._finish(self._body_force() + self._responding(change), theta)

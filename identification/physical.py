@@ -52,11 +52,7 @@ def physical_covariance(mechanism: Mecanum, fit: Fit) -> tuple[tuple[str, ...], 
     theta, change = settle_gauge(mechanism, fit.theta)
     slope = (jacobian(structure, mechanism.geometry, theta) @ change)[:, fit.free]
     declared = public_parameters(structure)
-    kept = [
-        k
-        for k, (row, parameter) in enumerate(zip(slope, declared.values(), strict=True))
-        if not parameter.is_shape and row.any()
-    ]
+    kept = [k for k, row in enumerate(slope) if row.any()]
     names = list(declared)
     return tuple(names[k] for k in kept), slope[kept] @ fit.covariance @ slope[kept].T
 

@@ -110,17 +110,19 @@ def fit(
     logs: Sequence[Samples],
     start: Array,
     *,
+    free: NDArray[np.bool_] | None = None,
     first: Sequence[Rows] | None = None,
     robust: bool = False,
     progress: Callable[[], None] = lambda: None,
 ) -> Fit:
-    """Fit the linearly identified parameters; shape constants stay at their values in ``start``.
+    """Fit the free parameters; the others stay at their values in ``start``.
 
     Gauss-Newton on the filtered force residual: one step where the model is linear.
 
     Parameters
     ----------
     start : (P,) theta to start from
+    free : (P,) which parameters are fitted; by default all but shape constants
     first : the logs' regression rows at ``start``, where they are at hand already
     robust : Huber weights on rows, for logs with outliers
 
@@ -129,30 +131,31 @@ def fit(
     InputError
         If the logs are too short for the filter to settle, or nothing can be fitted.
     """
-    free = np.flatnonzero(mechanism.free)
-    basis = gauge_basis(mechanism)
+    mask = mechanism.free if free is None else free
+    chosen, basis = np.flatnonzero(mask), gauge_basis(mechanism, mask)
     theta = np.array(start, float)
+    linear = mechanism.is_linear and np.array_equal(mask, mechanism.free)
     bounded: tuple[int, ...] = ()
-    rows = first or [regression_rows(mechanism, theta, samples, free) for samples in logs]
+    rows = first or [regression_rows(mechanism, theta, samples, chosen) for samples in logs]
     for _ in range(30):
         progress()
-        if sum(len(row.residual) for row in rows) < 2 * len(free):
+        if sum(len(row.residual) for row in rows) < 2 * len(chosen):
             raise InputError("the logs are too short to fit a model: record some 20 s of motion")
         weights = huber_weights(rows) if robust else [np.ones(len(r.residual)) for r in rows]
-        step, bounded = solve_step(mechanism, rows, weights, theta, free, basis)
-        theta[free] += step
-        change = np.abs(step * mechanism.scale[free]).max()
-        arrived = change <= 1e-9 * np.abs(theta[free] * mechanism.scale[free]).max()
-        if mechanism.is_linear or arrived:
+        step, bounded = solve_step(mechanism, rows, weights, theta, chosen, basis)
+        theta[chosen] += step
+        change = np.abs(step * mechanism.scale[chosen]).max()
+        arrived = change <= 1e-9 * np.abs(theta[chosen] * mechanism.scale[chosen]).max()
+        if linear or arrived:
             rows = [replace(r, residual=r.residual - r.columns @ step) for r in rows]
         else:
-            rows = [regression_rows(mechanism, theta, samples, free) for samples in logs]
-        if arrived or (mechanism.is_linear and not robust):
+            rows = [regression_rows(mechanism, theta, samples, chosen) for samples in logs]
+        if arrived or (linear and not robust):
             break
     # A robust fit's rows are weighted, so that its covariance is that of the weighted estimate.
     weighted = [_weighted(row, weight) for row, weight in zip(rows, weights, strict=True)]
-    covariance = hac_covariance(weighted, basis, mechanism.scale[free])
-    return Fit(theta, free, covariance, tuple(rows), bounded)
+    covariance = hac_covariance(weighted, basis, mechanism.scale[chosen])
+    return Fit(theta, chosen, covariance, tuple(rows), bounded)
 
 
 def _weighted(rows: Rows, weight: Array) -> Rows:
@@ -162,9 +165,10 @@ def _weighted(rows: Rows, weight: Array) -> Rows:
     )
 
 
-def gauge_groups(mechanism: Mechanism) -> list[Indices]:
+def gauge_groups(mechanism: Mechanism, free: NDArray[np.bool_] | None = None) -> list[Indices]:
     """Places among the free parameters of those that are relative to each other, by group."""
-    labels = [label for label, free in zip(mechanism.labels, mechanism.free, strict=True) if free]
+    mask = mechanism.free if free is None else free
+    labels = [label for label, chosen in zip(mechanism.labels, mask, strict=True) if chosen]
     groups = dict.fromkeys(label.group for label in labels if label.group)
     return [
         np.array([k for k, label in enumerate(labels) if label.group == group], dtype=np.intp)
@@ -172,14 +176,14 @@ def gauge_groups(mechanism: Mechanism) -> list[Indices]:
     ]
 
 
-def gauge_basis(mechanism: Mechanism) -> Array:
+def gauge_basis(mechanism: Mechanism, free: NDArray[np.bool_] | None = None) -> Array:
     """(F, Q) directions of the free parameters that data can see at all.
 
     Of values that are relative to each other (gains, extra frictions) only differences can be
     seen: their sum is held at zero.
     """
-    size = int(mechanism.free.sum())
-    groups = gauge_groups(mechanism)
+    size = int((mechanism.free if free is None else free).sum())
+    groups = gauge_groups(mechanism, free)
     alone = np.setdiff1d(np.arange(size), np.concatenate([[], *groups]))
     columns = [np.eye(size)[:, alone]]
     for members in groups:

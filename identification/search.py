@@ -19,11 +19,12 @@ from identification.errors import (
     velocity_floor,
     velocity_traces,
 )
+from identification.final import final_fit
 from identification.folds import Fold, block_sums, make_folds
 from identification.logs import Log
 from identification.mechanism import Mechanism
 from identification.noise import white_noise
-from identification.regression import fit
+from identification.regression import Fit, fit
 from identification.segments import cut
 from identification.significance import family_p_values, score_blocks
 
@@ -96,6 +97,10 @@ class Search:
         fitted = Fitted.at(mechanism, result.theta, self.samples)
         self.folds = self.folds or make_folds(fitted.rows)
         return fitted
+
+    def final(self, fitted: Fitted) -> Fit:
+        """The last fit of a structure, with an honest covariance: see :func:`final_fit`."""
+        return final_fit(fitted.mechanism, self.samples, self.noise, fitted.theta, self.seed)
 
     def step(self, fitted: Fitted, effect: str | None) -> Step:
         """Held-out force and velocity error of a structure."""

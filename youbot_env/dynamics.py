@@ -120,22 +120,28 @@ class Structure:
         return any(item.acts_at is ACTUATOR for item in self.components)
 
     @cached_property
-    def depends_on_load(self) -> bool:
-        """Whether a wheel effect reads the torque: probed, so that no effect has to declare it."""
+    def load_readers(self) -> tuple[tuple[Effect, slice], ...]:
+        """Wheel effects that read the torque: probed, so that no effect has to declare it."""
         light, heavy = (Wheel(0.7, 0.7, 0.7, t, 0.7, Base(*[1.0] * 7)) for t in (0.3, 1.9))
-        return self._tells_apart(light, heavy)
+        return self._telling_apart(light, heavy)
+
+    @cached_property
+    def depends_on_load(self) -> bool:
+        """Whether a wheel effect reads the torque."""
+        return bool(self.load_readers)
 
     @cached_property
     def depends_on_angle(self) -> bool:
         """Whether a wheel effect reads the wheel's angle: probed."""
         here, there = (Wheel(0.7, 0.7, a, 0.7, 0.7, Base(*[1.0] * 7)) for a in (0.3, 1.9))
-        return self._tells_apart(here, there)
+        return bool(self._telling_apart(here, there))
 
-    def _tells_apart(self, first: Wheel, second: Wheel) -> bool:
-        return any(
-            item.evaluate(floats, first, [0.5] * (where.stop - where.start))
-            != item.evaluate(floats, second, [0.5] * (where.stop - where.start))
+    def _telling_apart(self, first: Wheel, second: Wheel) -> tuple[tuple[Effect, slice], ...]:
+        return tuple(
+            (item, where)
             for item, where in self.at(WHEEL)
+            if item.evaluate(floats, first, [0.5] * (where.stop - where.start))
+            != item.evaluate(floats, second, [0.5] * (where.stop - where.start))
         )
 
     @cached_property
@@ -289,10 +295,14 @@ def wrench(xp: Any, structure: Structure, geometry: Any, theta: Any, at: Instant
     -------
     F_X, F_Y [N], M_W [N m] about O in the body frame, as the paper defines them.
     """
+    return _wrench_of(xp, structure.wrenches, geometry, theta, at)
+
+
+def _wrench_of(
+    xp: Any, components: Sequence[tuple[Effect, slice]], geometry: Any, theta: Any, at: Instant
+) -> Triple:
     points = Points(xp, geometry, theta, at)
-    return _sum(
-        *(component_wrench(xp, item, theta[where], points) for item, where in structure.wrenches)
-    )
+    return _sum(*(component_wrench(xp, item, theta[where], points) for item, where in components))
 
 
 class Points:
@@ -404,9 +414,18 @@ def interface_torque(xp: Any, structure: Structure, theta: Any, at: Instant) -> 
 
 
 def acting_torque(
-    xp: Any, structure: Structure, geometry: Any, theta: Any, at: Instant, *, tolerance: float = 0.0
+    xp: Any,
+    structure: Structure,
+    geometry: Any,
+    theta: Any,
+    at: Instant,
+    *,
+    internal: Sequence[Any] = (0.0, 0.0, 0.0, 0.0),
+    tolerance: float = 0.0,
 ) -> tuple[Any, ...]:
-    """Least-norm torques [N m] that a motion demands at the wheels, losses under load included.
+    """Torques [N m] that a motion demands at the wheels, losses under load included.
+
+    Of all torques those of least norm, plus ``internal`` ones that exert no force.
 
     A friction that depends on the load makes this a fixed point; the loads' shares are below one,
     so the iteration contracts. It stops when nothing moves by more than ``tolerance``.
@@ -416,20 +435,26 @@ def acting_torque(
     InputError
         If the losses eat what is put in (a share near one) and no torque can drive the motion.
     """
-    torque = allocate(geometry, wrench(xp, structure, geometry, theta, at))
-    if not structure.depends_on_load:
-        return torque
+    loads = structure.load_readers
+    if not loads:
+        return _with(internal, allocate(geometry, wrench(xp, structure, geometry, theta, at)))
+    others = [row for row in structure.wrenches if row not in loads]
+    given = _wrench_of(xp, others, geometry, theta, at)
+    torque = _with(internal, allocate(geometry, given))
     # At the largest share, 0.9, it takes 330 rounds to come down to rounding.
     for _ in range(1000):
         last = torque
-        torque = allocate(
-            geometry, wrench(xp, structure, geometry, theta, replace(at, torque=last))
-        )
+        lost = _wrench_of(xp, loads, geometry, theta, replace(at, torque=last))
+        torque = _with(internal, allocate(geometry, _sum(given, lost)))
         moved = max(_largest(xp.abs(a - b)) for a, b in zip(torque, last, strict=True))
         size = max(_largest(xp.abs(a)) for a in torque)
         if moved <= max(tolerance, 2e-15 * size):
             return torque
     raise InputError("no torque drives this motion: friction grows as fast as the torque")
+
+
+def _with(more: Sequence[Any], torque: Sequence[Any]) -> tuple[Any, ...]:
+    return tuple(a + b for a, b in zip(torque, more, strict=True))
 
 
 def _largest(value: Any) -> float:

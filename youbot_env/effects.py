@@ -136,6 +136,8 @@ class Parameter:
     relative_to : "mean" or "least" for values of which only differences can be seen; the common
         part belongs to ``absorbed_by``, a base parameter (None: it cannot be known)
     grid : values of a shape constant that a search should try
+    jumps : whether the force jumps with a shape constant (an instant, a count), so that a search
+        has the last word on it; others are fitted with the rest in the end
     """
 
     name: str
@@ -148,6 +150,7 @@ class Parameter:
     relative_to: str | None = None
     absorbed_by: str | None = None
     grid: tuple[float, ...] = ()
+    jumps: bool = False
 
     @property
     def names(self) -> tuple[str, ...]:
