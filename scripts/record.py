@@ -15,12 +15,11 @@ from identification.formats import import_parquet
 from identification.logs import write_log
 from identification.writing import DECIMALS
 from youbot_env.errors import InputError
-from youbot_env.model import Model
-from youbot_env.model_file import load_model, model_to_dict
 from youbot_scripts import common
 from youbot_scripts.cli import run_script
 from youbot_scripts.driving import SPEED_NOISE, TORQUE_NOISE, control_step
-from youbot_scripts.experiments import DEFAULT_MOTIONS, motions_named, with_effects
+from youbot_scripts.experiments import DEFAULT_MOTIONS, motions_named
+from youbot_scripts.plants import Driven, plant_named
 from youbot_scripts.recording import record, recordings
 
 __all__ = ["main", "record"]
@@ -30,6 +29,7 @@ EXAMPLES = (
     "youbot record runs/ --plant model.json --rate 250 --seed 3",
     "youbot record runs/ --motions I,III,multisine_c --format csv.gz",
     "youbot record runs/ --effect wheel_coulomb_friction:torque=0.25",
+    "youbot record runs/ --plant contact:friction=0.5 --effect floor_tilt:tilt_x=0.02",
 )
 
 
@@ -46,7 +46,12 @@ def main(
         Path, typer.Argument(metavar="OUT_DIR", help="Folder for the logs; made if missing.")
     ],
     plant: Annotated[
-        str, typer.Option(metavar="MODEL", help="Model file, or 'paper': what is driven.")
+        str,
+        typer.Option(
+            metavar="MODEL",
+            help="What is driven: a model file, 'paper', or 'contact[:SETTING=VALUE,...]', MuJoCo "
+            "with real rollers. Settings: model, friction, rollers, timestep, com_height.",
+        ),
     ] = "paper",
     motions: Annotated[
         str,
@@ -85,21 +90,26 @@ def main(
     around it, both with noise, and the true pose. The seed draws the noise and the multisines;
     one seed gives the same files, byte by byte. record.json beside the logs says how they were
     made. Each log is written when it is finished, so Ctrl-C keeps those before.
+
+    A plant 'contact' (extra mujoco) has bodies with the model's parameters, which roll on the
+    floor with friction and slip. Slopes, payloads, dragging wheels, dry friction, lags and delays
+    are effects there too. It runs some eight times as fast as real time.
     """
-    model = with_effects(load_model(plant), effect or [])
-    chosen = motions_named(motions, model.geometry, seed)
+    driven = plant_named(plant, effect or [])
+    chosen = motions_named(motions, driven.model.geometry, seed)
     noise = {"torque_noise": torque_noise, "speed_noise": speed_noise}
     how = {
-        "plant": model_to_dict(model),
+        **driven.to_dict(),
         "settings": {"rate": rate, "control_rate": 1.0 / control_step(rate), **noise},
         "motions": [motion.to_dict() for motion in chosen],
         "logs": {},
     }
     if format is Format.PARQUET:
         import_parquet(str(out_dir))  # refuses before anything is driven
+    platform = driven.platform()
     _make_folder(out_dir)
     with common.progress(sum(motion.duration for motion in chosen), "driving") as advance:
-        found = recordings(model, chosen, rate=rate, seed=seed, progress=advance, **noise)
+        found = recordings(platform, chosen, rate=rate, seed=seed, progress=advance, **noise)
         for recording in found:
             path = out_dir / f"{recording.log.name}.{format}"
             write_log(path, recording.log, decimals=decimals)
@@ -107,7 +117,7 @@ def main(
             how["logs"][path.name] = {**recording.summary(), "sha256": digest}
             common.write_result(out_dir / "record.json", how, seed)
     common.write_result(json, how, seed)
-    _show(common.console(json), model, how["logs"], out_dir)
+    _show(common.console(json), driven, how["logs"], out_dir)
 
 
 def _make_folder(path: Path) -> None:
@@ -117,10 +127,10 @@ def _make_folder(path: Path) -> None:
         raise InputError(f"{path}: cannot be made a folder: {error.strerror or error}") from None
 
 
-def _show(console: Any, model: Model, rows: dict[str, dict[str, Any]], out_dir: Path) -> None:
+def _show(console: Any, driven: Driven, rows: dict[str, dict[str, Any]], out_dir: Path) -> None:
     common.show_table(
         console,
-        f"Logs of {model.name} in {out_dir}",
+        f"Logs of {driven} in {out_dir}",
         ("log", "duration s", "rows", "peak rad/s", "peak N m", "saturated %"),
         [
             (

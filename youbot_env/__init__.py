@@ -8,6 +8,8 @@ from typing import TYPE_CHECKING, Any
 from youbot_env.registration import register_when_imported
 
 if TYPE_CHECKING:
+    from youbot_env.contact import Contact
+    from youbot_env.contact_plant import ContactPlant
     from youbot_env.effects import (
         ACTUATOR,
         BODY,
@@ -37,6 +39,8 @@ _HOMES = {
         *("ACTUATOR", "BODY", "CHANNEL", "CLOCK", "ROLLER", "WHEEL", "WORLD"),
         *("Parameter", "Public", "effect"),
     ),
+    "youbot_env.contact": ("Contact",),
+    "youbot_env.contact_plant": ("ContactPlant",),
     "youbot_env.errors": ("InputError",),
     "youbot_env.geometry": ("Geometry",),
     "youbot_env.model": ("Estimate", "Model"),
@@ -56,6 +60,8 @@ __all__ = [
     "ROLLER",
     "WHEEL",
     "WORLD",
+    "Contact",
+    "ContactPlant",
     "Estimate",
     "Geometry",
     "InputError",

@@ -16,9 +16,9 @@ from numpy.typing import ArrayLike, NDArray
 
 from youbot_env import hardware, randomisation
 from youbot_env.actuation import Actuation, action_rows
+from youbot_env.contact import Contact, contact_named
 from youbot_env.errors import InputError
 from youbot_env.geometry import Geometry
-from youbot_env.mjcf import Contact, contact_named
 from youbot_env.model import Model
 from youbot_env.model_file import load_model
 from youbot_env.motion_base import Motion, finite

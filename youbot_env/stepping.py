@@ -13,8 +13,8 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from youbot_env.actuation import Actuation, command, reject
+from youbot_env.contact import Contact
 from youbot_env.errors import InputError
-from youbot_env.mjcf import Contact
 from youbot_env.model import Model
 from youbot_env.motion_base import Motion, finite
 from youbot_env.plant import TWIST, WHEEL_ANGLE, Plant, Platforms, plant_substeps

@@ -13,10 +13,11 @@ import numpy as np
 import pytest
 
 import youbot_env  # noqa: F401 - registers the environment
+from youbot_env.contact import COARSEST, Contact
 from youbot_env.contact_plant import ContactPlant
 from youbot_env.errors import InputError
 from youbot_env.geometry import Geometry
-from youbot_env.mjcf import COARSEST, Contact, mjcf, profile
+from youbot_env.mjcf import mjcf, profile
 from youbot_env.model import BASE_UNITS, Estimate, Model
 from youbot_env.model_file import load_model
 from youbot_env.plant import Plant
