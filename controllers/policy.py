@@ -61,7 +61,7 @@ class Network:
         object.__setattr__(self, "features", np.ascontiguousarray(self.features, np.float64))
         object.__setattr__(self, "mix", np.ascontiguousarray(self.mix, np.float64))
 
-    def actions(self, observation: Array) -> Array:
+    def actions(self, observation: NDArray[Any]) -> Array:
         """Wheel actions (n, 4), not yet limited, for observations (n, D); NaN counts as 0."""
         seen = np.ascontiguousarray(observation, np.float64)
         out = np.empty((len(seen), 4))
@@ -243,7 +243,12 @@ def build_policy(source: str | os.PathLike[str], model: Model, loop: Loop) -> Po
         )
     base = None
     if description.base is not None:
-        from controllers.registry import build
+        from controllers.registry import CONTROLLERS, build
 
+        if description.base not in CONTROLLERS:
+            raise InputError(
+                f"policy {description.name}: sits on {description.base!r}, which is none of "
+                f"{', '.join(CONTROLLERS)}"
+            )
         base = build(description.base, model, loop)
     return Policy(network, description, base, loop.torque_limit)

@@ -10,7 +10,7 @@ import torch
 from controllers.interface import Array, Loop
 from controllers.policy import Description, Network
 from controllers.policy_inputs import WHEEL_MIX, plain_features, tracking_features
-from controllers.registry import entry
+from controllers.registry import CONTROLLERS, entry
 from youbot_env.errors import InputError
 from youbot_env.model import Model
 from youbot_env.stepping import Setup
@@ -122,6 +122,9 @@ def loop_of(conditions: Conditions) -> Loop:
 
 def base_maker(name: str, model: Model, loop: Loop) -> MakeBase:
     """Makes controllers of a name; what takes a search is searched once."""
-    found = entry(name)
+    found = CONTROLLERS.get(name)
+    if found is None:
+        entry(name)  # tells what comes close
+        raise InputError(f"residual: {name} is a policy itself; name a controller")
     settings = dict(found.design(model, loop)) if found.design is not None else {}
     return lambda: found.build(model, loop, **settings)

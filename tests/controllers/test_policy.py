@@ -10,6 +10,8 @@ import sys
 import time
 import zipfile
 from dataclasses import replace
+from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -188,7 +190,7 @@ def test_needs_the_controller_that_it_was_trained_on():
 
 
 @pytest.fixture
-def saved(tmp_path):
+def saved(tmp_path) -> tuple[Path, Path]:
     trial = policy()
     described = replace(trial.description, training={"seed": 3, "nan": float("nan")})
     return save_policy(tmp_path / "trial.json", trial.network, described)
@@ -214,14 +216,23 @@ def test_a_file_on_top_of_a_controller_is_built_with_it(tmp_path):
     )
 
 
+@pytest.mark.parametrize("base", ["r", "r.json", "../r.json", "magic"])
+def test_a_policy_sits_on_a_controller_alone(tmp_path, monkeypatch, base):
+    monkeypatch.chdir(tmp_path)
+    trial = resting(KinematicControl())
+    save_policy("r.json", trial.network, replace(trial.description, base=base))
+    with pytest.raises(InputError, match="which is none of kinematic"):
+        build_policy("r.json", load_model("paper"), Loop())
+
+
 def test_another_control_rate_is_refused(saved):
     with pytest.raises(InputError, match="trained at 100 Hz, the loop runs at 500 Hz"):
         build_policy(saved[0], load_model("paper"), Loop(sample_time=0.002))
 
 
-def repacked(arrays: dict) -> bytes:
+def repacked(arrays: dict[str, Any]) -> bytes:
     stream = io.BytesIO()
-    np.savez(stream, **arrays)
+    np.savez(stream, **arrays)  # pyright: ignore[reportArgumentType]
     return stream.getvalue()
 
 
@@ -240,10 +251,11 @@ def swap(saved, **changes) -> None:
     path, weights = saved
     with np.load(weights) as held:
         arrays = {name: held[name] for name in held.files} | changes
-    rehash(path, weights, repacked({k: v for k, v in arrays.items() if v is not None}))
+    rehash((path, weights), repacked({k: v for k, v in arrays.items() if v is not None}))
 
 
-def rehash(path, weights, content: bytes) -> None:
+def rehash(saved, content: bytes) -> None:
+    path, weights = saved
     weights.write_bytes(content)
     edit(path, weights_sha256=hashlib.sha256(content).hexdigest())
 
@@ -263,7 +275,7 @@ def bomb(saved) -> None:
     stream = io.BytesIO()
     with zipfile.ZipFile(stream, "w", zipfile.ZIP_DEFLATED) as packed:
         packed.writestr("features.npy", bytes(MAX_WEIGHTS + 1))
-    rehash(*saved, stream.getvalue())
+    rehash(saved, stream.getvalue())
 
 
 def pickled(saved) -> None:
@@ -276,7 +288,7 @@ BROKEN = {
     "pickled": (pickled, "could run code"),
     "bomb": (bomb, "unpacks to more"),
     "too large": (lambda s: s[1].write_bytes(bytes(MAX_WEIGHTS + 1)), "larger than"),
-    "no zip": (lambda s: rehash(*s, b"weights"), "not an npz"),
+    "no zip": (lambda s: rehash(s, b"weights"), "not an npz"),
     "NaN": (lambda s: swap(s, bias_0=np.full(8, np.nan, np.float32)), "bias_0 holds NaN"),
     "shape": (lambda s: swap(s, bias_1=np.zeros(5, np.float32)), r"bias_1 is float32 \(5,\)"),
     "dtype": (lambda s: swap(s, bias_1=np.zeros(6)), "bias_1 is float64"),
@@ -339,7 +351,7 @@ def test_a_step_is_quick():
     layout = Layout(SCALE)
     rng = np.random.default_rng(0)
     layers = [
-        (rng.standard_normal((n, m)).astype(np.float32) / 8, np.zeros(n, np.float32))
+        ((rng.standard_normal((n, m)) / 8).astype(np.float32), np.zeros(n, np.float32))
         for m, n in ((15, 64), (64, 64), (64, 3))
     ]
     trial = Policy(

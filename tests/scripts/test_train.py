@@ -6,10 +6,12 @@ import json
 import subprocess
 import sys
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 import pytest
 
+from controllers.interface import Observation, Reference
 from controllers.kinematic import KinematicControl
 from controllers.policy_file import load_policy
 from controllers.policy_inputs import plain_features, tracking_features
@@ -89,9 +91,10 @@ def test_first_episodes_end_one_after_another_and_later_ones_last():
         seen, reward, done, infos = env.step(np.zeros((5, 4)))
         ends.append(done.copy())
         for row in np.flatnonzero(done).tolist():
-            assert infos[row]["TimeLimit.truncated"]
-            assert not np.array_equal(infos[row]["terminal_observation"], seen[row])
-            assert infos[row]["episode"]["r"] <= infos[row]["episode"]["l"]
+            info: Any = infos[row]
+            assert info["TimeLimit.truncated"]
+            assert not np.array_equal(info["terminal_observation"], seen[row])
+            assert info["episode"]["r"] <= info["episode"]["l"]
     steps = [np.flatnonzero(column) + 1 for column in np.array(ends).T]
     assert sorted(column[0] for column in steps) == [2, 4, 6, 8, 10]
     assert {int(gap) for column in steps for gap in np.diff(column)} == {10}
@@ -131,8 +134,6 @@ def test_a_controller_beneath_drives_as_it_would_alone():
         _, info = env.reset(seed=7 + row)
         control, errors, wanted, over = KinematicControl(sample_time=0.01), [], [], False
         while not over:
-            from controllers.interface import Observation, Reference
-
             observation = Observation(info["time"], info["wheel_speed"], info["measured_twist"])
             reference = Reference(info["reference_twist"], info["reference_acceleration"])
             _, _, _, over, info = env.step(env.to_action(control(observation, reference)))
@@ -301,6 +302,7 @@ WRONG = {
     "value": (["--set", "n_steps=0", "--steps", "200"], "train ppo"),
     "diverges": (["--set", "learning_rate=1e9", *QUICK_SETS], "lower learning_rate"),
     "controller": (["--residual", "magic"], "controller 'magic'"),
+    "policy beneath": (["--residual", "policy.json"], "is a policy itself"),
     "share alone": (["--share", "0.2"], "belongs to --residual"),
     "covariance": (["--randomise", "covariance"], "no covariance"),
     "range": (["--randomise", "m0"], "m0=90%:110%"),
