@@ -61,7 +61,10 @@ def main(
         str, typer.Option(metavar="NAME", help=f"Where to start from: {', '.join(SUITES)}.")
     ] = "paper",
     plant: Annotated[
-        str | None, typer.Option(metavar="P,...", help="What moves: paper, or a model file.")
+        list[str] | None,
+        typer.Option(
+            metavar="P", help="What moves, as `record` takes it: paper, a model file, contact."
+        ),
     ] = None,
     effect: Annotated[
         list[str] | None,
@@ -140,7 +143,7 @@ def main(
     chosen = settings(
         suite,
         {
-            "plants": words("plant", plant),
+            "plants": tuple(plant) if plant else None,
             "effects": tuple(effect) if effect else None,
             "models": words("model", model),
             "controllers": words("controllers", controllers),

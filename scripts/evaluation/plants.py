@@ -10,11 +10,10 @@ from typing import Any
 from identification.logs import Log
 from youbot_env.env import YouBotTrackingEnv
 from youbot_env.model import Model
-from youbot_env.model_file import load_model, model_to_dict
 from youbot_env.motions import Motion
 from youbot_scripts.driving import Progress
 from youbot_scripts.evaluation.closed_loop import ENCODER_TICKS, LoopSettings
-from youbot_scripts.experiments import with_effects
+from youbot_scripts.plants import Driven, plant_named
 from youbot_scripts.recording import record
 
 LAG = "actuator_lag"
@@ -26,7 +25,7 @@ class Plant:
 
     Attributes
     ----------
-    source : "paper" or another shipped model, or a model file
+    source : a model file, "paper", or "contact[:SETTING=VALUE,...]", as ``record --plant`` takes it
     effects : added to it, as ``record --effect`` takes them
     lag : time constant of the drives [s], 0 for none
     """
@@ -36,17 +35,21 @@ class Plant:
     lag: float = 0.0
 
     @cached_property
-    def truth(self) -> Model:
-        """The model that knows everything there is to know of it."""
-        model = with_effects(load_model(self.source), self.effects)
-        return model.with_effect(LAG, time_constant=self.lag) if self.lag else model
+    def driven(self) -> Driven:
+        """What moves, in parts."""
+        lag = (f"{LAG}:time_constant={self.lag!r}",) if self.lag else ()
+        return plant_named(self.source, (*self.effects, *lag))
 
-    def environment(
-        self, loop: LoopSettings, motion: Motion, length: float, seed: int = 0
-    ) -> YouBotTrackingEnv:
+    @property
+    def truth(self) -> Model:
+        """The model that knows all that a model can know of it; with contacts that is not all."""
+        return self.driven.model
+
+    def environment(self, loop: LoopSettings, motion: Motion, length: float) -> YouBotTrackingEnv:
         """The plant in the environment's loop."""
         return YouBotTrackingEnv(
             self.truth,
+            plant=self.driven.contact or "model",
             delay=loop.delay,
             wheel_speed_noise=loop.noise,
             encoder_ticks=ENCODER_TICKS,
@@ -59,11 +62,11 @@ class Plant:
         self, motions: Sequence[Motion], seed: int, progress: Progress | None = None
     ) -> list[Log]:
         """What a robot would have logged along motions, under the stock control, with noise."""
-        return record(self.truth, motions, seed=seed, progress=progress)
+        return record(self.driven.platform(), motions, seed=seed, progress=progress)
 
     def to_dict(self) -> dict[str, Any]:
         """All that its motion depends on."""
-        return {"plant": str(self), "model": model_to_dict(self.truth)}
+        return self.driven.to_dict()
 
     def __str__(self) -> str:
         return " + ".join((self.source, *self.effects))

@@ -118,6 +118,7 @@ SUITES: dict[str, Mapping[str, Any]] = {
         "models": ("identified", "diagnosed"),
         "bands": WIDE,
     },
+    "contact": {"plants": ("contact",), "bands": WIDE, "delay": 3, "lag": 0.03},
     "coulomb": {
         "effects": ("wheel_coulomb_friction:torque=0.25",),
         "models": ("identified", "diagnosed"),
@@ -127,8 +128,8 @@ SUITES: dict[str, Mapping[str, Any]] = {
 """Settings under a name; what a user says beside it goes first.
 
 paper: the paper's claim, band by band; prompt, late: one sample of delay, and three with drives
-that lag by 30 ms; saturated: references beyond the torque limit; tilt, coulomb: an effect is
-hidden, before and after it is diagnosed.
+that lag by 30 ms; saturated: references beyond the torque limit; contact: real rollers on a real
+floor; tilt, coulomb: an effect is hidden, before and after it is diagnosed.
 """
 
 
