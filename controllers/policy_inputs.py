@@ -11,7 +11,7 @@ import numpy as np
 
 from controllers.interface import Array, Observation, Reference
 from youbot_env.errors import InputError
-from youbot_env.geometry import SIGN_LATERAL, SIGN_Y
+from youbot_env.geometry import SIGN_LATERAL, SIGN_Y, Geometry
 
 CUT = 5.0
 """The environment cuts each observed value at this many times its scale."""
@@ -21,6 +21,9 @@ ERROR_GAIN, TWIST_GAIN, ACTION_GAIN = 30.0, 4.0, 4.0
 
 SLOPE_GAIN, CURVATURE_GAIN = 250.0, 500.0
 """The same for a change of the reference in one sample, and for the change of that change."""
+
+WHEEL_GAIN = 50.0
+"""Of a wheel's surface speed [m/s], for what a model often lacks: dry friction, a step at rest."""
 
 WHEEL_MIX: Array = np.column_stack([np.ones(4), SIGN_LATERAL, -np.array(SIGN_Y)])
 """(4, 3): what pushes forward, left and turns to the left, for each wheel fl, fr, bl, br."""
@@ -92,10 +95,12 @@ def plain_features(layout: Layout) -> Array:
     return np.eye(layout.size)
 
 
-def tracking_features(layout: Layout) -> Array:
+def tracking_features(layout: Layout, lever: float = Geometry().L) -> Array:
     """(F, D): error, twist, slope and curvature of the reference, past actions; all of order one.
 
-    Torques (past actions, those of the controller beneath) are seen as forward, left and turn.
+    Torques (past actions, those of the controller beneath) are seen as forward, left and turn. On
+    top of a controller the wheels' speeds at the floor are seen too, with ``lever`` [m], the L of
+    the geometry.
     """
     see = np.eye(layout.size)
     measured, now = see[0:3], see[3:6]
@@ -110,6 +115,9 @@ def tracking_features(layout: Layout) -> Array:
         rows.append(SLOPE_GAIN * slope(0, last))
     if last >= 2:
         rows.append(CURVATURE_GAIN * (slope(middle, last) - slope(0, middle)))
+    if layout.base_torque:
+        to_wheels = WHEEL_MIX * np.array([1.0, 1.0, lever]) * layout.twist_scale
+        rows.append(WHEEL_GAIN * to_wheels @ now)
     unmix = ACTION_GAIN * np.linalg.pinv(WHEEL_MIX)
     for start in range(6 + 3 * last, layout.size, 4):
         rows.append(unmix @ see[start : start + 4])

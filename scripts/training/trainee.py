@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
@@ -9,7 +10,7 @@ import torch
 
 from controllers.interface import Array, Loop
 from controllers.policy import Description, Network
-from controllers.policy_inputs import WHEEL_MIX, plain_features, tracking_features
+from controllers.policy_inputs import WHEEL_MIX, Layout, plain_features, tracking_features
 from controllers.registry import CONTROLLERS, entry
 from youbot_env.errors import InputError
 from youbot_env.model import Model
@@ -23,7 +24,10 @@ from youbot_scripts.training.settings import Choice
 ACTIVATIONS = {"tanh": torch.nn.Tanh, "relu": torch.nn.ReLU}
 """Functions between the layers, by the names of ``controllers.policy.ACTIVATIONS``."""
 
-FEATURES = {"tracking": tracking_features, "plain": plain_features}
+FEATURES: dict[str, Callable[[Layout, float], Array]] = {
+    "tracking": tracking_features,
+    "plain": lambda layout, lever: plain_features(layout),
+}
 
 
 @dataclass(frozen=True)
@@ -97,7 +101,7 @@ def prepare(choice: Choice, model: Model) -> Trainee:
         share=choice.share,
     )
     mix = WHEEL_MIX if learner.mixed else np.eye(4)
-    features = FEATURES[learner.features](layout)
+    features = FEATURES[learner.features](layout, model.geometry.L)
     return Trainee(choice, training, nominal, make_base, features, mix, description)
 
 

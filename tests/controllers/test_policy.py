@@ -104,6 +104,16 @@ def test_features_are_error_twist_slope_and_curvature():
     assert features[12:15] == pytest.approx([0.4, 0.8, 1.2])
 
 
+def test_on_top_of_a_controller_the_wheels_speeds_are_features():
+    layout, geometry = Layout(SCALE, base_torque=True), Geometry()
+    twist = np.array([0.01, 0.02, -0.03])
+    seen = np.zeros(layout.size)
+    seen[3:6] = twist / SCALE
+    found = tracking_features(layout, geometry.L) @ seen
+    expected = 50 * geometry.R * geometry.wheel_speeds(twist)
+    assert found[12:16] == pytest.approx(expected)
+
+
 @pytest.mark.parametrize("activation", ["tanh", "relu"])
 @pytest.mark.parametrize("squashed", [False, True])
 def test_layers_are_evaluated_one_after_another(activation, squashed):

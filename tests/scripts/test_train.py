@@ -91,7 +91,7 @@ def test_first_episodes_end_one_after_another_and_later_ones_last():
         seen, reward, done, infos = env.step(np.zeros((5, 4)))
         ends.append(done.copy())
         for row in np.flatnonzero(done).tolist():
-            info: Any = infos[row]
+            info: Any = list(infos)[row]
             assert info["TimeLimit.truncated"]
             assert not np.array_equal(info["terminal_observation"], seen[row])
             assert info["episode"]["r"] <= info["episode"]["l"]
@@ -268,7 +268,7 @@ def test_on_top_of_a_controller(tmp_path, capsys, monkeypatch):
     assert main([*arguments, "--effect", "wheel_coulomb_friction:torque=0.15"]) == 0
     network, described = load_policy("run/policy.json")
     assert described.base == "kinematic" and described.share == 0.2
-    assert described.layout.base_torque and network.features.shape == (18, 29)
+    assert described.layout.base_torque and network.features.shape == (22, 29)
     assert set(described.training["test"]) == {"kinematic", "ppo on kinematic"}
 
 
