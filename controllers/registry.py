@@ -52,8 +52,9 @@ def _gains(model: Model, loop: Loop) -> Settings:
 
 def _free_gains(model: Model, loop: Loop) -> Settings:
     """The best gains that are stable at all."""
+    from controllers.structures import KinematicStructure
     from controllers.trials import Trial, references
-    from controllers.tuning import Bench, KinematicStructure
+    from controllers.tuning import Bench
 
     bench = Bench(KinematicStructure(model, loop), Trial(model, loop, references(model)))
     return bench.best(None).point
@@ -65,6 +66,25 @@ def _computed_torque(model: Model, loop: Loop, **settings: Any) -> Controller:
     return ComputedTorque(model, loop, **settings)
 
 
+def _adaptive(model: Model, loop: Loop, **settings: Any) -> Controller:
+    from controllers.adaptive import AdaptiveComputedTorque
+
+    return AdaptiveComputedTorque(model, loop, **settings)
+
+
+def _poles(model: Model, loop: Loop) -> Settings:
+    """The fastest poles within the margins that ``pid_design`` asks for."""
+    from controllers.pid_design import design
+
+    return asdict(design(model, loop))
+
+
+def _pid(model: Model, loop: Loop, **settings: Any) -> Controller:
+    from controllers.pid import PID, PIDGains
+
+    return PID(model, loop, PIDGains(**settings))
+
+
 CONTROLLERS: dict[str, Entry] = {
     "kinematic": Entry(_kinematic, "wheel-speed PI, gains like the stock ones"),
     "kinematic_tuned": Entry(
@@ -73,9 +93,11 @@ CONTROLLERS: dict[str, Entry] = {
     "kinematic_free": Entry(
         _kinematic, "the same, its unconstrained best: hardly any margin", _free_gains
     ),
+    "pid": Entry(_pid, "PID on the body twist, gains from the model's masses", _poles),
     "computed_torque": Entry(
         _computed_torque, "the model's inverse dynamics fed forward in time, and feedback"
     ),
+    "adaptive": Entry(_adaptive, "computed torque that goes on identifying while it drives"),
 }
 """Every controller that a name alone stands for."""
 

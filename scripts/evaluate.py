@@ -72,6 +72,12 @@ def main(
             metavar="NAME:P=VALUE,...", help="Hide an effect in the plant, as `record` does."
         ),
     ] = None,
+    surprise: Annotated[
+        list[str] | None,
+        typer.Option(
+            metavar="NAME:P=VALUE,...", help="The same, but in no log: put on for the runs."
+        ),
+    ] = None,
     model: Annotated[
         str | None,
         typer.Option(
@@ -145,6 +151,7 @@ def main(
         {
             "plants": tuple(plant) if plant else None,
             "effects": tuple(effect) if effect else None,
+            "surprises": tuple(surprise) if surprise else None,
             "models": words("model", model),
             "controllers": words("controllers", controllers),
             "bands": bands(band),

@@ -16,6 +16,9 @@ AXES = ("VX", "VY", "W")
 WORST = 95
 """Percentile of the absolute error that the worst twentieth of the time exceeds."""
 
+STRETCH = 5.0
+"""Length [s] of the stretches in which the error's course is told."""
+
 CONFIDENCE = 0.95
 
 
@@ -43,7 +46,9 @@ def judge(trace: Trace, start: float = 0.0) -> dict[str, Any]:
     it. ``position_drift`` [m] and ``heading_drift`` [rad] are how far the platform ends from where
     the integrated reference does. ``effort`` [N m] is the root mean square of the commanded
     torques, ``torque_rate`` [N m/s] that of their rate, ``saturation`` the share of instants at
-    which a wheel is at its limit. A loop that diverged has its time in ``diverged`` and no more.
+    which a wheel is at its limit; ``course`` the normalised RMSE, mean of the moving axes, in one
+    stretch of ``STRETCH`` after the other. A loop that diverged has its time in ``diverged`` and no
+    more.
     """
     if trace.diverged is not None:
         return {"diverged": trace.diverged}
@@ -66,7 +71,16 @@ def judge(trace: Trace, start: float = 0.0) -> dict[str, Any]:
         "effort": float(np.sqrt(np.mean(trace.command[inside] ** 2))),
         "torque_rate": float(np.sqrt(np.mean(rate**2))),
         "saturation": float(np.mean(trace.saturated[inside])),
+        "course": _course(error, size, round(STRETCH / period)),
     }
+
+
+def _course(error: Array, size: Array, rows: int) -> list[float]:
+    """Over the whole reference's size, so that a lull of it does not look like an error."""
+    moving = size > 0
+    shares = error[:, moving] / size[moving]
+    whole = shares[: len(shares) // rows * rows].reshape(-1, rows, shares.shape[1])
+    return np.sqrt(np.mean(whole**2, axis=1)).mean(axis=1).tolist() if moving.any() else []
 
 
 def _ratios(value: Array, size: Array) -> list[float | None]:

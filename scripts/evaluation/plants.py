@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Any
 
@@ -13,10 +13,14 @@ from youbot_env.model import Model
 from youbot_env.motions import Motion
 from youbot_scripts.driving import Progress
 from youbot_scripts.evaluation.closed_loop import ENCODER_TICKS, LoopSettings
+from youbot_scripts.experiments import with_effects
 from youbot_scripts.plants import Driven, plant_named
 from youbot_scripts.recording import record
 
 LAG = "actuator_lag"
+
+SURPRISE = ", in the runs also "
+"""Between what logs have seen of a plant and what they have not, in its name."""
 
 
 @dataclass(frozen=True)
@@ -27,18 +31,25 @@ class Plant:
     ----------
     source : a model file, "paper", or "contact[:SETTING=VALUE,...]", as ``record --plant`` takes it
     effects : added to it, as ``record --effect`` takes them
+    surprises : more of them, in the runs alone: no log has seen them
     lag : time constant of the drives [s], 0 for none
     """
 
     source: str = "paper"
     effects: tuple[str, ...] = ()
+    surprises: tuple[str, ...] = ()
     lag: float = 0.0
 
     @cached_property
-    def driven(self) -> Driven:
-        """What moves, in parts."""
+    def recorded(self) -> Driven:
+        """What moves while logs are made, in parts."""
         lag = (f"{LAG}:time_constant={self.lag!r}",) if self.lag else ()
         return plant_named(self.source, (*self.effects, *lag))
+
+    @cached_property
+    def driven(self) -> Driven:
+        """What moves in the runs."""
+        return replace(self.recorded, model=with_effects(self.recorded.model, self.surprises))
 
     @property
     def truth(self) -> Model:
@@ -62,11 +73,12 @@ class Plant:
         self, motions: Sequence[Motion], seed: int, progress: Progress | None = None
     ) -> list[Log]:
         """What a robot would have logged along motions, under the stock control, with noise."""
-        return record(self.driven.platform(), motions, seed=seed, progress=progress)
+        return record(self.recorded.platform(), motions, seed=seed, progress=progress)
 
     def to_dict(self) -> dict[str, Any]:
-        """All that its motion depends on."""
+        """All that its motion in the runs depends on."""
         return self.driven.to_dict()
 
     def __str__(self) -> str:
-        return " + ".join((self.source, *self.effects))
+        known = " + ".join((self.source, *self.effects))
+        return SURPRISE.join((known, *self.surprises))

@@ -19,7 +19,7 @@ from youbot_scripts.evaluation.trials import Condition, Course
 
 Band = tuple[float, float]
 
-BASIC = ("kinematic", "kinematic_tuned", "computed_torque")
+BASIC = ("kinematic", "kinematic_tuned", "pid", "computed_torque")
 """Compared unless others are named."""
 
 WIDE: tuple[Band, ...] = ((0.5, 3.0),)
@@ -35,7 +35,7 @@ class Settings:
 
     Attributes
     ----------
-    plants, effects, lag : what moves; the effects are in every plant
+    plants, effects, surprises, lag : what moves, see ``Plant``; the effects are in every plant
     models : how the controllers' models of it come about, see ``Knowledge``
     controllers : names of the registry
     bands : of the references [rad/s]
@@ -53,6 +53,7 @@ class Settings:
 
     plants: tuple[str, ...] = ("paper",)
     effects: tuple[str, ...] = ()
+    surprises: tuple[str, ...] = ()
     lag: float = 0.0
     models: tuple[str, ...] = (IDENTIFIED,)
     controllers: tuple[str, ...] = BASIC
@@ -82,7 +83,10 @@ class Settings:
     def conditions(self) -> list[Condition]:
         """Every plant with every model, in one loop."""
         loop = LoopSettings(self.rate, self.delay, self.noise, self.pose)
-        plants = [Plant(source, self.effects, self.lag) for source in dict.fromkeys(self.plants)]
+        plants = [
+            Plant(source, self.effects, self.surprises, self.lag)
+            for source in dict.fromkeys(self.plants)
+        ]
         models = [Knowledge(how) for how in dict.fromkeys(self.models)]
         return [Condition(plant, model, loop) for plant, model in product(plants, models)]
 
@@ -102,17 +106,23 @@ SUITES: dict[str, Mapping[str, Any]] = {
     "paper": {},
     "prompt": {
         "models": ("known", "identified"),
-        "controllers": (*BASIC, "kinematic_free"),
+        "controllers": (*BASIC, "adaptive", "kinematic_free"),
         "bands": WIDE,
     },
     "late": {
         "models": ("known", "identified"),
-        "controllers": (*BASIC, "kinematic_free"),
+        "controllers": (*BASIC, "adaptive", "kinematic_free"),
         "bands": WIDE,
         "delay": 3,
         "lag": 0.03,
     },
     "saturated": {"bands": ((2.0, 4.0),), "amplitude": (0.6, 0.5, 1.6)},
+    "payload": {
+        "surprises": ("payload_change:mass=8,x=0.1,y=0.05,time=20",),
+        "controllers": ("kinematic_tuned", "computed_torque", "adaptive"),
+        "bands": WIDE,
+        "duration": 45.0,
+    },
     "tilt": {
         "effects": ("floor_tilt:tilt_x=-0.018,tilt_y=-0.004",),
         "models": ("identified", "diagnosed"),
@@ -129,7 +139,8 @@ SUITES: dict[str, Mapping[str, Any]] = {
 
 paper: the paper's claim, band by band; prompt, late: one sample of delay, and three with drives
 that lag by 30 ms; saturated: references beyond the torque limit; contact: real rollers on a real
-floor; tilt, coulomb: an effect is hidden, before and after it is diagnosed.
+floor; payload: a load is put on in mid-run; tilt, coulomb: an effect is hidden, before and after
+it is diagnosed.
 """
 
 

@@ -23,6 +23,9 @@ OVERALL = (
 )
 """Metrics with one number for a run."""
 
+STRETCHES = "course"
+"""Metrics with one number for each stretch of a run: "course 1", "course 2" ..."""
+
 SATURATED = 0.001
 """Share of instants at a torque limit above which a comparison is shown but not scored: there the
 limit decides, not the controller."""
@@ -91,6 +94,9 @@ def _result(group: Sequence[Record]) -> Result:
         for axis, label in enumerate(AXES):
             moving = [t[name][axis] for t in sound if t[name][axis] is not None]
             metrics[f"{name} {label}"] = interval(moving)
+    stretches = min((len(trial["course"]) for trial in sound), default=0)
+    for k in range(stretches):
+        metrics[f"{STRETCHES} {k + 1}"] = interval([trial["course"][k] for trial in sound])
     metrics["nrmse"] = interval([mean_nrmse(trial) for trial in sound])
     first = group[0]
     low, high = first["band"]

@@ -3,13 +3,21 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from typing import Any
 
 from youbot_scripts import common
-from youbot_scripts.evaluation.metrics import AXES
-from youbot_scripts.evaluation.summary import Result, by_condition, in_words, ratios, unscored
+from youbot_scripts.evaluation.metrics import AXES, STRETCH
+from youbot_scripts.evaluation.plants import SURPRISE
+from youbot_scripts.evaluation.summary import (
+    STRETCHES,
+    Result,
+    by_condition,
+    in_words,
+    ratios,
+    unscored,
+)
 
 
 @dataclass(frozen=True)
@@ -30,11 +38,35 @@ def tables(results: Sequence[Result], against: str) -> list[Table]:
     ----------
     against : the controller that others are measured by
     """
-    found = []
+    found = list(by_model(results))
     for group in by_condition(results):
         found.append(overview(group, against))
         found += [tracking(group), size(group), effort(group)]
+        if SURPRISE in group[0].place["plant"]:
+            found.append(course(group))
     return found
+
+
+def by_model(results: Sequence[Result]) -> Iterator[Table]:
+    """Where a plant was driven on several models: how each controller fares on each."""
+    groups = by_condition(results)
+    for plant in dict.fromkeys(group[0].place["plant"] for group in groups):
+        same = [group for group in groups if group[0].place["plant"] == plant]
+        models = [group[0].place["model"] for group in same]
+        if len(models) < 2:
+            continue
+        cells = {(r.controller, r.band, r.place["model"]): r for group in same for r in group}
+        rows = [
+            tuple(_mean(cells[r.controller, r.band, model], "nrmse") for model in models)
+            for r in same[0]
+        ]
+        title = "Normalised RMSE [%], mean of axes, by model"
+        yield Table(
+            title,
+            (*LEAD, *models),
+            _led(same[0], rows),
+            heading=in_words({**same[0][0].place, "model": ", ".join(models)}),
+        )
 
 
 def overview(group: Sequence[Result], against: str) -> Table:
@@ -52,7 +84,7 @@ def overview(group: Sequence[Result], against: str) -> Table:
         if shares:
             notes.append(f"{_band(band)}, worst axis against {against}: {', '.join(shares)}")
     return Table(
-        "Normalised RMSE [%], mean of VX, VY, W, by band [rad/s]",
+        "Normalised RMSE [%], mean of axes",
         ("controller", *(_band(band) for band in bands)),
         tuple(rows),
         tuple(notes),
@@ -96,6 +128,18 @@ def effort(group: Sequence[Result]) -> Table:
     ]
     headers = ("worst %", "torque N m", "rate N m/s", "saturated %")
     title = "95th percentile of the worst axis' normalised error; torque and its rate (rms)"
+    return Table(title, (*LEAD, *headers), _led(group, rows))
+
+
+def course(group: Sequence[Result]) -> Table:
+    """The error as time goes by."""
+    names = [name for name in group[0].metrics if name.startswith(f"{STRETCHES} ")]
+    rows = [
+        tuple(_short(100 * result.mean(name)) for name in names if name in result.metrics)
+        for result in group
+    ]
+    headers = tuple(f"{STRETCH * (k + 1):g} s" for k in range(len(names)))
+    title = "Normalised RMSE [%] in stretches that end after the time above, ramp left out"
     return Table(title, (*LEAD, *headers), _led(group, rows))
 
 

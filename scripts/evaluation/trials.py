@@ -91,7 +91,7 @@ class Learning:
     @cached_property
     def key(self) -> str:
         """The same whenever the result is."""
-        return digest("model", self.plant.to_dict(), self.knowledge.how, self.seed)
+        return digest("model", self.plant.recorded.to_dict(), self.knowledge.how, self.seed)
 
     def __call__(self) -> Record:
         found = self.knowledge.of(self.plant, self.seed)

@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import re
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -28,7 +29,16 @@ from youbot_scripts.evaluation.knowledge import Knowledge
 from youbot_scripts.evaluation.plants import Plant
 from youbot_scripts.evaluation.settings import SUITES, Settings, settings
 from youbot_scripts.evaluation.summary import gather, ratios, unscored
-from youbot_scripts.evaluation.trials import Condition, Course, digest, learn, plan, run_all
+from youbot_scripts.evaluation.trials import (
+    Condition,
+    Course,
+    Learning,
+    Trial,
+    digest,
+    learn,
+    plan,
+    run_all,
+)
 
 QUICK: dict[str, Any] = {
     "models": ("known",),
@@ -236,6 +246,24 @@ def test_the_loop_closes():
     assert after < before / 3
 
 
+def test_no_log_knows_of_a_surprise():
+    plain = Plant(effects=("floor_tilt:tilt_x=0.01",))
+    surprised = replace(plain, surprises=("payload_change:mass=5,time=3",))
+    assert surprised.recorded == plain.recorded
+    assert tuple(surprised.truth.effects) == ("floor_tilt", "payload_change")
+    know = Knowledge("identified")
+    assert Learning(surprised, know, 0).key == Learning(plain, know, 0).key
+    loop = LoopSettings()
+    trials = [
+        Trial(Condition(p, know, loop), "kinematic", plain.truth, Course((1.0, 2.0)), 0, 0)
+        for p in (plain, surprised)
+    ]
+    assert trials[0].key != trials[1].key
+    first, second = (trial.trace().twist for trial in trials)
+    np.testing.assert_allclose(first[:300], second[:300], rtol=0, atol=1e-12)
+    assert np.abs(first[300:] - second[300:]).max() > 1e-3
+
+
 def test_settings_that_nothing_can_be_learnt_from_are_refused():
     for how in ("identifed", "nowhere.json", "identified+magic"):
         with pytest.raises(InputError):
@@ -254,6 +282,7 @@ def record(controller: str, seed: int, size: float, **changes: Any) -> dict[str,
         **{"key": f"{controller}{seed}", **condition, "controller": controller, "band": [1.0, 2.0]},
         **{"seed": seed, "diverged": None, "saturation": 0.0, **numbers},
         **dict.fromkeys(others, 1.0),
+        "course": [size, 2 * size],
         **changes,
     }
 
@@ -261,13 +290,31 @@ def record(controller: str, seed: int, size: float, **changes: Any) -> dict[str,
 def test_a_diverged_run_is_shown_and_never_averaged_away():
     lost = {"key": "x", "diverged": 1.0}
     sound = record("a", 0, 0.1)
-    kept = {k: v for k, v in sound.items() if not isinstance(v, float) and k not in ("nrmse",)}
+    kept = {k: v for k, v in sound.items() if not isinstance(v, float) and k != "nrmse"}
     results = gather([sound, {**kept, **lost, "seed": 1}, record("b", 0, 0.2)])
     assert (results[0].runs, results[0].diverged) == (2, 1)
     assert np.isnan(results[0].mean("nrmse VX")) and np.isnan(ratios(results, "b")[1.0, 2.0]["a"])
     shown = "\n".join(" ".join(row) for t in tables.tables(results, "b") for row in t.rows)
     assert "a 1/2 diverge" in shown
     assert "a diverges" in " ".join(tables.overview(results, "b").notes)
+
+
+def test_the_course_is_shown_where_something_changes_in_the_runs():
+    plant = Plant(surprises=("payload_change:mass=5,time=10",))
+    place = Condition(plant, Knowledge("known"), LoopSettings()).to_dict()
+    for changes, wanted in ((place, True), ({}, False)):
+        found = tables.tables(gather([record("a", 0, 0.1, **changes)]), "a")
+        shown = [table for table in found if "stretches" in table.title]
+        assert bool(shown) == wanted
+        if shown:
+            assert shown[0].headers[2:] == ("5 s", "10 s") and shown[0].rows[0][2:] == ("10", "20")
+
+
+def test_models_of_one_plant_stand_side_by_side():
+    other = {"model": "diagnosed"}
+    found = tables.tables(gather([record("a", 0, 0.3), record("a", 0, 0.03, **other)]), "a")
+    assert found[0].headers == ("rad/s", "controller", "known", "diagnosed")
+    assert found[0].rows == (("1-2", "a", "40.0", "4.00"),)
 
 
 def test_ratios_are_those_of_the_worst_axis():

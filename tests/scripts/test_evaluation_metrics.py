@@ -86,6 +86,15 @@ def test_drift_is_where_it_ends_and_not_how():
     assert found["heading_drift"] == pytest.approx(0.2) and found["position_drift"] < 1e-12
 
 
+def test_the_course_tells_when_the_error_was():
+    late = SINES * (1 + 0.1 * ((TIME >= 10.0) & (TIME < 15.0)))[:, None]
+    constant = np.tile([0.1, 0.2, 0.3], (COUNT, 1))
+    found = judge(trace(1.2 * constant, constant))["course"]
+    np.testing.assert_allclose(found, 0.2 * np.ones(4))
+    one = judge(trace(late))["course"]
+    assert len(one) == 4 and one[2] > 0.05 and max(one[0], one[1], one[3]) < 1e-12
+
+
 def test_effort_rate_and_saturation():
     steady = judge(trace(SINES, command=np.full((COUNT, 4), -0.7)))
     assert (steady["effort"], steady["torque_rate"]) == (pytest.approx(0.7), 0.0)
