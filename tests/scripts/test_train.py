@@ -19,8 +19,8 @@ from youbot_env.env import YouBotTrackingEnv
 from youbot_env.errors import InputError
 from youbot_env.model_file import load_model
 from youbot_scripts.cli import main
-from youbot_scripts.train import chosen
 from youbot_scripts.training.conditions import Conditions, ranges_from
+from youbot_scripts.training.runs import chosen
 from youbot_scripts.training.settings import changed, choice_from_dict
 
 sb3 = pytest.importorskip("stable_baselines3")
@@ -89,9 +89,10 @@ def test_first_episodes_end_one_after_another_and_later_ones_last():
     ends = []
     for _ in range(30):
         seen, reward, done, infos = env.step(np.zeros((5, 4)))
+        assert isinstance(seen, np.ndarray)
         ends.append(done.copy())
         for row in np.flatnonzero(done).tolist():
-            info: Any = list(infos)[row]
+            info: Any = infos[row]
             assert info["TimeLimit.truncated"]
             assert not np.array_equal(info["terminal_observation"], seen[row])
             assert info["episode"]["r"] <= info["episode"]["l"]
