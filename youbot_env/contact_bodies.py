@@ -163,6 +163,11 @@ class Bodies:
         angle[:], rate[:] = q[self._q], v[self._v]
 
     @property
+    def height(self) -> float:
+        """Of O above the floor [m]."""
+        return float(self._data.qpos[2])
+
+    @property
     def energy(self) -> float:
         """Kinetic and potential energy [J]."""
         engine, data = _engine(), copy.copy(self._data)

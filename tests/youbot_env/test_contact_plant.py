@@ -173,6 +173,25 @@ def test_moves_nearly_as_the_ideal_model_does(plant: ContactPlant, peak: float, 
     assert (drift < (0.03, 0.03, 0.03)).all()
 
 
+def test_fewer_rollers_bump_more():
+    """The twist's deviation from the ideal model, and the ripple of the height, rolling ahead."""
+    torque, deviations, ripples = torques(peak=2.0), [], []
+    ideal = driven(Plant(PAPER), torque)[0]
+    for rollers in (16, 12, 8):
+        plant = ContactPlant(PAPER, Contact(rollers=rollers))
+        deviations.append(relative(driven(plant, torque)[0], ideal))
+        plant.reset(twist=(0.4, 0.0, 0.0))
+        height = []
+        for _ in range(100):
+            plant.step(np.full(4, 0.9), 0.01)
+            height.append(plant.height)
+        ripples.append(1e6 * np.std(height))
+        print(f"\n{rollers} rollers: twist off by {deviations[-1].round(4)}", end=", ")
+        print(f"height ripples by {ripples[-1]:.1f} micrometres")
+    assert ripples[0] < 3.0 < ripples[2]
+    assert deviations[0][0] < deviations[1][0] < deviations[2][0] < 0.1
+
+
 def test_effective_masses_are_the_model_s(plant: ContactPlant):
     """Least squares of force over acceleration and velocity gives m0 + 4 I1/R^2."""
     g, v = PAPER.geometry, PAPER.values
