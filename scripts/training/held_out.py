@@ -11,12 +11,9 @@ import numpy as np
 from controllers.interface import Array
 from youbot_env.stepping import Setup
 from youbot_scripts.training.platforms import Fleet, MakeBase
+from youbot_scripts.training.settings import TEST_SEED
 
 AXES = ("velocity_x", "velocity_y", "yaw_rate")
-
-EVALUATION_SEED, TEST_SEED = 1_000_000, 2_000_000
-"""First seeds of the references that choose the best policy, and of those that judge it. Training
-draws from spawned sequences, which never meet them."""
 
 
 @dataclass(frozen=True)

@@ -18,10 +18,9 @@ from controllers.policy_file import load_policy, save_policy
 from youbot_env.errors import InputError
 from youbot_env.model import Model
 from youbot_scripts.training.exporting import ALGORITHMS, network_of
-from youbot_scripts.training.held_out import EVALUATION_SEED
 from youbot_scripts.training.platforms import TrackingVecEnv
 from youbot_scripts.training.run_folder import RunFolder
-from youbot_scripts.training.settings import ACTION_NOISE, Choice
+from youbot_scripts.training.settings import ACTION_NOISE, EVALUATION_SEED, Choice
 from youbot_scripts.training.trainee import ACTIVATIONS, Trainee, prepare
 
 Report = Callable[[dict[str, Any]], None]

@@ -12,7 +12,7 @@ from youbot_env.errors import InputError
 from youbot_env.model import Model
 from youbot_env.model_file import load_model
 from youbot_scripts import common
-from youbot_scripts.training.settings import LEARNERS, Choice, changed
+from youbot_scripts.training.settings import LEARNERS, TEST_SEED, Choice, changed
 
 SHARE = 0.3
 """Of the torque limit, for a policy on top of a controller that does most of the work."""
@@ -69,7 +69,6 @@ def train(
         If an option cannot be, or the folder holds another run.
     """
     from youbot_scripts.training import learning
-    from youbot_scripts.training.held_out import TEST_SEED
     from youbot_scripts.training.run_folder import RunFolder
 
     folder = RunFolder(path)

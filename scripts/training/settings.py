@@ -92,6 +92,10 @@ first actions (log_std_init) do, since a tenth of the torque already moves the p
 target_kl PPO forgets halfway what it has learnt: its actions vary so little by then that any change
 of the mean is a large one."""
 
+EVALUATION_SEED, TEST_SEED = 1_000_000, 2_000_000
+"""First seeds of the references that choose the best policy, and of those that judge it. Training
+draws from spawned sequences, which never meet them."""
+
 ACTION_NOISE = 0.1
 """Standard deviation of TD3's exploration, of the torque limit."""
 
