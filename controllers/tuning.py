@@ -1,31 +1,24 @@
 """Tuning: the gains of a given structure that track best, with and without what a robot demands.
 
-A structure is a bank of laws, vectorised over candidates. The search is a grid that zooms in on its
-best point: it needs no slopes, a bound of the constraints may be crooked, and no chance plays.
+A structure (see :mod:`controllers.structures`) has a few free numbers. They are sought on a grid
+that zooms in on its best point: that needs no slopes, the bound of what is allowed may be crooked,
+no chance plays, and all points of a grid are simulated side by side.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
-from typing import Protocol
 
 import numpy as np
 
 from controllers.interface import Array, Loop
 from controllers.kinematic import Gains
-from controllers.linear import (
-    Complex,
-    LinearSystem,
-    Margins,
-    closed,
-    frequency_grid,
-    margins,
-    sampled_platform,
-)
-from controllers.trials import Law, Score, Trial, references
+from controllers.linear import Complex, closed, sampled_platform
+from controllers.margins import Margins, control_margins, frequency_grid, margins
+from controllers.structures import KinematicStructure, Structure
+from controllers.trials import Score, Trial, references
 from youbot_env.errors import InputError
-from youbot_env.geometry import Geometry
 from youbot_env.model import Model
 from youbot_env.validation import finite
 
@@ -73,27 +66,6 @@ class Requirements:
             finite("requirement torque_rate", self.torque_rate, positive=True)
 
 
-class Structure(Protocol):
-    """A control law with free numbers, as the search sees it.
-
-    Attributes
-    ----------
-    names : of the free numbers
-    span : lowest and highest value of each, all positive; the grid is logarithmic
-    """
-
-    names: tuple[str, ...]
-    span: tuple[tuple[float, float], ...]
-
-    def controller(self, point: Array) -> LinearSystem:
-        """Measured twist error (3,) to body force (3,) at one point (p,)."""
-        ...
-
-    def law(self, points: Array, motions: int) -> Law:
-        """Rows (c * motions) of the points (c, p), each for all motions."""
-        ...
-
-
 @dataclass(frozen=True)
 class Tuned:
     """One point of a search and what it costs.
@@ -134,63 +106,6 @@ class Tuned:
         }
 
 
-class WheelLoops:
-    """``KinematicControl`` for many rows at once: the same numbers, to rounding."""
-
-    def __init__(self, gains: Sequence[Gains], geometry: Geometry, loop: Loop) -> None:
-        self.lead = np.array([g.lead for g in gains])
-        self._proportional = np.array([[g.proportional] for g in gains])
-        self._step = np.array([[g.integral * loop.sample_time] for g in gains])
-        self._to_wheels, self._limit = geometry.wheel_jacobian.T, loop.torque_limit
-        self._integral = np.zeros((len(gains), 4))
-
-    def __call__(self, wheel_speed: Array, reference: Array) -> Array:
-        error = reference @ self._to_wheels - wheel_speed
-        step = self._step * error
-        wanted = self._proportional * error + self._integral + step
-        torque = np.clip(wanted, -self._limit, self._limit)
-        self._integral += np.where((wanted - torque) * error <= 0.0, step, 0.0)
-        return torque
-
-
-class KinematicStructure:
-    """Wheel-speed PI: its two gains are free, and on request the lead of its reference.
-
-    Without slip four equal wheel loops are three loops of the body force: each wheel's gain times
-    ``geometry.wheel_jacobian``'s column squares.
-    """
-
-    def __init__(self, model: Model, loop: Loop, *, lead: bool = False) -> None:
-        self.model, self.loop = model, loop
-        self.names: tuple[str, ...] = ("proportional", "integral", "lead")[: 2 + lead]
-        longest = 0.05 + 2 * (loop.delay + loop.sample_time)
-        self.span: tuple[tuple[float, float], ...] = ((0.01, 10.0), (0.03, 300.0), (1e-3, longest))[
-            : 2 + lead
-        ]
-
-    def gains(self, point: Array) -> Gains:
-        """The point as ``KinematicControl`` takes it."""
-        return Gains(**dict(zip(self.names, np.asarray(point, float).tolist(), strict=True)))
-
-    def controller(self, point: Array) -> LinearSystem:
-        return wheel_loops(self.gains(point), self.model.geometry, self.loop.sample_time)
-
-    def law(self, points: Array, motions: int) -> WheelLoops:
-        rows = [gains for gains in map(self.gains, points) for _ in range(motions)]
-        return WheelLoops(rows, self.model.geometry, self.loop)
-
-
-def wheel_loops(gains: Gains, geometry: Geometry, period: float) -> LinearSystem:
-    """Twist error (3,) to body force (3,) of equal PI loops at the wheels."""
-    to_force = np.diag((geometry.wheel_jacobian**2).sum(axis=0))
-    step = gains.integral * period * to_force
-    direct = gains.proportional * to_force + step
-    return LinearSystem(np.eye(3), step, np.eye(3), direct, period)
-
-
-# --- the search ------------------------------------------------------------------------------
-
-
 class Bench:
     """Judges points of a structure in one condition."""
 
@@ -204,8 +119,13 @@ class Bench:
         """Which points (c, p) are stable (c,), and their margins."""
         controllers = [self.structure.controller(point) for point in points]
         stable = np.array([closed(self.plant, k).is_stable for k in controllers])
-        gain = np.stack([k.response(self.frequency) for k in controllers]) @ self._response
-        return stable, margins(gain)
+        gain = np.stack([self.structure.response(point, self.frequency) for point in points])
+        return stable, margins(gain @ self._response)
+
+    def python_controls(self, point: Array) -> Margins:
+        """The margins of one point (p,) as python-control finds them (extra: control)."""
+        gain = self.structure.response(point, self.frequency) @ self._response
+        return control_margins(gain, self.frequency)
 
     def score(self, points: Array) -> Score:
         """Simulated errors and torque rates of points (c, p)."""

@@ -10,15 +10,9 @@ import pytest
 from controllers.interface import Loop
 from controllers.kinematic import Gains, KinematicControl
 from controllers.linear import closed, sampled_platform
+from controllers.structures import KinematicStructure, WheelLoops, wheel_loops
 from controllers.trials import Trial, references
-from controllers.tuning import (
-    Bench,
-    KinematicStructure,
-    Requirements,
-    WheelLoops,
-    tune,
-    wheel_loops,
-)
+from controllers.tuning import Bench, Requirements, tune
 from youbot_env.errors import InputError
 from youbot_env.model_file import load_model
 
