@@ -244,7 +244,7 @@ class Evaluation:
         """The pictures by name: two for each condition, of the first seed where one must do."""
         from youbot_scripts.evaluation.figures import error_by_frequency, time_courses
 
-        drawn = {}
+        drawn, names = {}, self.settings.controllers
         groups = by_condition(self.results)
         for n, (group, condition) in enumerate(zip(groups, self.models, strict=True)):
             number = f"_{n + 1}" if len(groups) > 1 else ""
@@ -253,7 +253,7 @@ class Evaluation:
             course = shown[0].course
             stated = f"{in_words(group[0].place)}; {course}, seed 0"
             traces = {trial.controller: trial.trace() for trial in shown}
-            drawn[f"time_courses{number}"] = time_courses(traces, stated)
+            drawn[f"time_courses{number}"] = time_courses(traces, stated, names)
         return drawn
 
     def _shown(self, group: Sequence[Result], condition: Condition) -> list[Trial]:
@@ -264,14 +264,14 @@ class Evaluation:
         results = [result for result in group if result.band == course.band]
         ranked = sorted(results, key=lambda r: (r.diverged > 0, r.mean("nrmse")))
         lost = [result.controller for result in results if result.diverged]
-        wanted = [results[0].controller, self.settings.against, ranked[0].controller, *lost]
-        names = list(dict.fromkeys(wanted))[:COURSES]
+        first = [results[0].controller, self.settings.against, ranked[0].controller, *lost]
+        names = list(dict.fromkeys([*first, *self.settings.controllers]))
         found = {
             trial.controller: trial
             for trial in self.trials
             if trial.condition == condition and trial.course == course and trial.index == 0
         }
-        return [found[name] for name in names if name in found]
+        return [found[name] for name in names if name in found][:COURSES]
 
 
 def evaluate(

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from identification.plot_style import GREY, REFERENCE, line, new_figure, styled, write_figure
+from identification.plot_style import GREY, line, new_figure, styled, write_figure
 from youbot_scripts.evaluation.closed_loop import Trace
 from youbot_scripts.evaluation.metrics import AXES
 from youbot_scripts.evaluation.summary import Result, in_words
@@ -113,33 +113,42 @@ def _state(figure: Figure, title: str, group: Sequence[Result]) -> None:
 
 
 @styled
-def time_courses(traces: Mapping[str, Trace], stated: str, seconds: float = 15.0) -> Figure:
-    """Reference and true twist of selected controllers, an axis a panel.
+def time_courses(
+    traces: Mapping[str, Trace], stated: str, names: Sequence[str], seconds: float = 15.0
+) -> Figure:
+    """Reference and true twist of selected controllers, an axis a row; beside them the errors.
 
     Parameters
     ----------
     traces : by controller, all along one reference
     stated : plant, model, loop, reference and seed in words
-    seconds : shown, from the start
+    names : of all controllers, in the order that gives them their colours
+    seconds : of the responses that are shown, from the start; errors are shown to the end
     """
-    figure = new_figure(6.6)
-    panels = figure.subplots(3, 1, sharex=True)
-    look = _look(list(traces))
-    first = next(iter(traces.values()))
-    for axis, panel in enumerate(panels):
-        shown = first.time <= seconds
-        line(panel, first.time[shown], first.reference[shown, axis], label="reference",
-             **{**REFERENCE, "color": "#a6a6a6", "linewidth": 3.2})  # fmt: skip
+    figure = new_figure(6.8)
+    panels = figure.subplots(3, 2, sharex="col", width_ratios=(3, 2))
+    look = _look(list(dict.fromkeys([*names, *traces])))
+    longest = max(traces.values(), key=lambda trace: len(trace.time))
+    for axis, (left, right) in enumerate(panels):
+        shown = longest.time <= seconds
+        line(left, longest.time[shown], longest.reference[shown, axis], label="reference",
+             color="#a6a6a6", linewidth=3.2)  # fmt: skip
         for name, trace in traces.items():
-            shown = trace.time <= seconds
+            colour, shown = look[name]["color"], trace.time <= seconds
             label = name if trace.diverged is None else f"{name} (diverges)"
-            line(panel, trace.time[shown], trace.twist[shown, axis], label=label, linewidth=1.1,
-                 color=look[name]["color"])  # fmt: skip
-        reach = 1.6 * max(float(np.abs(first.reference[:, axis]).max()), 1e-3)
-        panel.set_ylim(-reach, reach)
-        panel.set_ylabel(f"{AXES[axis]} [{UNITS[axis]}]")
-    panels[-1].set_xlabel("time [s]")
-    handles, labels = panels[0].get_legend_handles_labels()
+            line(left, trace.time[shown], trace.twist[shown, axis], label=label, linewidth=1.1,
+                 color=colour)  # fmt: skip
+            line(right, trace.time, np.abs(trace.twist - trace.reference)[:, axis],
+                 linewidth=0.8, color=colour)  # fmt: skip
+        reach = 1.6 * max(float(np.abs(longest.reference[:, axis]).max()), 1e-3)
+        left.set_ylim(-reach, reach)
+        left.set_ylabel(f"{AXES[axis]} [{UNITS[axis]}]")
+        right.set_yscale("log")
+        right.set_ylim(1e-4 * reach, 2 * reach)
+    panels[0, 1].set_title("absolute error", fontsize=10, fontweight="normal")
+    for panel in panels[-1]:
+        panel.set_xlabel("time [s]")
+    handles, labels = panels[0, 0].get_legend_handles_labels()
     figure.legend(handles, labels, loc="outside lower center", ncols=min(len(labels), 6))
     figure.suptitle("Reference and response\n", x=0.01, ha="left", fontsize=12, fontweight="bold")
     figure.text(0.01, 0.955, stated, fontsize=8.5, color=GREY, va="top")

@@ -130,7 +130,7 @@ SUITES: dict[str, Mapping[str, Any]] = {
     },
     "contact": {"plants": ("contact",), "bands": WIDE, "delay": 3, "lag": 0.03},
     "coulomb": {
-        "effects": ("wheel_coulomb_friction:torque=0.25",),
+        "effects": ("wheel_coulomb_friction:torque=0.15",),
         "models": ("identified", "diagnosed"),
         "bands": WIDE,
     },

@@ -132,15 +132,18 @@ def effort(group: Sequence[Result]) -> Table:
 
 
 def course(group: Sequence[Result]) -> Table:
-    """The error as time goes by."""
-    names = [name for name in group[0].metrics if name.startswith(f"{STRETCHES} ")]
-    rows = [
-        tuple(_short(100 * result.mean(name)) for name in names if name in result.metrics)
-        for result in group
-    ]
-    headers = tuple(f"{STRETCH * (k + 1):g} s" for k in range(len(names)))
-    title = "Normalised RMSE [%] in stretches that end after the time above, ramp left out"
-    return Table(title, (*LEAD, *headers), _led(group, rows))
+    """The error as time goes by, a column for each controller."""
+    rows = []
+    for band in dict.fromkeys(result.band for result in group):
+        same = [result for result in group if result.band == band]
+        names = [name for name in same[0].metrics if name.startswith(f"{STRETCHES} ")]
+        for k, name in enumerate(names):
+            cells = (_short(100 * r.mean(name)) if name in r.metrics else "-" for r in same)
+            stretch = f"{STRETCH * k:g}-{STRETCH * (k + 1):g}"
+            rows.append(("" if k else _band(band), stretch, *cells))
+    controllers = dict.fromkeys(result.controller for result in group)
+    title = "Normalised RMSE [%] over the time [s] since the ramp"
+    return Table(title, ("rad/s", "time", *controllers), tuple(rows))
 
 
 LEAD = ("rad/s", "controller")
