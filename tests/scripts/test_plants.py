@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import json
+import re
+import shlex
 from pathlib import Path
 
 import numpy as np
@@ -10,6 +12,7 @@ import pytest
 
 from identification import compare, identify
 from identification.logs import read_log
+from tests import test_readme
 from youbot_env.contact import Contact
 from youbot_env.errors import InputError
 from youbot_env.model_file import load_model, save_model
@@ -101,6 +104,18 @@ def test_a_drive_measures_the_wheels_own_speeds_where_they_slip():
     np.testing.assert_array_equal(spy.seen[-1].pose, found.states[-1, 3:6])
 
 
+def test_a_controller_that_diverges_is_told():
+    pytest.importorskip("mujoco")
+    torques = np.ones((60, 4))
+    torques[50:] = np.nan
+    with pytest.raises(InputError, match=r"plant paper and its controller diverge at 0\.1 s"):
+        run(
+            plant_named("contact").platform(),
+            motion_iii(duration=3.0, frequency=8.0),
+            Torques(torques),
+        )
+
+
 def test_record_drives_it_and_one_seed_gives_the_same_bytes(tmp_path: Path, capsys):
     pytest.importorskip("mujoco")
     short = tmp_path / "short.json"
@@ -153,3 +168,14 @@ def test_a_model_identified_from_its_logs_explains_other_logs_of_it():
     assert v["mu1"] == pytest.approx(true["mu1"], rel=0.02)
     assert v["mu2"] == pytest.approx(true["mu2"], rel=0.1)
     assert error["velocity_error"] < 0.05, "1 - 0.05^2 is 99.75 % of the variance"
+
+
+@pytest.mark.slow
+def test_the_document_s_commands_print_what_it_shows(tmp_path: Path, monkeypatch, capsys):
+    pytest.importorskip("mujoco")
+    document = (test_readme.ROOT / "docs" / "contact.md").read_text("utf-8")
+    (console,) = re.findall(r"^```console\n(.*?)^```$", document, re.MULTILINE | re.DOTALL)
+    monkeypatch.chdir(tmp_path)
+    for step in test_readme._commands("contact", console):
+        assert main(shlex.split(step.source)[1:]) == 0
+        assert test_readme.first_missing(step.printed, capsys.readouterr().out) is None
