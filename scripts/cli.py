@@ -36,6 +36,7 @@ COMMANDS = (
     "add",
     "evaluate",
     "train",
+    "tune",
     "bench",
     "effects",
     "demo",
