@@ -130,7 +130,10 @@ class Bodies:
     def _run(self, torque: Array, length: float, steps: int) -> None:
         self._now.opt.timestep = length
         self._data.ctrl[:] = torque
+        started = self._data.time
         _engine().mj_step(self._now, self._data, steps)
+        # An engine that gives up starts again from its origin, and its clock does too.
+        self._lost = self._data.time <= started
         self._time += length * steps
 
     def _load_is_due(self, within: float) -> bool:
@@ -170,11 +173,12 @@ class Bodies:
     @property
     def energy(self) -> float:
         """Kinetic and potential energy [J]."""
-        engine, data = _engine(), copy.copy(self._data)
-        engine.mj_forward(self._now, data)
-        engine.mj_energyPos(self._now, data)
-        engine.mj_energyVel(self._now, data)
-        return float(data.energy.sum())
+        engine, bodies, data = _engine(), self._now, copy.copy(self._data)
+        engine.mj_forward(bodies, data)
+        momentum = np.zeros(bodies.nv)
+        engine.mj_mulM(bodies, data, momentum, data.qvel)
+        weight = -bodies.body_mass[:, None] * bodies.opt.gravity
+        return float(0.5 * data.qvel @ momentum + (weight * data.xipos).sum())
 
 
 def _means(pieces: list[tuple[Array, float]], duration: float, steps: int) -> Array:

@@ -146,7 +146,7 @@ def mjcf(model: Model, contact: Contact, *, loaded: bool = False) -> str:
   <compiler angle="radian"/>
   <option timestep="{contact.timestep!r}" integrator="Euler" cone="elliptic"
       impratio="{CONE_STIFFNESS!r}" gravity="{_numbers(gravity(model))}">
-    <flag eulerdamp="disable" autoreset="disable"/>
+    <flag eulerdamp="disable"/>
   </option>
   <default>
     <geom type="ellipsoid" condim="3" friction="{contact.friction!r} 0 0"

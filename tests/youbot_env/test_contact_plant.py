@@ -312,6 +312,19 @@ def test_platforms_side_by_side_do_not_know_of_each_other(plant: ContactPlant):
     assert many.models == [PAPER, heavier, PAPER]
 
 
+def test_a_platform_that_the_engine_gives_up_is_nan_until_reset(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)  # the engine leaves its complaint in a file
+    plant = ContactPlant(PAPER)
+    plant.step(np.ones(4), 0.05)
+    plant._bodies[0]._data.qvel[2] = 1e12
+    for _ in range(2):
+        plant.step(REST, 0.01)
+        assert np.isnan(plant.twist).all() and np.isnan(plant.wheel_speed).all()
+    plant.reset()
+    plant.step(np.ones(4), 0.05)
+    assert plant.twist[0] > 0.01
+
+
 def test_long_holds_are_cut_into_steps_of_the_engine(plant: ContactPlant):
     plant.reset()
     plant.step(np.ones(4), 0.0305)
