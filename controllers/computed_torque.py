@@ -80,7 +80,7 @@ class ComputedTorque:
         self._nodes = np.zeros((self.design.past + 1 + self.preview_needed, 6))
         self._state = np.zeros((2 + self.design.past, 3))
         self._queue = np.zeros((self.design.slots, WIDTH))
-        self._drive = np.zeros(WIDTH)
+        self._drive, self._acted = np.zeros(WIDTH), np.zeros(WIDTH)
         # Time, pose, wheel angles, and the twist that the pose was moved on with last.
         self._place = np.zeros(11)
         self._motion = np.zeros((3, len(MOTION)))
@@ -103,6 +103,7 @@ class ComputedTorque:
             self._state,
             self._queue,
             self._drive,
+            self._acted,
             gains.axes,
             gains.timing,
             (self._jacobian, gains.to_acceleration),

@@ -33,7 +33,9 @@ WIDTH = PLANNED.stop
 
 
 @njit(cache=True, error_model="numpy")
-def estimate(state, queue, drive, axes, timing, to_acceleration, change, error, measured_torque):
+def estimate(
+    state, queue, drive, acted, axes, timing, to_acceleration, change, error, measured_torque
+):
     """One sample of the estimator.
 
     ``state`` (2 + h, 3): error and disturbance now, then the errors of the last h samples; moves on
@@ -41,13 +43,13 @@ def estimate(state, queue, drive, axes, timing, to_acceleration, change, error, 
     from the planned one, and by ``error`` (3,), measured twist minus the reference of the
     measurement's instant (NaN: not measured). ``queue`` (slots, 17) holds the commands, newest
     first, ``drive`` (17,) the torques behind the lag. A ``measured_torque`` (4,) that is
-    neither the one expected at the wheels nor the one commanded last is believed instead.
+    neither the one expected at the wheels nor the one commanded last is believed instead. Fills
+    ``acted`` (17,): the means over the last sample.
     """
     slots, share = int(timing[SLOTS]), timing[SHARE]
     stays, mean = timing[STAYS], timing[MEAN]
     for row in range(state.shape[0] - 1, 1, -1):
         state[row] = state[row - 1] if row > 2 else state[0]
-    acted = np.empty(WIDTH)
     for i in range(WIDTH):
         late = queue[slots, i]
         mixed = share * late + (1.0 - share) * queue[slots + 1, i]
@@ -62,6 +64,7 @@ def estimate(state, queue, drive, axes, timing, to_acceleration, change, error, 
             for wheel in range(4):
                 value += to_acceleration[axis, wheel] * measured_torque[wheel]
             acted[axis] = drive[axis] = value
+        acted[3:7] = measured_torque
         drive[3:7] = measured_torque
     behind = timing[AGE] / timing[PERIOD]
     whole = int(behind)

@@ -13,7 +13,9 @@ TIME, TWIST, POSE, TORQUE, WANTED = 0, slice(1, 4), slice(4, 7), slice(7, 11), s
 
 
 @njit(cache=True, error_model="numpy")
-def predict(inputs, nodes, counts, state, queue, drive, axes, timing, maps, lead, place, motion):
+def predict(
+    inputs, nodes, counts, state, queue, drive, acted, axes, timing, maps, lead, place, motion
+):
     """Estimate where the platform is, and fill ``motion`` (3, 14) with the reference at the start,
     the middle and the end of the hold in which the command will act."""
     past, coming, has_slopes, begun, follows = counts
@@ -34,7 +36,8 @@ def predict(inputs, nodes, counts, state, queue, drive, axes, timing, maps, lead
     reference_at(nodes, past - timing[AGE] / period, period, at)
     error = inputs[TWIST] - at[:3]
     change = nodes[past, :3] - nodes[past - 1, :3]
-    estimate(state, queue, drive, axes, timing, to_acceleration, change, error, inputs[TORQUE])
+    measured = inputs[TORQUE]
+    estimate(state, queue, drive, acted, axes, timing, to_acceleration, change, error, measured)
     if not begun:
         for axis in range(3):
             if abs(error[axis]) > axes[axis, JUMP] and abs(error[axis]) < np.inf:

@@ -34,11 +34,17 @@ def first_order(start: Array, end: Array, rate: float, dt: float) -> Array:
     -------
     (N, ...) filtered signal at the samples, starting from zero. Exact for such signals.
     """
-    decay = np.exp(-rate * dt)
-    weight_end = 1.0 - (1.0 - decay) / (rate * dt)
-    weight_start = (1.0 - decay) - weight_end
+    decay, weight_start, weight_end = hold_weights(rate, dt)
     steps = weight_start * np.asarray(start, float) + weight_end * np.asarray(end, float)
     return accumulate(steps.reshape(len(steps), -1), decay).reshape(-1, *steps.shape[1:])
+
+
+def hold_weights(rate: float, dt: float) -> tuple[float, float, float]:
+    """Of one step: what stays of the filtered value, and the weights of the signal at the start and
+    at the end of an interval over which it is linear."""
+    decay = float(np.exp(-rate * dt))
+    weight_end = 1.0 - (1.0 - decay) / (rate * dt)
+    return decay, (1.0 - decay) - weight_end, weight_end
 
 
 def accumulate(steps: Array, decay: float) -> Array:

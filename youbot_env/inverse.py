@@ -106,6 +106,12 @@ def acting(motion, lengths, theta, tolerance, torque):
 
 
 @njit(cache=True, error_model='numpy')
+def several(motion, lengths, thetas, tolerance, torque):
+    for j in range(thetas.shape[0]):
+        acting(motion, lengths, thetas[j], tolerance, torque[j])
+
+
+@njit(cache=True, error_model='numpy')
 def interface(torque, rate, time, theta, out):
     out[0], out[1], out[2], out[3] = command(
         torque[0], torque[1], torque[2], torque[3],

@@ -52,6 +52,8 @@ class InverseKernel:
         demand: rows as ``inverse.MOTION``. Torques that depend on themselves (losses under load)
         are sought, from the values that ``torque`` comes with, until they move by no more than
         ``tolerance`` [N m] in sum.
+    several(motion, lengths, thetas, tolerance, torque)
+        The same, ``torque`` (k, n, 4), at each of several parameters ``thetas`` (k, P).
     interface(torque, rate, time, theta, out)
         Interface torques ``out`` (4,) behind which ``torque`` (4,) acts and changes at ``rate``
         (4,) [N m/s] at ``time`` [s]; they belong to a time earlier by ``Model.delay``.
@@ -63,6 +65,7 @@ class InverseKernel:
 
     structure: Any
     acting: Any
+    several: Any
     interface: Any
     held: Any
 
@@ -114,11 +117,12 @@ def _compiled(structure: Any, system: System, path: Path) -> Kernel:
 
 def _compiled_inverse(structure: Any, system: Any, path: Path) -> InverseKernel:
     module = _load(path)
-    found = InverseKernel(structure, module.acting, module.interface, module.held)
+    found = InverseKernel(structure, module.acting, module.several, module.interface, module.held)
     motion, torque = np.zeros((3, len(MOTION))), np.zeros((3, 4))
     lengths, theta = np.ones(len(LENGTHS)), np.ones(len(structure.parameter_names))
     found.held(motion, 1.0, lengths, theta, 1.0, torque, np.empty(4), np.empty(4))
     found.acting(motion, lengths, theta, 1.0, torque)
+    found.several(motion, lengths, theta[None], 1.0, torque[None])
     found.interface(torque[0], torque[0], 0.0, theta, np.empty(4))
     return found
 
