@@ -54,6 +54,7 @@ class PIDGains:
             raise InputError("PID bandwidth: three numbers are needed, for VX, VY and W")
         for value in self.bandwidth:
             finite("PID bandwidth", value, positive=True)
+        object.__setattr__(self, "bandwidth", tuple(map(float, self.bandwidth)))
         finite("PID damping", self.damping, positive=True)
         for name in ("derivative_time", "filter_time"):
             if finite(f"PID {name}", getattr(self, name)) < 0.0:
