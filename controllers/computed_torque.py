@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import warnings
 from math import ceil
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -16,6 +17,9 @@ from youbot_env.inverse import MOTION
 from youbot_env.kernels import inverse_kernel
 from youbot_env.model import Model
 from youbot_env.validation import finite
+
+if TYPE_CHECKING:
+    from controllers.margins import Margins
 
 LOAD_TOLERANCE = 1e-6
 """[N m] to which torques are found where friction depends on them."""
@@ -139,6 +143,13 @@ class ComputedTorque:
             torque,
         )
         return torque
+
+    def margins(self, plant: Model | None = None) -> Margins:
+        """Gain and phase margins of the feedback at each axis' force, on its own model or another
+        plant; see :mod:`controllers.feedback_margins`."""
+        from controllers.feedback_margins import feedback_margins
+
+        return feedback_margins(self.design, plant or self.model, self.loop)
 
     def _begin(self) -> None:
         """Until the first command acts, what acts now goes on; nothing does unless it is known."""
