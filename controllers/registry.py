@@ -85,6 +85,20 @@ def _pid(model: Model, loop: Loop, **settings: Any) -> Controller:
     return PID(model, loop, PIDGains(**settings))
 
 
+def _weights(model: Model, loop: Loop) -> Settings:
+    """The fastest weights within the margins that ``lqi_design`` asks for."""
+    from controllers.lqi_design import fastest
+
+    return asdict(fastest(model, loop))
+
+
+def _lqi(model: Model, loop: Loop, **settings: Any) -> Controller:
+    from controllers.lqi import LQI
+    from controllers.lqi_design import Weights
+
+    return LQI(model, loop, Weights(**settings))
+
+
 CONTROLLERS: dict[str, Entry] = {
     "kinematic": Entry(_kinematic, "wheel-speed PI, gains like the stock ones"),
     "kinematic_tuned": Entry(
@@ -94,6 +108,9 @@ CONTROLLERS: dict[str, Entry] = {
         _kinematic, "the same, its unconstrained best: hardly any margin", _free_gains
     ),
     "pid": Entry(_pid, "PID on the body twist, gains from the model's masses", _poles),
+    "lqi": Entry(
+        _lqi, "linear quadratic control with integrals, the delays in its state", _weights
+    ),
     "computed_torque": Entry(
         _computed_torque, "the model's inverse dynamics fed forward in time, and feedback"
     ),

@@ -19,7 +19,7 @@ from youbot_scripts.evaluation.trials import Condition, Course
 
 Band = tuple[float, float]
 
-BASIC = ("kinematic", "kinematic_tuned", "pid", "computed_torque")
+BASIC = ("kinematic", "kinematic_tuned", "pid", "lqi", "computed_torque")
 """Compared unless others are named."""
 
 WIDE: tuple[Band, ...] = ((0.5, 3.0),)

@@ -74,7 +74,7 @@ def overview(group: Sequence[Result], against: str) -> Table:
     bands = list(dict.fromkeys(result.band for result in group))
     names = list(dict.fromkeys(result.controller for result in group))
     by_key = {(result.controller, result.band): result for result in group}
-    rows = [(name, *(_mean(by_key[name, band], "nrmse") for band in bands)) for name in names]
+    rows = [(name, *(_mean(by_key[name, band], "nrmse", 2) for band in bands)) for name in names]
     found = ratios(group, against)
     notes = [f"{_band(band)}: not scored, {reason}" for band, reason in unscored(group).items()]
     for band in found:
@@ -177,14 +177,14 @@ def show(out: Any, found: Sequence[Table]) -> None:
             out.print()
 
 
-def _mean(result: Result, name: str) -> str:
-    """Mean and half interval in per cent; or how many runs diverged."""
+def _mean(result: Result, name: str, decimals: int = 3) -> str:
+    """Mean and half interval in per cent, ``decimals`` at most; or how many runs diverged."""
     if result.diverged:
         return f"{result.diverged}/{result.runs} diverge"
     if not math.isfinite(result.mean(name)):
         return "-"
     mean, half = 100 * result.mean(name), 100 * result.half(name)
-    digits = 0 if mean >= 100 else 1 if mean >= 10 else 2 if mean >= 1 else 3
+    digits = min(decimals, 0 if mean >= 100 else 1 if mean >= 10 else 2 if mean >= 1 else 3)
     return f"{mean:.{digits}f}" + (f" ± {half:.{digits}f}" if half else "")
 
 

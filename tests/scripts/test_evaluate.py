@@ -264,6 +264,15 @@ def test_no_log_knows_of_a_surprise():
     assert np.abs(first[300:] - second[300:]).max() > 1e-3
 
 
+def test_the_contact_plant_takes_part():
+    """Another engine's physics: near the model's, and not the same."""
+    pytest.importorskip("mujoco")
+    quick: dict[str, Any] = {"bands": ((1.0, 2.0),), "seeds": 1}
+    ideal, rolling = records(**quick), records(plants=("contact",), **quick)
+    assert rolling[0]["nrmse"] != ideal[0]["nrmse"]
+    np.testing.assert_allclose(rolling[0]["nrmse"], ideal[0]["nrmse"], rtol=0.1)
+
+
 def test_settings_that_nothing_can_be_learnt_from_are_refused():
     for how in ("identifed", "nowhere.json", "identified+magic"):
         with pytest.raises(InputError):
