@@ -42,6 +42,17 @@ QUICK = {
 """Runs of a second each: they learn nothing, but do all that a long one does."""
 
 
+@pytest.fixture(autouse=True, scope="module")
+def one_thread():
+    """As in training: on a busy machine torch's threads wait for each other 20 times as long."""
+    import torch
+
+    threads = torch.get_num_threads()
+    torch.set_num_threads(1)
+    yield
+    torch.set_num_threads(threads)
+
+
 def quick(algorithm: str, **given):
     return chosen(algorithm, {**given, "set": [*SMALL, *QUICK[algorithm]]})[0]
 
