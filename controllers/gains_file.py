@@ -72,6 +72,15 @@ def save_gains(
     write_content(path, {"schema_version": SCHEMA_VERSION, **gains_to_dict(gains), **about})
 
 
+def is_gains_file(path: str | os.PathLike[str]) -> bool:
+    """Whether a file can be read and says that it holds gains; whether they are valid is open."""
+    source = os.fspath(path)
+    try:
+        return "gains" in parse_json(read_text(source), source)
+    except InputError:
+        return False
+
+
 def load_gains(path: str | os.PathLike[str]) -> Gains | PIDGains:
     """Gains of ``KinematicControl`` or of ``PID``, as the file says.
 

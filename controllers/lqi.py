@@ -77,7 +77,8 @@ class LQI:
         torque = np.empty(4)
         share = within_limits(self._to_wheels @ wanted, self._limit, torque)
         if apart is not None:
-            self._integral += self._back @ (wanted - self._to_force @ observation.wheel_torque)
+            exerted = self._to_force @ (self._exerted.acting + apart)
+            self._integral += self._back @ (wanted - exerted)
         elif share < 1.0:
             self._integral += self._back @ ((1.0 - share) * wanted)
         elif known:

@@ -104,7 +104,8 @@ def lqi(model: Model, loop: Loop, weights: Weights) -> Design:
     # which the Riccati equation of a fast loop fails.
     fast, per_force = weights.bandwidth, np.linalg.inv(mass)
     blocks = [np.eye(3)] + [per_force] * (size // 3 - 1)
-    scale, back = block_diag(*blocks), block_diag(*map(np.linalg.inv, blocks))
+    scale = np.asarray(block_diag(*blocks), float)
+    back = np.linalg.inv(scale)
     into = scale @ bare.a @ back, scale @ bare.b @ mass
     a = np.block([[into[0], np.zeros((size, 3))], [-fast * period * bare.c @ back, np.eye(3)]])
     b = np.vstack([into[1], np.zeros((3, 3))])
@@ -128,7 +129,9 @@ def _steady(plant: LinearSystem) -> tuple[Array, Array]:
     """N_x (S, 3) and N_u (3, 3): (a - 1) N_x + b N_u = 0 and c N_x = 1."""
     size = len(plant.a)
     rows = np.block([[plant.a - np.eye(size), plant.b], [plant.c, np.zeros((3, 3))]])
-    found = np.linalg.solve(rows, np.vstack([np.zeros((size, 3)), np.eye(3)]))
+    found: Array = np.asarray(
+        np.linalg.solve(rows, np.vstack([np.zeros((size, 3)), np.eye(3)])), np.float64
+    )
     return found[:size], found[size:]
 
 
@@ -137,7 +140,7 @@ def linear_lqi(design: Design) -> LinearSystem:
 
     States are the model of the platform that the controller carries, and the integral.
     """
-    plant, period = design.plant, design.plant.period
+    plant, period = design.plant, design.plant.period or 0.0
     size = len(plant.a)
     seen = np.eye(3, size) - plant.c  # estimated twist = seen x + measured
     on_twist = design.gain[:, :3]

@@ -10,6 +10,7 @@ from functools import partial
 from itertools import chain
 from typing import Any
 
+from controllers.gains_file import is_gains_file, load_gains
 from controllers.interface import Controller, Loop
 from controllers.policy import build_policy
 from controllers.policy_file import load_policy, shipped_policies
@@ -99,6 +100,16 @@ def _lqi(model: Model, loop: Loop, **settings: Any) -> Controller:
     return LQI(model, loop, Weights(**settings))
 
 
+def _of_gains_file(path: str, model: Model, loop: Loop) -> Controller:
+    from controllers.kinematic import Gains, KinematicControl
+    from controllers.pid import PID
+
+    gains = load_gains(path)
+    if isinstance(gains, Gains):
+        return KinematicControl(model.geometry, gains, loop.torque_limit, loop.sample_time)
+    return PID(model, loop, gains)
+
+
 CONTROLLERS: dict[str, Entry] = {
     "kinematic": Entry(_kinematic, "wheel-speed PI, gains like the stock ones"),
     "kinematic_tuned": Entry(
@@ -120,7 +131,7 @@ CONTROLLERS: dict[str, Entry] = {
 
 
 def entry(name: str) -> Entry:
-    """The entry of a name, of a shipped policy, or of a policy file (NAME.json).
+    """The entry of a name, of a shipped policy, or of a file of gains or of a policy (NAME.json).
 
     Raises
     ------
@@ -129,25 +140,31 @@ def entry(name: str) -> Entry:
     """
     if name in CONTROLLERS:
         return CONTROLLERS[name]
+    if name.endswith(".json") and is_gains_file(name):
+        return Entry(partial(_of_gains_file, name), "gains of `youbot tune`")
     if name in (shipped := shipped_policies()) or name.endswith(".json"):
         return Entry(partial(build_policy, name), "a trained policy")
     known = (*CONTROLLERS, *shipped)
     close = difflib.get_close_matches(name, known, 3)
     hint = f"did you mean {' or '.join(close)}?" if close else f"known are {', '.join(known)}"
-    raise InputError(f"controller {name!r}: not known; {hint}, or a policy's .json")
+    raise InputError(
+        f"controller {name!r}: not known; {hint}, or a .json of `youbot tune` or of a policy"
+    )
 
 
 def fingerprint(name: str) -> str:
-    """What a policy's file holds, as a short word; empty for what this package's version says.
+    """What a file of that name holds, as a short word; empty for what this package's version says.
 
     Raises
     ------
     InputError
-        If the name is unknown or the file is no valid policy.
+        If the name is unknown or the file is not valid.
     """
     entry(name)
     if name in CONTROLLERS:
         return ""
+    if name.endswith(".json") and is_gains_file(name):
+        return hashlib.sha256(repr(load_gains(name)).encode()).hexdigest()
     network, description = load_policy(name)
     found = hashlib.sha256(repr(description).encode())
     for array in (network.features, network.mix, *chain.from_iterable(network.layers)):

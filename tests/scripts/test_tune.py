@@ -7,10 +7,13 @@ from pathlib import Path
 
 import pytest
 
+from controllers import registry
 from controllers.gains_file import UNITS, load_gains, save_gains
+from controllers.interface import Loop
 from controllers.kinematic import Gains, KinematicControl
 from controllers.pid_design import PIDGains
 from youbot_env.errors import InputError
+from youbot_env.model_file import load_model
 from youbot_scripts import cli
 
 QUICK = ["--runs", "1", "--duration", "2", "--torque-rate", "1.5"]
@@ -86,6 +89,18 @@ def test_a_gains_file_gives_back_what_was_saved(gains, tmp_path: Path) -> None:
     assert load_gains(path) == gains
     data = json.loads(path.read_text())
     assert {key: entry["unit"] for key, entry in data["gains"].items()} == UNITS[data["controller"]]
+
+
+def test_a_gains_file_is_a_controller_by_its_name(tmp_path: Path) -> None:
+    kinematic, pid = str(tmp_path / "kinematic.json"), str(tmp_path / "pid.json")
+    save_gains(kinematic, Gains(0.5, 4.0))
+    save_gains(pid, PID_GAINS)
+    model, loop = load_model("paper"), Loop()
+    assert registry.build(kinematic, model, loop).gains == Gains(0.5, 4.0)  # pyright: ignore
+    assert registry.build(pid, model, loop).gains == PID_GAINS  # pyright: ignore
+    before = registry.fingerprint(kinematic)
+    save_gains(kinematic, Gains(0.5, 5.0))
+    assert before not in ("", registry.fingerprint(kinematic))
 
 
 def broken(change) -> str:
