@@ -41,31 +41,6 @@ class Gains:
                 raise InputError(f"gain {field.name}: {gain:g} must be at least 0")
 
 
-def tuned_gains(inertia: float, friction: float, bandwidth: float, damping: float = 1.0) -> Gains:
-    """Gains that give J w' + c w = torque the poles of s^2 + 2 damping b s + b^2.
-
-    Parameters
-    ----------
-    inertia, friction : J [kg m^2] and c [N m s] that one wheel sees, a quarter of the platform's
-    bandwidth : b [rad/s]; friction alone is faster than a loop with b < c / (2 damping J)
-    damping : 1 for a loop whose poles are equal
-
-    Raises
-    ------
-    InputError
-        If the bandwidth is so low that the proportional gain would be negative.
-    """
-    inertia, damping = (
-        finite(f"tuned gains {name}", value, positive=True)
-        for name, value in {"inertia": inertia, "damping": damping}.items()
-    )
-    proportional = 2.0 * damping * bandwidth * inertia - friction
-    if proportional < 0.0:
-        least = friction / (2.0 * damping * inertia)
-        raise InputError(f"tuned gains bandwidth: {bandwidth:g} rad/s must be at least {least:.3g}")
-    return Gains(proportional, bandwidth**2 * inertia)
-
-
 class KinematicControl:
     """Wheel-speed PI towards the no-slip wheel speeds of the reference twist.
 

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from controllers.interface import Controller, Observation, Reference
-from controllers.kinematic import Gains, KinematicControl, tuned_gains
+from controllers.kinematic import Gains, KinematicControl
 from youbot_env.errors import InputError
 from youbot_env.geometry import Geometry
 from youbot_env.hardware import MAX_WHEEL_TORQUE
@@ -161,20 +161,29 @@ def test_stock_gains_follow_slow_references_and_fail_above_half_a_radian_per_sec
     assert errors[2] > 0.3
 
 
-@pytest.mark.parametrize("bandwidth", [5.0, 10.0, 20.0])
-def test_tuned_gains_place_both_poles_at_the_bandwidth(bandwidth: float) -> None:
-    gains = tuned_gains(INERTIA, FRICTION, bandwidth)
-    poles = np.roots([INERTIA, FRICTION + gains.proportional, gains.integral])
-    np.testing.assert_allclose(poles, -bandwidth, rtol=1e-6)
+def see(*coming: float, now: float = 0.1) -> Reference:
+    """A reference of VX whose next samples are known."""
+    preview = np.zeros((len(coming), 3))
+    preview[:, 0] = coming
+    return Reference(np.array([now, 0.0, 0.0]), np.zeros(3), preview, np.zeros_like(preview))
 
 
-def test_tuned_gains_follow_what_the_stock_ones_cannot() -> None:
-    twists = sample(multisine(np.random.default_rng(2), duration=30.0), 0.005, 6000)
-    wanted = GEOMETRY.wheel_speeds(twists)
-    tuned = KinematicControl(gains=tuned_gains(INERTIA, FRICTION, 30.0), sample_time=0.005)
-    stock = KinematicControl(sample_time=0.005)
-    lag = [np.std(drive(c, twists) - wanted) / np.std(wanted) for c in (tuned, stock)]
-    assert lag[0] < 0.15 < 0.4 < lag[1]
+@pytest.mark.parametrize(
+    ("lead", "needed", "read"),
+    [(0.0, 0, 0.1), (0.004, 1, 0.14), (0.01, 1, 0.2), (0.025, 3, 0.35), (0.03, 3, 0.4)],
+)
+def test_a_lead_reads_the_reference_ahead(lead: float, needed: int, read: float) -> None:
+    control = KinematicControl(gains=Gains(0.1, 0.0, lead), sample_time=0.01)
+    assert control.preview_needed == needed
+    torque = control(observe(np.zeros(4)), see(*[0.2, 0.3, 0.4][:needed]))
+    np.testing.assert_allclose(torque, 0.1 * read / GEOMETRY.R, rtol=1e-12)
+
+
+def test_a_lead_without_preview_is_refused() -> None:
+    control = KinematicControl(gains=Gains(0.5, 0.0, 0.025), sample_time=0.01)
+    for reference in (want(0.1, 0.0, 0.0), see(0.1, 0.2)):
+        with pytest.raises(InputError, match="lead of 0.025 s needs 3 coming reference samples"):
+            control(observe(np.zeros(4)), reference)
 
 
 @pytest.mark.parametrize(
@@ -184,8 +193,7 @@ def test_tuned_gains_follow_what_the_stock_ones_cannot() -> None:
         (lambda: Gains(0.1, float("inf")), "gain integral: inf is not a finite number"),
         (lambda: KinematicControl(torque_limit=0.0), "torque limit .* must be positive"),
         (lambda: KinematicControl(sample_time=-1.0), "sample time .* must be positive"),
-        (lambda: tuned_gains(0.026, 0.11, 1.0), "bandwidth: 1 rad/s must be at least 2.12"),
-        (lambda: tuned_gains(0.0, 0.11, 1.0), "inertia: 0.0 must be positive"),
+        (lambda: Gains(lead=-0.01), "gain lead: -0.01 must be at least 0"),
     ],
 )
 def test_a_mistake_is_one_clear_line(make, message: str) -> None:
