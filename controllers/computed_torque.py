@@ -8,9 +8,10 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from controllers.error_feedback import WIDTH, act
+from controllers.error_feedback import PLANNED, WIDTH, act
 from controllers.feedback_design import ROUNDING, acting_delay, design
 from controllers.interface import Array, Loop, Observation, Reference
+from controllers.lookahead import reference_at
 from controllers.prediction import POSE, TIME, TORQUE, TWIST, predict
 from youbot_env.effects import WORLD
 from youbot_env.inverse import MOTION
@@ -156,9 +157,15 @@ class ComputedTorque:
         acting = np.nan_to_num(self._inputs[TORQUE], posinf=0.0, neginf=0.0)
         demanded = self.design.to_acceleration @ self._mean
         exerted = self.design.to_acceleration @ acting - demanded
-        planned = self._motion[2, :3] - self._motion[0, :3]
-        before = np.concatenate([exerted, acting, demanded, acting, planned])
+        before = np.concatenate([exerted, acting, demanded, acting, np.zeros(3)])
         self._queue[:], self._drive[:] = before, before
+        # The reference is taken to have come as it is known: that is no surprise.
+        ends = np.empty((len(self._queue) + 1, 6))
+        for age, at in enumerate(ends):
+            reference_at(
+                self._nodes, self.design.past + self._lead - age, self.loop.sample_time, at
+            )
+        self._queue[:, PLANNED] = ends[:-1, :3] - ends[1:, :3]
         self._begun = True
 
     def _read(self, observation: Observation, reference: Reference) -> tuple[int, bool]:
