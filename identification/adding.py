@@ -11,11 +11,9 @@ import numpy as np
 from identification.logs import Log
 from identification.mechanisms import AnyModel, mechanism_of
 from identification.search import MATERIAL, Search, Step
+from identification.selection import SIGNIFICANT
 from identification.words import describe
 from youbot_env.errors import InputError
-
-SIGNIFICANT = 0.01
-"""p-value of the one effect above which its fall may be chance."""
 
 
 @dataclass(frozen=True)

@@ -10,8 +10,16 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from identification.errors import NoiseLevel
 from identification.folds import Fold, HeldOut, held_out
-from identification.regression import Indices, Rows, gauge_basis, reduce, regression_rows
+from identification.regression import (
+    Indices,
+    Rows,
+    gauge_basis,
+    reduce,
+    regression_rows,
+    residual_of,
+)
 from youbot_env.effects import Parameter
 
 Array = NDArray[np.float64]
@@ -31,12 +39,10 @@ class Fitted:
     basis: Array
 
     @classmethod
-    def at(cls, mechanism: Any, theta: Array, samples: Sequence[Any]) -> Fitted:
-        """Rows of all logs at theta."""
-        free = np.flatnonzero(mechanism.free)
+    def at(cls, mechanism: Any, theta: Array, samples: Sequence[Any], free: Indices) -> Fitted:
+        """Rows of all logs at theta; ``free``: indices of the parameters that were fitted."""
         rows = tuple(regression_rows(mechanism, theta, item, free, RATE) for item in samples)
-        basis = gauge_basis(mechanism) / mechanism.scale[free][:, None]
-        return cls(mechanism, theta, rows, free, basis)
+        return cls(mechanism, theta, rows, free, _basis(mechanism, free))
 
     @property
     def residual(self) -> list[Array]:
@@ -48,34 +54,59 @@ class Fitted:
         """Per log (n, A, F)."""
         return [row.columns for row in self.rows]
 
+    def noise_square(self, samples: Sequence[Any], noise: Sequence[NoiseLevel], seed: int) -> float:
+        """Squares that noise on the speeds leaves in the residual, by putting it on once more."""
+        rng = np.random.default_rng(seed)
+        total = 0.0
+        for item, of, row in zip(samples, noise, self.rows, strict=True):
+            noisy = self.mechanism.noisy(item, of.speed, 0.0 * of.torque, rng)
+            again = residual_of(self.mechanism, self.theta, noisy, RATE)
+            total += float(((again - row.residual) ** 2).sum())
+        return total
+
     def held_out(self, folds: Sequence[Fold]) -> HeldOut:
         """Judged on what it was not fitted on."""
         return held_out(self.residual, self.columns, folds, self.basis)
 
 
+def _basis(mechanism: Any, free: Indices) -> Array:
+    """(F, Q) directions of the parameters ``free`` that data can see."""
+    mask = np.zeros(len(mechanism.free), np.bool_)
+    mask[free] = True
+    return gauge_basis(mechanism, mask) / mechanism.scale[free][:, None]
+
+
 @dataclass(frozen=True)
 class Candidate:
-    """One effect, at one choice of its shape constants, on top of a fitted structure."""
+    """One effect, at one choice of its shape constants, on top of a fitted structure.
+
+    new : indices of its own linear parameters; free: those and the structure's
+    directions : that data can see of its own linear parameters
+    extra_noise : squares that noise on the speeds adds to the residual beyond what it adds to the
+        structure's: a drive's lag differentiates the noise, and must not lose by that alone
+    """
 
     name: str
     mechanism: Any
     theta: Array
     new: Indices
+    free: Indices
     columns: tuple[Array, ...]
     result: HeldOut
     shapes: dict[str, float] = field(default_factory=dict)
-    base_size: int = 0
+    directions: int = 0
     fitted: Fitted | None = None
+    extra_noise: float = 0.0
+
+    @property
+    def square(self) -> float:
+        """Sum of squared held-out residuals, at the structure's own noise."""
+        return self.result.square - self.extra_noise
 
     @property
     def parameters(self) -> int:
         """How many numbers it adds, searched shapes included: the price of its flexibility."""
-        return self.basis_size + len(self.shapes)
-
-    @property
-    def basis_size(self) -> int:
-        """Directions that data can see of its linear parameters."""
-        return gauge_basis(self.mechanism).shape[1] - self.base_size
+        return self.directions + len(self.shapes)
 
 
 REFINEMENTS = 3
@@ -94,7 +125,7 @@ def try_candidate(
         return _try_shape(base, mechanism, samples, folds, name, shapes)
 
     best = min(map(judge, itertools.product(*grids.values())), key=_square)
-    if best.result.square > PROMISING * base.held_out(folds).square:
+    if best.square > PROMISING * base.held_out(folds).square:
         return best
     for shape, grid in grids.items():
         parameter = mechanism.catalogue[name].parameter(shape)
@@ -113,7 +144,7 @@ PROMISING = 0.98
 
 
 def _square(item: Candidate) -> float:
-    return item.result.square
+    return item.square
 
 
 def _between(grid: Sequence[float], here: float, halving: int, parameter: Parameter) -> list[float]:
@@ -140,11 +171,12 @@ def _try_shape(
     new = own[mechanism.free[own]]
     columns = tuple(_columns(mechanism, theta, item, new) for item in samples)
     joined = [np.concatenate([a, b], axis=-1) for a, b in zip(base.columns, columns, strict=True)]
-    free = np.flatnonzero(mechanism.free)
-    basis = gauge_basis(mechanism) / mechanism.scale[free][:, None]
+    free = np.concatenate([base.free, new])
+    basis = _basis(mechanism, free)
     result = held_out(base.residual, joined, folds, basis)
+    directions = basis.shape[1] - base.basis.shape[1]
     return Candidate(
-        name, mechanism, theta, new, columns, result, shapes, base_size=base.basis.shape[1]
+        name, mechanism, theta, new, free, columns, result, shapes, directions=directions
     )
 
 

@@ -14,17 +14,12 @@ from identification.logs import Log
 from identification.mechanism import Mechanism
 from identification.mechanisms import AnyModel, mechanism_of
 from identification.regression import Fit
-from identification.search import MATERIAL, Ranking, Search, Step, given_errors
+from identification.search import Ranking, Search, Step, given_errors
+from identification.selection import select
 from identification.words import describe
 from youbot_env.errors import InputError
 
 Array = NDArray[np.float64]
-
-SIGNIFICANT = 0.01
-"""Family-wise p-value below which an effect may be accepted."""
-
-MOST = 4
-"""Effects accepted at most."""
 
 ABOVE_FLOOR = 1.25
 """Held-out force error over the noise floor above which something is left to explain."""
@@ -117,7 +112,8 @@ def diagnose(
     mechanism = mechanism_of(model)
     search = Search(mechanism, logs, seed, progress)
     names = list(effects) if effects is not None else list(mechanism.catalogue.names())
-    steps, rankings = _climb(search, mechanism, model, names, np.random.default_rng(seed))
+    chosen = select(search, mechanism, model.theta, names, np.random.default_rng(seed))
+    steps, rankings = list(chosen.steps), chosen.rankings
     floor = search.floor(steps[-1].fitted)
     unexplained = steps[-1].force_error > ABOVE_FLOOR * floor["force_error"]
     if unexplained:
@@ -139,7 +135,7 @@ def diagnose(
         ambiguous_with=ties,
         partial=tuple(accepted) if unexplained else (),
         steps=tuple(steps),
-        rankings=tuple(rankings),
+        rankings=rankings,
         model=fitted_model,
         mechanism=steps[-1].fitted.mechanism,
         samples=tuple(search.samples),
@@ -150,55 +146,8 @@ def diagnose(
         next_experiment=_next_experiment(search, steps, rankings, ties, seed),
         warnings=tuple(_warnings(logs, given, steps, verdict)),
         sentences=tuple(_sentences(fitted_model, steps, verdict, ties, floor)),
-        candidates=_candidate_list(rankings[0], steps, fitted_model),
+        candidates=_candidate_list(chosen.first, steps, fitted_model),
     )
-
-
-def _climb(
-    search: Search,
-    mechanism: Mechanism,
-    model: AnyModel,
-    names: Sequence[str],
-    rng: np.random.Generator,
-) -> tuple[list[Step], list[Ranking]]:
-    """Forward selection; after each acceptance the earlier effects are tested again."""
-    steps = [search.step(search.fit(mechanism, model.theta), None)]
-    rankings: list[Ranking] = []
-    while len(steps) <= MOST:
-        fitted = steps[-1].fitted
-        present = fitted.mechanism.structure.effects
-        ranking = search.rank(fitted, [name for name in names if name not in present], rng)
-        rankings.append(ranking)
-        best = ranking.best
-        if best is None or best.fitted is None:
-            break
-        if ranking.p_values[best.name] > SIGNIFICANT or ranking.fall < MATERIAL:
-            break
-        steps.append(search.step(best.fitted, best.name))
-        steps = _without_idle(search, steps, tuple(model.effects))
-    return steps, rankings
-
-
-def _without_idle(search: Search, steps: list[Step], given: tuple[str, ...]) -> list[Step]:
-    """Drop an earlier effect that the later ones have made superfluous."""
-    full = steps[-1]
-    square = full.fitted.held_out(search.folds).square
-    for index in range(1, len(steps) - 1):
-        kept = [step.effect for k, step in enumerate(steps) if k != index and step.effect]
-        mechanism = full.fitted.mechanism.with_effects((*given, *kept))
-        start = _shared_theta(full.fitted, mechanism)
-        reduced = search.fit(mechanism, start)
-        if reduced.held_out(search.folds).square < (1 + MATERIAL) * square:
-            # The steps between keep their errors; the one that is dropped leaves the list.
-            last = search.step(reduced, full.effect)
-            return [*steps[:index], *steps[index + 1 : -1], last]
-    return steps
-
-
-def _shared_theta(fitted: Fitted, mechanism: Mechanism) -> Array:
-    """Parameters of a smaller structure, where the larger one left them."""
-    values = dict(zip(fitted.mechanism.parameter_names, fitted.theta, strict=True))
-    return np.array([values[name] for name in mechanism.parameter_names])
 
 
 def _drop_minor(steps: list[Step], floor: float) -> list[Step]:
@@ -349,7 +298,7 @@ def _parameters(item: Candidate, base: Fitted, model: Any) -> dict[str, Any]:
         }
     theta = item.theta.copy()
     if item.fitted is None:
-        theta[np.flatnonzero(item.mechanism.free)] += item.result.step
+        theta[item.free] += item.result.step
     effect = item.mechanism.catalogue[item.name]
     # The candidate's parameters are the last ones: it was put on top of the fitted structure.
     own = theta[len(theta) - len(effect.parameter_names) :]

@@ -44,19 +44,19 @@ def final_fit(
     noise : of each log
     seed : of the noise that is put on to learn what noise does
     """
+    found = joint_fit(mechanism, samples, start)
+    return _without_noise_bias(found, _Noise(mechanism, samples, noise, found, seed))
+
+
+def joint_fit(mechanism: Mechanism, samples: Sequence[Any], start: Array) -> Fit:
+    """Fit of the free parameters, then of those and the smooth shape constants together."""
     found = fit(mechanism, samples, start)
     smooth = np.array(
         [bool(label.parameter.grid) and not label.parameter.jumps for label in mechanism.labels]
     )
-    if smooth.any():
-        found = _with_shapes(mechanism, samples, found, mechanism.free | smooth)
-    return _without_noise_bias(found, _Noise(mechanism, samples, noise, found, seed))
-
-
-def _with_shapes(
-    mechanism: Mechanism, samples: Sequence[Any], found: Fit, free: NDArray[np.bool_]
-) -> Fit:
-    more = fit(mechanism, samples, found.theta, free=free)
+    if not smooth.any():
+        return found
+    more = fit(mechanism, samples, found.theta, free=mechanism.free | smooth)
     # Gauss-Newton has no step control; a search that was good enough is better than a divergence.
     astray = _squares(more) > WORSE * _squares(found) or not np.isfinite(more.theta).all()
     return found if astray else more

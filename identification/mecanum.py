@@ -351,18 +351,17 @@ class Demand:
     @cached_property
     def force(self) -> Array:
         """(2, N - 1, 3) [N m] in units of the interface torque (as logged or commanded)."""
-        return self._finish(self._body_force(), self.theta)
-
-    def _body_force(self) -> Array:
-        return sum(self._contributions.values(), start=np.zeros((2, len(self.samples) - 1, 3)))
+        return self._finish(self._body_force, self.theta)
 
     @cached_property
-    def _contributions(self) -> dict[str, Array]:
-        points = Points(np, self.mechanism.geometry, self.theta, self.instant)
-        return {
-            item.name: self._component(item, self.theta[where], points)
-            for item, where in self.mechanism.structure.wrenches
-        }
+    def _body_force(self) -> Array:
+        return sum(
+            (
+                self._component(item, self.theta[where], self._points)
+                for item, where in self.mechanism.structure.wrenches
+            ),
+            start=np.zeros((2, len(self.samples) - 1, 3)),
+        )
 
     def _component(self, item: Effect, values: Array, points: Points) -> Array:
         return self._scaled(component_wrench(np, item, values, points))
@@ -470,25 +469,35 @@ class Demand:
     def columns(self, indices: Iterable[int]) -> Array:
         """d force / d theta[i] for each index: (len(indices), 2, N - 1, 3).
 
-        Base parameters enter linearly, so theirs is the function on a unit vector; others take a
-        central difference over a small part of their catalogue size.
+        Base parameters that nothing else refers to enter linearly, so theirs is the function on a
+        unit vector; others take a difference over a small part of their catalogue size.
         """
         return np.stack([self._column(int(i)) for i in indices])
 
     def _column(self, index: int) -> Array:
         structure = self.mechanism.structure
         item, where = next(row for row in structure.slices if index < row[1].stop)
-        if item.name in BASE and structure.is_linear:
+        step = 1e-3 * item.parameter(item.parameter_names[index - where.start]).size
+        if item.acts_at.kind != "wrench":
+            theta = np.tile(self.theta, (2, 1))
+            theta[:, index] += (step, -step)
+            ahead, behind = (self._finish(self._body_force, values) for values in theta)
+            return (ahead - behind) / (2 * step)
+        slope = self._responding(self._slope(item, where, index, step))
+        if structure.only_wrenches:
+            return self._finish(slope, self.theta)
+        # From force to interface all is affine, or a drive of somebody's own: a small step does.
+        return (self._finish(self._body_force + step * slope, self.theta) - self.force) / step
+
+    def _slope(self, owner: Effect, where: slice, index: int, step: float) -> Array:
+        """d (body force) / d theta[index], from the components alone that the parameter enters."""
+        structure = self.mechanism.structure
+        if owner.name in BASE and not structure.base_readers:
             unit = np.zeros(where.stop - where.start)
             unit[index - where.start] = 1.0
-            return self._finish(self._component(item, unit, self._points), self.theta)
-        step = 1e-3 * item.parameter(item.parameter_names[index - where.start]).size
-        # Where forces just add up, the components that the parameter does not enter cancel out.
-        adds_up = len(structure.wrenches) == len(structure.slices)
-        force = self._entered if adds_up else self._shifted
-        ahead, behind = (force(item, index, sign * step) for sign in (1.0, -1.0))
-        slope = (ahead - behind) / (2 * step)
-        return self._responding(slope) if adds_up else slope
+            return self._component(owner, unit, self._points)
+        ahead, behind = (self._entered(owner, index, sign * step) for sign in (1.0, -1.0))
+        return (ahead - behind) / (2 * step)
 
     def _entered(self, owner: Effect, index: int, shift: float) -> Array:
         """With one parameter moved, the force of the components that it enters, alone."""
@@ -512,17 +521,3 @@ class Demand:
     @cached_property
     def _points(self) -> Points:
         return Points(np, self.mechanism.geometry, self.theta, self.instant)
-
-    def _shifted(self, owner: Effect, index: int, shift: float) -> Array:
-        """The force with one parameter moved: only the components that it enters are redone."""
-        structure = self.mechanism.structure
-        theta = self.theta.copy()
-        theta[index] += shift
-        changed = {owner.name, *(structure.base_readers if owner.name in BASE else ())}
-        points = Points(np, self.mechanism.geometry, theta, self.instant)
-        change = np.zeros((2, len(self.samples) - 1, 3))
-        for item, where in structure.wrenches:
-            if item.name in changed:
-                new = self._component(item, theta[where], points)
-                change += new - self._contributions[item.name]
-        return self._finish(self._body_force() + self._responding(change), theta)

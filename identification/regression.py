@@ -27,6 +27,10 @@ ROW_RATE = 20.0
 CORRELATION_TIME = 0.5
 """Least window [s] over which scores may be correlated beyond the residual's AR(1) memory."""
 
+ARRIVED = 1e-9
+"""Squares that the last Gauss-Newton step moves, over the residual's: with 10^4 rows that is some
+thousandths of a standard deviation."""
+
 HUBER = 1.345
 """Huber's threshold in robust standard deviations: 95 % efficient on clean Gaussian residuals."""
 
@@ -97,6 +101,13 @@ def regression_rows(
     return Rows(time, step, filtered[..., 0], filtered[..., 1:])
 
 
+def residual_of(mechanism: Mechanism, theta: Array, samples: Samples, rate: float) -> Array:
+    """The filtered residual (n, A) of :func:`regression_rows` alone."""
+    measured = mechanism.measured_force(samples)
+    residual = np.stack([measured[:-1], measured[1:]]) - mechanism.demand(theta, samples).force
+    return reduce(residual, samples.dt, rate, mechanism.filter_rate)
+
+
 def reduce(
     ends: Array, dt: float, rate: float = ROW_RATE, filter_rate: float = FILTER_RATE
 ) -> Array:
@@ -144,8 +155,7 @@ def fit(
         weights = huber_weights(rows) if robust else [np.ones(len(r.residual)) for r in rows]
         step, bounded = solve_step(mechanism, rows, weights, theta, chosen, basis)
         theta[chosen] += step
-        change = np.abs(step * mechanism.scale[chosen]).max()
-        arrived = change <= 1e-9 * np.abs(theta[chosen] * mechanism.scale[chosen]).max()
+        arrived = _explains(rows, weights, step) < ARRIVED * _squares(rows, weights)
         if linear or arrived:
             rows = [replace(r, residual=r.residual - r.columns @ step) for r in rows]
         else:
@@ -156,6 +166,17 @@ def fit(
     weighted = [_weighted(row, weight) for row, weight in zip(rows, weights, strict=True)]
     covariance = hac_covariance(weighted, basis, mechanism.scale[chosen])
     return Fit(theta, chosen, covariance, tuple(rows), bounded)
+
+
+def _explains(rows: Sequence[Rows], weights: Sequence[Array], step: Array) -> float:
+    """Squares that a step moves the prediction by."""
+    moved = ((row.columns @ step) ** 2 for row in rows)
+    return float(sum(w @ part.sum(axis=1) for w, part in zip(weights, moved, strict=True)))
+
+
+def _squares(rows: Sequence[Rows], weights: Sequence[Array]) -> float:
+    squares = ((row.residual**2).sum(axis=1) for row in rows)
+    return float(sum(w @ part for w, part in zip(weights, squares, strict=True)))
 
 
 def _weighted(rows: Rows, weight: Array) -> Rows:

@@ -7,7 +7,7 @@ from numpy.typing import NDArray
 
 Array = NDArray[np.float64]
 
-RATE_SMOOTHING = 0.02
+RATE_SMOOTHING = 0.03
 """Standard deviation [s] of the Gaussian that smooths torques before their rate is taken.
 
 The demanded torque holds the speeds' noise differentiated, its rate holds it twice: unsmoothed,

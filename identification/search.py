@@ -19,12 +19,12 @@ from identification.errors import (
     velocity_floor,
     velocity_traces,
 )
-from identification.final import final_fit
+from identification.final import final_fit, joint_fit
 from identification.folds import Fold, block_sums, make_folds
 from identification.logs import Log
 from identification.mechanism import Mechanism
 from identification.noise import white_noise
-from identification.regression import Fit, fit
+from identification.regression import Fit
 from identification.segments import cut
 from identification.significance import family_p_values, score_blocks
 
@@ -68,13 +68,25 @@ class Step:
 
 @dataclass(frozen=True)
 class Ranking:
-    """All candidates on top of one structure, best first, with those that tie with the best."""
+    """All candidates on top of one structure, best first, with those that tie with the best.
+
+    square : held-out squares of the structure itself
+    """
 
     candidates: tuple[Candidate, ...]
     p_values: dict[str, float]
     tied: tuple[str, ...]
-    fall: float
     best: Candidate | None
+    square: float
+
+    @property
+    def fall(self) -> float:
+        """Share of the held-out squares that the best candidate takes away."""
+        return 0.0 if self.best is None else self.fall_of(self.best)
+
+    def fall_of(self, item: Candidate) -> float:
+        """The same for any candidate."""
+        return 1.0 - item.square / self.square
 
 
 class Search:
@@ -92,9 +104,9 @@ class Search:
         self.folds: list[Fold] = []
 
     def fit(self, mechanism: Any, start: Array) -> Fitted:
-        """Joint fit on all logs."""
-        result = fit(mechanism, self.samples, start)
-        fitted = Fitted.at(mechanism, result.theta, self.samples)
+        """Joint fit on all logs, smooth shape constants included."""
+        result = joint_fit(mechanism, self.samples, start)
+        fitted = Fitted.at(mechanism, result.theta, self.samples, result.free)
         self.folds = self.folds or make_folds(fitted.rows)
         return fitted
 
@@ -107,6 +119,8 @@ class Search:
         steps = fitted.held_out(self.folds).steps
         thetas = np.tile(fitted.theta, (len(self.folds), 1))
         thetas[:, fitted.free] += steps
+        # What a fold cannot see well may leave its bounds, and some free runs with them.
+        thetas = np.clip(thetas, *fitted.mechanism.bounds)
         force, velocity = [], []
         for fold, theta in zip(self.folds, thetas, strict=True):
             part = self.stretch(fold)
@@ -139,8 +153,8 @@ class Search:
         for name in names:
             found.append(try_candidate(fitted, self.samples, self.folds, name))
             self.tick()
-        found.sort(key=lambda item: item.result.square)
-        found = self._refit(found, base.square)
+        found.sort(key=lambda item: item.square)
+        found = self._refit(fitted, found, base.square)
         step = fitted.rows[0].step
         scores = {
             item.name: score_blocks(fitted.residual, fitted.columns, item.columns, step)
@@ -148,39 +162,41 @@ class Search:
         }
         p_values = family_p_values(scores, rng)
         best, tied = _choose(found, base.square, fitted, step)
-        fall = 0.0 if best is None else 1.0 - best.result.square / base.square
-        return Ranking(tuple(found), p_values, tied, fall, best)
+        return Ranking(tuple(found), p_values, tied, best, base.square)
 
-    def _refit(self, found: list[Candidate], square: float) -> list[Candidate]:
+    def _refit(self, base: Fitted, found: list[Candidate], square: float) -> list[Candidate]:
         """Joint fits of the candidates in the lead: some are linear only near zero strength."""
-        fall = square - found[0].result.square if found else 0.0
+        fall = square - found[0].square if found else 0.0
         if fall < 0.5 * MATERIAL * square:
             return found
+        noise = base.noise_square(self.samples, self.noise, self.seed)
         done = []
         for item in found:
-            if square - item.result.square > KEPT * fall and len(done) < LEADERS:
+            if square - item.square > KEPT * fall and len(done) < LEADERS:
                 joint = self.fit(item.mechanism, item.theta)
+                more = joint.noise_square(self.samples, self.noise, self.seed) - noise
+                result = joint.held_out(self.folds)
                 item = replace(
-                    item, theta=joint.theta, fitted=joint, result=joint.held_out(self.folds)
+                    item, theta=joint.theta, fitted=joint, result=result, extra_noise=more
                 )
                 self.tick()
             done.append(item)
-        return sorted(done, key=lambda item: item.result.square)
+        return sorted(done, key=lambda item: item.square)
 
 
 def _choose(
     found: Sequence[Candidate], square: float, base: Fitted, step: float
 ) -> tuple[Candidate | None, tuple[str, ...]]:
     """The best candidate, a simpler one in its place if it does as well, and those that tie."""
-    if not found or found[0].result.square >= square:
+    if not found or found[0].square >= square:
         return None, ()
     leader = found[0]
-    fall = square - leader.result.square
-    near = [item for item in found if square - item.result.square > KEPT * fall]
+    fall = square - leader.square
+    near = [item for item in found if square - item.square > KEPT * fall]
     best = leader
     for item in near:
         # A nested effect gives way to its simpler form unless it is materially better.
-        dearer = item.result.square - best.result.square
+        dearer = item.square - best.square
         if dearer < NESTED * item.result.square and contains(best, item, base):
             best = item
     tied = [
@@ -204,7 +220,8 @@ def _worse_by(item: Candidate, leader: Candidate, step: float) -> float:
         ]
     )
     spread = np.sqrt(len(difference)) * difference.std()
-    return float(difference.sum() / max(spread, 1e-300))
+    worse = difference.sum() - (item.extra_noise - leader.extra_noise)
+    return float(worse / max(spread, 1e-300))
 
 
 def given_errors(mechanism: Mechanism, theta: Array, samples: Sequence[Any]) -> dict[str, float]:
