@@ -90,7 +90,11 @@ class KinematicStructure:
         return wheel_loops(self.gains(point), self.model.geometry, self.loop.sample_time)
 
     def response(self, point: Array, frequency: Array) -> Complex:
-        return self.controller(point).response(frequency)
+        gains, period = self.gains(point), self.loop.sample_time
+        z = np.exp(1j * frequency * period)
+        each = gains.proportional + gains.integral * period * z / (z - 1.0)
+        to_force = np.diag((self.model.geometry.wheel_jacobian**2).sum(axis=0))
+        return np.asarray(each[:, None, None] * to_force, np.complex128)
 
     def law(self, points: Array, motions: int) -> WheelLoops:
         rows = [gains for gains in map(self.gains, points) for _ in range(motions)]

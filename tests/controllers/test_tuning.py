@@ -10,7 +10,7 @@ import pytest
 from controllers.interface import Loop
 from controllers.kinematic import Gains, KinematicControl
 from controllers.linear import closed, sampled_platform
-from controllers.structures import KinematicStructure, WheelLoops, wheel_loops
+from controllers.structures import KinematicStructure, PIDStructure, WheelLoops, wheel_loops
 from controllers.trials import Trial, references
 from controllers.tuning import Bench, Requirements, tune
 from youbot_env.errors import InputError
@@ -43,6 +43,18 @@ def test_the_bank_scores_as_the_controller_does(gains: Gains, limit: float) -> N
     np.testing.assert_allclose(bank.torque_rate, alone.torque_rate, rtol=tolerance)
     np.testing.assert_allclose(bank.saturated, alone.saturated, atol=tolerance)
     assert (bank.saturated > 0).all() == (limit < 1)
+
+
+@pytest.mark.parametrize("kind", [KinematicStructure, PIDStructure])
+def test_the_closed_form_is_the_state_spaces_response(kind) -> None:
+    structure, point = kind(LAGGED, SLOW), np.array([0.7, 1.3])
+    frequency = np.array([0.1, 3.0, 50.0, 300.0])
+    np.testing.assert_allclose(
+        structure.response(point, frequency),
+        structure.controller(point).response(frequency),
+        rtol=1e-9,
+        atol=1e-9,
+    )
 
 
 def test_a_candidate_does_not_depend_on_its_neighbours() -> None:

@@ -16,7 +16,7 @@ from youbot_env.errors import InputError
 from youbot_env.model_file import load_model
 from youbot_scripts import cli
 
-QUICK = ["--runs", "1", "--duration", "2", "--torque-rate", "1.5"]
+QUICK = ["--runs", "1", "--duration", "1", "--torque-rate", "1.5"]
 PID_GAINS = PIDGains((9.0, 11.0, 10.0), 0.9, 0.03, 0.01)
 
 
