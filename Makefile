@@ -34,10 +34,12 @@ lint: $(ALL_READY)
 slow: $(ALL_READY)
 	$(BIN)/python -m pytest -m slow
 
-figures: $(DEMO_READY)
+figures: $(ALL_READY)
 	$(BIN)/youbot demo --output demo_output
 	mkdir -p docs/figures
 	cp demo_output/plots/free_run_multisine_b.png docs/figures/
+	$(BIN)/youbot evaluate --plots demo_output/evaluate
+	cp demo_output/evaluate/error_by_frequency.png docs/figures/
 
 clean:
 	rm -rf $(VENV) build dist *.egg-info demo_output

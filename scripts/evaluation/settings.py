@@ -116,7 +116,7 @@ SUITES: dict[str, Mapping[str, Any]] = {
         "delay": 3,
         "lag": 0.03,
     },
-    "saturated": {"bands": ((2.0, 4.0),), "amplitude": (0.6, 0.5, 1.6)},
+    "saturated": {"bands": ((4.0, 8.0),), "amplitude": (0.4, 0.3, 1.0)},
     "payload": {
         "surprises": ("payload_change:mass=8,x=0.1,y=0.05,time=20",),
         "controllers": ("kinematic_tuned", "computed_torque", "adaptive"),
@@ -130,7 +130,7 @@ SUITES: dict[str, Mapping[str, Any]] = {
     },
     "contact": {"plants": ("contact",), "bands": WIDE, "delay": 3, "lag": 0.03},
     "coulomb": {
-        "effects": ("wheel_coulomb_friction:torque=0.15",),
+        "effects": ("wheel_coulomb_friction:torque=0.1",),
         "models": ("identified", "diagnosed"),
         "bands": WIDE,
     },

@@ -60,7 +60,7 @@ def by_model(results: Sequence[Result]) -> Iterator[Table]:
             tuple(_mean(cells[r.controller, r.band, model], "nrmse") for model in models)
             for r in same[0]
         ]
-        title = "Normalised RMSE [%], mean of axes, by model"
+        title = "Mean normalised RMSE [%] by model"
         yield Table(
             title,
             (*LEAD, *models),
@@ -74,7 +74,7 @@ def overview(group: Sequence[Result], against: str) -> Table:
     bands = list(dict.fromkeys(result.band for result in group))
     names = list(dict.fromkeys(result.controller for result in group))
     by_key = {(result.controller, result.band): result for result in group}
-    rows = [(name, *(_mean(by_key[name, band], "nrmse", 2) for band in bands)) for name in names]
+    rows = [(name, *(_mean(by_key[name, band], "nrmse", "±") for band in bands)) for name in names]
     found = ratios(group, against)
     notes = [f"{_band(band)}: not scored, {reason}" for band, reason in unscored(group).items()]
     for band in found:
@@ -84,7 +84,7 @@ def overview(group: Sequence[Result], against: str) -> Table:
         if shares:
             notes.append(f"{_band(band)}, worst axis against {against}: {', '.join(shares)}")
     return Table(
-        "Normalised RMSE [%], mean of axes",
+        "Mean normalised RMSE [%]",
         ("controller", *(_band(band) for band in bands)),
         tuple(rows),
         tuple(notes),
@@ -177,15 +177,15 @@ def show(out: Any, found: Sequence[Table]) -> None:
             out.print()
 
 
-def _mean(result: Result, name: str, decimals: int = 3) -> str:
-    """Mean and half interval in per cent, ``decimals`` at most; or how many runs diverged."""
+def _mean(result: Result, name: str, between: str = " ± ") -> str:
+    """Mean and half interval in per cent; or how many runs diverged."""
     if result.diverged:
         return f"{result.diverged}/{result.runs} diverge"
     if not math.isfinite(result.mean(name)):
         return "-"
     mean, half = 100 * result.mean(name), 100 * result.half(name)
-    digits = min(decimals, 0 if mean >= 100 else 1 if mean >= 10 else 2 if mean >= 1 else 3)
-    return f"{mean:.{digits}f}" + (f" ± {half:.{digits}f}" if half else "")
+    digits = 0 if mean >= 100 else 1 if mean >= 10 else 2 if mean >= 1 else 3
+    return f"{mean:.{digits}f}" + (f"{between}{half:.{digits}f}" if half else "")
 
 
 def _short(value: float, digits: int = 2) -> str:

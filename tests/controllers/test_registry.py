@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+import re
+from pathlib import Path
+
 import numpy as np
 import pytest
 
@@ -48,3 +51,9 @@ def test_a_name_that_is_nearly_right_is_told_the_right_one(name: str):
 def test_a_name_that_is_far_off_is_told_all():
     with pytest.raises(InputError, match="known are kinematic"):
         registry.entry("x")
+
+
+def test_the_documents_list_every_name():
+    text = (Path(__file__).parents[2] / "docs" / "controllers.md").read_text("utf-8")
+    listed = re.findall(r"^\| `(\w+)` \|", text, re.MULTILINE)
+    assert listed == list(registry.CONTROLLERS)
