@@ -110,6 +110,11 @@ class AxisStructure:
         wrenches_only = not self.has_actuator and not self.has_clock
         return wrenches_only and not reads_base and not self.depends_on_load
 
+    @cached_property
+    def nonlinear(self) -> frozenset[str]:
+        """Names of the effects in whose own parameters the effort is not linear: shifts in time."""
+        return frozenset(item.name for item, _ in self.of_kind("shift"))
+
 
 def _joint(theta: Any, at: Instant) -> Joint:
     base = Base(*theta[: len(Base._fields)])

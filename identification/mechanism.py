@@ -60,7 +60,8 @@ class Mechanism(Protocol):
     catalogue : the effects that it can have
     filter_rate : of the filter through which forces are fitted [rad/s]
     scaling : how ``scale`` scales the parameters, in words
-    structure : which effects it holds (``effects``), and what is known of them
+    structure : which effects it holds (``effects``), and what is known of them (``nonlinear``:
+        in whose own parameters the force is not linear)
     """
 
     structure: Any

@@ -1,0 +1,64 @@
+"""Which effects are accepted: second thoughts, shapes that move on, and when to stop."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from identification.mechanisms import mechanism_of
+from identification.search import Search
+from identification.selection import AT_FLOOR, select
+from tests.identification.recordings import recording
+from youbot_env.model_file import load_model
+
+NAMES = [
+    "wheel_coulomb_friction",
+    "wheel_stribeck_friction",
+    "quadratic_friction",
+    "friction_warmup",
+    "actuator_lag",
+    "torque_delay",
+]
+
+
+def chosen(*effects, logs=1, names=NAMES):
+    logs = [recording("calibration", effects, seed=seed + 1) for seed in range(logs)]
+    mechanism = mechanism_of(load_model("paper"))
+    search = Search(mechanism, logs, 0, lambda: None)
+    found = select(search, mechanism, load_model("paper").theta, names, np.random.default_rng(0))
+    return search, found
+
+
+def accepted(selection) -> list[str]:
+    return [step.effect for step in selection.steps[1:] if step.effect]
+
+
+def test_dry_friction_behind_a_lag_is_not_called_stribeck_nor_delay():
+    dry = ("wheel_coulomb_friction", (("torque", 0.3),))
+    lag = ("actuator_lag", (("time_constant", 0.1),))
+    search, found = chosen(dry, lag)
+    assert sorted(accepted(found)) == ["actuator_lag", "wheel_coulomb_friction"]
+    # The search ends where noise is all that is left.
+    floor = search.floor(found.steps[-1].fitted)["force_error"]
+    assert AT_FLOOR[0] < found.steps[-1].force_error / floor < 1.05
+
+
+def test_a_time_constant_moves_on_when_what_disturbed_it_is_found():
+    warm = ("friction_warmup", (("fraction", 0.5), ("time_constant", 40.0)))
+    late = ("torque_delay", (("delay", 0.12),))
+    # Two logs: of one alone the stretch that shows the warm-up would be held out.
+    _, found = chosen(warm, late, logs=2, names=["friction_warmup", "torque_delay"])
+    assert sorted(accepted(found)) == ["friction_warmup", "torque_delay"]
+    last = found.steps[-1].fitted
+    theta = dict(zip(last.mechanism.parameter_names, last.theta, strict=True))
+    assert theta["friction_warmup.time_constant"] == pytest.approx(40.0, abs=2.0)
+    assert theta["torque_delay.delay"] == pytest.approx(0.12, abs=0.002)
+
+
+def test_errors_fall_with_each_step_and_rankings_name_the_winners():
+    _, found = chosen(("quadratic_friction", (("coefficient", 0.01),)))
+    assert accepted(found) == ["quadratic_friction"]
+    assert found.steps[1].force_error < 0.3 * found.steps[0].force_error
+    assert found.rankings[0].best is not None and found.rankings[0].best.name == accepted(found)[0]
+    assert found.first is found.rankings[0]
+    assert found.first.fall > 0.9
