@@ -379,6 +379,12 @@ def test_ranges():
     }  # fmt: skip
     auto = ranges_from("auto", PAPER)
     assert isinstance(auto, dict) and set(auto) == set(PAPER.values)
+    names = tuple(PAPER.values)
+    sure = replace(PAPER, covariance=1e-8 * np.eye(len(names)), covariance_names=names)
+    assert ranges_from("auto", sure) == "covariance"
+    drawn = Conditions().setup(sure, "covariance").source.draw(np.random.default_rng(0))
+    assert drawn.values != PAPER.values
+    assert drawn.values["m0"] == pytest.approx(PAPER.values["m0"], abs=1e-3)
 
 
 def test_missing_libraries_are_named():
