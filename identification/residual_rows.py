@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from identification.filters import FILTER_RATE, block_mean, filter_samples, first_order, settled
+from identification.filters import block_mean, filter_samples, first_order, settled
 from identification.folds import BLOCKS
 from identification.residual_features import Group, Scales, groups
 from identification.shares import Part
@@ -32,13 +32,11 @@ MOST_ROWS = 60_000
 class Reduction:
     """From samples (N, ...) at ``dt`` [s] to rows (n, ...): the filter, then means of blocks.
 
-    rate: of the filter [rad/s]; passes: twice through it where an actuator's effect takes a
-    derivative more.
+    rate: of the filter [rad/s]; size: samples in a row.
     """
 
     rate: float
     dt: float
-    passes: int
     size: int
 
     @property
@@ -54,9 +52,7 @@ class Reduction:
         return self._finished(first_order(ends[0], ends[1], self.rate, self.dt))
 
     def _finished(self, filtered: Array) -> Array:
-        for _ in range(self.passes - 1):
-            filtered = filter_samples(filtered, self.rate, self.dt)
-        return block_mean(filtered[self.passes * settled(self.rate, self.dt) :], self.size)
+        return block_mean(filtered[settled(self.rate, self.dt) :], self.size)
 
 
 @dataclass(frozen=True)
@@ -79,10 +75,8 @@ def make_table(mechanism: Mechanism, theta: Array, logs: Sequence[Any]) -> Table
     slow = [slowed(samples) for samples in logs]
     seconds = sum(samples.dt * len(samples) for samples in slow)
     rows_a_second = min(ROW_RATE, MOST_ROWS / seconds)
-    passes = 2 if mechanism.structure.has_actuator else 1
-    filter_rate = getattr(mechanism, "filter_rate", FILTER_RATE)
     reductions = [
-        Reduction(filter_rate, s.dt, passes, max(1, round(1.0 / (rows_a_second * s.dt))))
+        Reduction(mechanism.filter_rate, s.dt, max(1, round(1.0 / (rows_a_second * s.dt))))
         for s in slow
     ]
     pairs = [

@@ -110,6 +110,17 @@ def test_nor_at_other_rates_and_noise(rate: float, noise: float):
     assert residual_map(MECHANISM, PAPER.theta, logs).leading == ()
 
 
+@pytest.mark.parametrize(("rate", "lag"), [(50.0, 0.03), (100.0, 0.1)])
+def test_nor_does_a_model_that_knows_its_drives(rate: float, lag: float):
+    """The rate of a demand behind a lag needs no filter of its own."""
+    planted = (("actuator_lag", (("time_constant", lag),)),)
+    logs = [recording("calibration", planted, rate=rate, seed=k) for k in (1, 2)]
+    start = PAPER.with_effect("actuator_lag")
+    found = identify(logs, start=start, recursive=False)
+    assert found.model.values["actuator_lag.time_constant"] == pytest.approx(lag, rel=0.02)
+    assert residual_map(found.mechanism, found.fit.theta, found.samples).leading == ()
+
+
 @pytest.mark.parametrize(
     ("force", "variable"),
     [
