@@ -105,6 +105,9 @@ def main(
             help="Write tables and pictures as one web page (extra: plots).",
         ),
     ] = None,
+    brief: Annotated[
+        bool, typer.Option("--brief", help="Print and draw the comparison alone, no details.")
+    ] = False,
     seed: common.SeedOption = 0,
     json: common.JsonOption = None,
 ) -> None:
@@ -139,9 +142,9 @@ def main(
         _check_plots(plots)
     found = evaluate(chosen, seed=seed, jobs=jobs, folder=resume)
     out = common.console(json)
-    tables.show(out, found.tables())
+    tables.show(out, found.tables(brief))
     if plots or report:
-        _draw(found, plots, report, out)
+        _draw(found, plots, report, brief, out)
     common.write_result(json, found.to_dict(), seed)
 
 
@@ -158,11 +161,13 @@ def _check_plots(folder: Path | None) -> None:
         raise InputError(f"{folder}: cannot be made a folder: {error.strerror}") from None
 
 
-def _draw(found: Evaluation, plots: Path | None, report: Path | None, out: Any) -> None:
+def _draw(
+    found: Evaluation, plots: Path | None, report: Path | None, brief: bool, out: Any
+) -> None:
     from youbot_scripts.evaluation.figures import write_all
     from youbot_scripts.evaluation.report import page
 
-    figures = found.figures()
+    figures = found.figures(brief)
     if plots:
         for path in write_all(plots, figures):
             out.print(f"figure: {path}", soft_wrap=True)
@@ -170,7 +175,7 @@ def _draw(found: Evaluation, plots: Path | None, report: Path | None, out: Any) 
         made = common.provenance(found.trials[0].seed)
         facts = {"version": made["version"], "seed": made["seed"], **made["versions"]}
         command = shlex.join(["youbot", *sys.argv[1:]])
-        common.write_text(report, page(command, found.tables(), figures, facts))
+        common.write_text(report, page(command, found.tables(brief), figures, facts))
         out.print(f"report: {report}", soft_wrap=True)
 
 

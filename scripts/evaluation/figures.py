@@ -4,7 +4,9 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
+from itertools import cycle
 from pathlib import Path
+from textwrap import wrap
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -12,7 +14,7 @@ import numpy as np
 from identification.plot_style import GREY, line, new_figure, styled, write_figure
 from youbot_scripts.evaluation.closed_loop import Trace
 from youbot_scripts.evaluation.metrics import AXES
-from youbot_scripts.evaluation.summary import Result, in_words
+from youbot_scripts.evaluation.summary import Result, in_words, models_of
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -26,6 +28,9 @@ COLOURS = ("#d55e00", "#e69f00", "#009e73", "#56b4e9", "#0072b2", "#cc79a7", "#2
 
 MARKERS = "osD^vPX*"
 
+BROKEN = ("dashed", "dotted", "dashdot")
+"""Lines of all models but the last, from the last but one backwards."""
+
 UNITS = ("m/s", "m/s", "rad/s")
 
 
@@ -38,10 +43,12 @@ def _look(names: Sequence[str]) -> dict[str, dict[str, Any]]:
 
 @styled
 def error_by_frequency(group: Sequence[Result]) -> Figure:
-    """Normalised RMSE of every controller over the bands of one condition, an axis a panel.
+    """Normalised RMSE of every controller over the bands on one plant, an axis a panel.
 
-    Points stand at a band's geometric mean, side by side; bars are 95 % intervals over seeds. A
-    controller that diverges in a band has a cross at the upper edge there.
+    Where the controllers were built on several models, the last one's lines are solid and those of
+    the others broken, with hollow markers. Points stand at a band's geometric mean, side by side;
+    bars are 95 % intervals over seeds. A controller that diverges in a band has a cross at the
+    upper edge there.
     """
     figure = new_figure(5.2)
     panels = figure.subplots(1, 3, sharey=True)
@@ -52,7 +59,10 @@ def error_by_frequency(group: Sequence[Result]) -> Figure:
         panel.set_title(label)
         for n, name in enumerate(names):
             beside = 1.0 + 0.03 * (n - (len(names) - 1) / 2)
-            _curve(panel, [r for r in group if r.controller == name], label, beside, look[name])
+            mine = [result for result in group if result.controller == name]
+            for model, strokes in _strokes(group).items():
+                drawn = [result for result in mine if result.place["model"] == model]
+                _curve(panel, drawn, label, beside, look[name] | strokes)
         panel.axvline(PAPER_CLAIM, color=GREY, linewidth=1.0, linestyle=(0, (4, 3)), zorder=0.5)
         if axis == 0:
             panel.set_ylabel("normalised RMSE [%]")
@@ -62,10 +72,28 @@ def error_by_frequency(group: Sequence[Result]) -> Figure:
                 va="top", fontsize=8, color=GREY,
             )  # fmt: skip
         _ticks(panel, group)
-    handles, labels = panels[0].get_legend_handles_labels()
-    figure.legend(handles, labels, loc="outside lower center", ncols=min(len(labels), 6))
-    _state(figure, "Tracking error against reference frequency", group)
+    _legend(figure, panels[0])
+    _state(figure, "Tracking error against reference frequency", _stated(group))
     return figure
+
+
+def _strokes(group: Sequence[Result]) -> dict[str, dict[str, Any]]:
+    """How the lines of each model are drawn; the last one's as if it were alone."""
+    *others, last = models_of(group)
+    broken = reversed(list(zip(reversed(others), cycle(BROKEN), strict=False)))
+    hollow = {model: {"linestyle": style, "markerfacecolor": "white"} for model, style in broken}
+    return hollow | {last: {"linestyle": "solid"}}
+
+
+def _stated(group: Sequence[Result]) -> str:
+    """Plant, models, loop and seeds in words."""
+    models = models_of(group)
+    if len(models) > 1:
+        models = [f"{model} ({look['linestyle']})" for model, look in _strokes(group).items()]
+    runs = max(result.runs for result in group)
+    seeds = f"seeds 0 to {runs - 1}" if runs > 1 else "seed 0"
+    crosses = "; crosses: diverged" if any(result.diverged for result in group) else ""
+    return f"{in_words({**group[0].place, 'model': ', '.join(models)})}; {seeds}{crosses}"
 
 
 def _curve(
@@ -77,9 +105,10 @@ def _curve(
     half = np.array([100 * r.half(f"nrmse {label}") for r in ordered])
     # An interval that reaches zero would leave a logarithmic axis.
     below = np.minimum(half, 0.9 * mean)
+    named = ordered[0].controller if look["linestyle"] == "solid" else None
     panel.errorbar(
         centre, mean, np.vstack([below, half]),
-        label=ordered[0].controller, linewidth=1.2, markersize=5, capsize=2.5, **look,
+        label=named, linewidth=1.2, markersize=5, capsize=2.5, **look,
     )  # fmt: skip
     for x, result in zip(centre, ordered, strict=True):
         if result.diverged:
@@ -102,14 +131,19 @@ def _ticks(panel: Axes, group: Sequence[Result]) -> None:
     panel.margins(y=0.12)
 
 
-def _state(figure: Figure, title: str, group: Sequence[Result]) -> None:
-    """Title, and beneath it plant, model, loop and seeds."""
-    runs = max(result.runs for result in group)
-    seeds = f"seeds 0 to {runs - 1}" if runs > 1 else "seed 0"
-    crosses = "; crosses: diverged" if any(result.diverged for result in group) else ""
-    stated = f"{in_words(group[0].place)}; {seeds}{crosses}"
-    figure.suptitle(f"{title}\n", x=0.01, ha="left", fontsize=12, fontweight="bold")
-    figure.text(0.01, 0.945, stated, fontsize=8.5, color=GREY, va="top")
+def _state(figure: Figure, title: str, stated: str) -> None:
+    """Title, and beneath it what else one has to know, wrapped at the figure's width."""
+    lines = wrap(stated, 148, break_on_hyphens=False)
+    room = "\n" * len(lines)  # which the layout leaves free
+    figure.suptitle(f"{title}{room}", x=0.01, ha="left", fontsize=12, fontweight="bold")
+    below = 1.0 - 0.29 / figure.get_figheight()
+    figure.text(0.01, below, "\n".join(lines), fontsize=8.5, color=GREY, va="top")
+
+
+def _legend(figure: Figure, panel: Axes) -> None:
+    """One for all panels, at the lower edge."""
+    handles, labels = panel.get_legend_handles_labels()
+    figure.legend(handles, labels, loc="outside lower center", ncols=min(len(labels), 6))
 
 
 @styled
@@ -148,10 +182,8 @@ def time_courses(
     panels[0, 1].set_title("absolute error", fontsize=10, fontweight="normal")
     for panel in panels[-1]:
         panel.set_xlabel("time [s]")
-    handles, labels = panels[0, 0].get_legend_handles_labels()
-    figure.legend(handles, labels, loc="outside lower center", ncols=min(len(labels), 6))
-    figure.suptitle("Reference and response\n", x=0.01, ha="left", fontsize=12, fontweight="bold")
-    figure.text(0.01, 0.955, stated, fontsize=8.5, color=GREY, va="top")
+    _legend(figure, panels[0, 0])
+    _state(figure, "Reference and response", stated)
     return figure
 
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -138,9 +138,23 @@ def ratios(results: Sequence[Result], against: str) -> dict[tuple[float, float],
 
 def by_condition(results: Sequence[Result]) -> list[list[Result]]:
     """The results of each condition."""
+    return _alike(results, lambda result: json.dumps(result.place))
+
+
+def by_plant(results: Sequence[Result]) -> list[list[Result]]:
+    """The results of each plant, whatever model of it the controllers had."""
+    return _alike(results, lambda result: result.place["plant"])
+
+
+def models_of(results: Sequence[Result]) -> list[str]:
+    """The models that results were found with, in their order."""
+    return list(dict.fromkeys(result.place["model"] for result in results))
+
+
+def _alike(results: Sequence[Result], key: Callable[[Result], str]) -> list[list[Result]]:
     groups: dict[str, list[Result]] = {}
     for result in results:
-        groups.setdefault(json.dumps(result.place), []).append(result)
+        groups.setdefault(key(result), []).append(result)
     return list(groups.values())
 
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -14,7 +14,9 @@ from youbot_scripts.evaluation.summary import (
     STRETCHES,
     Result,
     by_condition,
+    by_plant,
     in_words,
+    models_of,
     ratios,
     unscored,
 )
@@ -38,7 +40,7 @@ def tables(results: Sequence[Result], against: str) -> list[Table]:
     ----------
     against : the controller that others are measured by
     """
-    found = list(by_model(results))
+    found = [by_model(same) for same in by_plant(results) if len(models_of(same)) > 1]
     for group in by_condition(results):
         found.append(overview(group, against))
         found += [tracking(group), size(group), effort(group)]
@@ -47,26 +49,35 @@ def tables(results: Sequence[Result], against: str) -> list[Table]:
     return found
 
 
-def by_model(results: Sequence[Result]) -> Iterator[Table]:
-    """Where a plant was driven on several models: how each controller fares on each."""
-    groups = by_condition(results)
-    for plant in dict.fromkeys(group[0].place["plant"] for group in groups):
-        same = [group for group in groups if group[0].place["plant"] == plant]
-        models = [group[0].place["model"] for group in same]
-        if len(models) < 2:
-            continue
-        cells = {(r.controller, r.band, r.place["model"]): r for group in same for r in group}
-        rows = [
-            tuple(_mean(cells[r.controller, r.band, model], "nrmse") for model in models)
-            for r in same[0]
-        ]
-        title = "Mean normalised RMSE [%] by model"
-        yield Table(
-            title,
-            (*LEAD, *models),
-            _led(same[0], rows),
-            heading=in_words({**same[0][0].place, "model": ", ".join(models)}),
-        )
+def brief(results: Sequence[Result], against: str) -> list[Table]:
+    """One table a plant: by model where it was driven on several, else the overview."""
+    return [
+        by_model(same) if len(models_of(same)) > 1 else overview(same, against)
+        for same in by_plant(results)
+    ]
+
+
+def by_model(results: Sequence[Result]) -> Table:
+    """How each controller fares on each of several models of one plant."""
+    models = models_of(results)
+    cells = {(r.controller, r.band, r.place["model"]): r for r in results}
+    first = [result for result in results if result.place["model"] == models[0]]
+    rows = [
+        tuple(_mean(cells[r.controller, r.band, model], "nrmse") for model in models) for r in first
+    ]
+    return Table(
+        "Mean normalised RMSE [%] by model",
+        (*LEAD, *models),
+        _led(first, rows),
+        _not_scored(results),
+        f"{in_words({**first[0].place, 'model': ', '.join(models)})}; {_seeds(first)}",
+    )
+
+
+def _not_scored(results: Sequence[Result]) -> tuple[str, ...]:
+    return tuple(
+        f"{_band(band)}: not scored, {reason}" for band, reason in unscored(results).items()
+    )
 
 
 def overview(group: Sequence[Result], against: str) -> Table:
@@ -76,7 +87,7 @@ def overview(group: Sequence[Result], against: str) -> Table:
     by_key = {(result.controller, result.band): result for result in group}
     rows = [(name, *(_mean(by_key[name, band], "nrmse", "±") for band in bands)) for name in names]
     found = ratios(group, against)
-    notes = [f"{_band(band)}: not scored, {reason}" for band, reason in unscored(group).items()]
+    notes = list(_not_scored(group))
     for band in found:
         shares = [
             f"{name} {_ratio(share)}" for name, share in found[band].items() if name != against

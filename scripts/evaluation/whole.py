@@ -14,8 +14,10 @@ from youbot_scripts.evaluation.settings import Settings
 from youbot_scripts.evaluation.summary import (
     Result,
     by_condition,
+    by_plant,
     gather,
     in_words,
+    models_of,
     ratios,
     unscored,
 )
@@ -54,9 +56,10 @@ class Evaluation:
     records: list[Record]
     results: list[Result]
 
-    def tables(self) -> list[tables.Table]:
-        """As printed."""
-        return tables.tables(self.results, self.settings.against)
+    def tables(self, brief: bool = False) -> list[tables.Table]:
+        """As printed; if ``brief``, one a plant."""
+        made = tables.brief if brief else tables.tables
+        return made(self.results, self.settings.against)
 
     def to_dict(self) -> dict[str, Any]:
         """JSON form."""
@@ -101,20 +104,35 @@ class Evaluation:
             ],
         }
 
-    def figures(self) -> dict[str, Figure]:
-        """The pictures by name: two for each condition, of the first seed where one must do."""
+    def figures(self, brief: bool = False) -> dict[str, Figure]:
+        """The pictures by name: one for each plant that was driven on several models, and two for
+        each condition, of the first seed where one must do; if ``brief``, one a plant."""
+        drawn = self._errors_by_plant(brief)
+        return drawn if brief else drawn | self._by_condition()
+
+    def _errors_by_plant(self, brief: bool) -> dict[str, Figure]:
+        from youbot_scripts.evaluation.figures import error_by_frequency
+
+        drawn, plants = {}, by_plant(self.results)
+        for n, group in enumerate(plants):
+            several = len(models_of(group)) > 1
+            if several or brief:
+                name = "error_by_model" if several else "error_by_frequency"
+                drawn[_numbered(name, n, plants)] = error_by_frequency(group)
+        return drawn
+
+    def _by_condition(self) -> dict[str, Figure]:
         from youbot_scripts.evaluation.figures import error_by_frequency, time_courses
 
         drawn, names = {}, self.settings.controllers
         groups = by_condition(self.results)
         for n, (group, condition) in enumerate(zip(groups, self.models, strict=True)):
-            number = f"_{n + 1}" if len(groups) > 1 else ""
-            drawn[f"error_by_frequency{number}"] = error_by_frequency(group)
+            drawn[_numbered("error_by_frequency", n, groups)] = error_by_frequency(group)
             shown = self._shown(group, condition)
             course = shown[0].course
             stated = f"{in_words(group[0].place)}; {course}, seed 0"
             traces = {trial.controller: trial.trace() for trial in shown}
-            drawn[f"time_courses{number}"] = time_courses(traces, stated, names)
+            drawn[_numbered("time_courses", n, groups)] = time_courses(traces, stated, names)
         return drawn
 
     def _shown(self, group: Sequence[Result], condition: Condition) -> list[Trial]:
@@ -133,6 +151,10 @@ class Evaluation:
             if trial.condition == condition and trial.course == course and trial.index == 0
         }
         return [found[name] for name in names if name in found][:COURSES]
+
+
+def _numbered(name: str, n: int, among: Sequence[object]) -> str:
+    return f"{name}_{n + 1}" if len(among) > 1 else name
 
 
 def evaluate(

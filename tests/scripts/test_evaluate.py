@@ -390,6 +390,48 @@ def test_the_command_prints_tables_and_writes_everything(controllers, tmp_path: 
     assert not re.search(r"(src|href)=\"(?!data:)|https?://|<script|@import|url\(", page)
 
 
+def brief(folder: Path, models: str, capsys) -> tuple[str, list[str]]:
+    """What `--brief` prints and draws, for the first band alone."""
+    plots = str(folder / models)
+    status = main(
+        [*ARGUMENTS, "--controllers", "kinematic", "--bands", "1-2", "--model", models]
+        + ["--effect", "floor_tilt:tilt_x=0.02", "--brief", "--plots", plots]
+    )
+    printed = capsys.readouterr()
+    assert status == 0, printed.err
+    return printed.out, sorted(path.stem for path in (folder / models).iterdir())
+
+
+def test_in_brief_there_is_one_table_and_one_picture_a_plant(tmp_path: Path, capsys):
+    for models, picture in {
+        "known": "error_by_frequency",
+        "paper,known": "error_by_model",
+    }.items():
+        printed, pictures = brief(tmp_path, models, capsys)
+        assert pictures == [picture]
+        assert printed.count("Mean normalised") == 1
+        assert "by axis" not in printed and "torque N m" not in printed
+
+
+def test_a_picture_by_model_tells_the_models_apart():
+    from youbot_scripts.evaluation.figures import error_by_frequency
+
+    trials = [
+        {**record("a", seed, size), "model": model}
+        for model, size in {"first": 0.3, "second": 0.2, "third": 0.1}.items()
+        for seed in (0, 1)
+    ]
+    figure = error_by_frequency(gather(trials))
+    curves = [lines[0] for lines in figure.axes[0].containers]  # pyright: ignore[reportIndexIssue]
+    heights = [float(curve.get_ydata()[0]) for curve in curves]
+    assert heights == pytest.approx([30.0, 20.0, 10.0])
+    assert [curve.get_linestyle() for curve in curves] == [":", "--", "-"]
+    assert len({curve.get_color() for curve in curves}) == 1
+    assert [text.get_text() for legend in figure.legends for text in legend.texts] == ["a"]
+    stated = " ".join(" ".join(text.get_text() for text in figure.texts).split())
+    assert "model first (dotted), second (dashed), third (solid)" in stated
+
+
 @pytest.mark.parametrize(
     ("arguments", "says"),
     [
