@@ -10,15 +10,19 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.signal import bilinear, lfilter
 
 from identification.mecanum import Mecanum, Samples
 from identification.regression import gauge_basis, regression_rows
-from youbot_env.motions import CALIBRATION, Motion, multisine
+from youbot_env.motions import CALIBRATION, Motion, multisine, steps
 
 Array = NDArray[np.float64]
 
 DT = 0.02
-"""Sample time [s] of the ideal motions that are weighed."""
+"""Sample time [s] of the motions that are weighed."""
+
+STOCK_GAINS = (0.12, 0.30)
+"""Wheel-speed loop of the robot that will drive them [N m s/rad, N m/rad]: it follows no step."""
 
 
 def library(mechanism: Mecanum, seed: int) -> list[Motion]:
@@ -40,13 +44,35 @@ def library(mechanism: Mecanum, seed: int) -> list[Motion]:
                     name=f"multisine_{band}_{size}",
                 )
             )
+    for size, factor in {"small": 0.4, "large": 1.0}.items():
+        motions.append(
+            steps(
+                np.random.default_rng(seed),
+                amplitude=(0.35 * factor, 0.3 * factor, 1.0 * factor),
+                geometry=geometry,
+                name=f"steps_{size}",
+            )
+        )
     return motions
 
 
-def ideal_samples(motion: Motion, mechanism: Mecanum) -> Samples:
-    """What a log of the ideal motion would hold, without noise; torques are left at zero."""
+def followed(twist: Array, mechanism: Mecanum, theta: Array) -> Array:
+    """What the stock loop makes of a reference twist (N, 3): each wheel a mass with friction.
+
+    A loop that lags takes the fast part away, and with it what a fast motion was to show.
+    """
+    values = dict(zip(mechanism.parameter_names, theta, strict=True))
+    radius = mechanism.geometry.R
+    inertia = values["m0"] * radius**2 / 4 + values["I1"]
+    proportional, integral = STOCK_GAINS
+    loop = ([proportional, integral], [inertia, values["mu1"] + proportional, integral])
+    return np.asarray(lfilter(*bilinear(*loop, fs=1 / DT), twist, axis=0))
+
+
+def expected_samples(motion: Motion, mechanism: Mecanum, theta: Array) -> Samples:
+    """What a log of a motion would hold, without noise; torques are left at zero."""
     time = np.arange(0.0, motion.duration, DT)
-    twist = motion.twist(time)
+    twist = followed(motion.twist(time), mechanism, theta)
     yaw = _integrate(twist[:, 2])
     c, s = np.cos(yaw), np.sin(yaw)
     x = _integrate(c * twist[:, 0] - s * twist[:, 1])
@@ -91,7 +117,7 @@ def best_experiment(
     name, mechanism, best = favourite
     found = []
     for motion in library(mechanism, seed):
-        samples = ideal_samples(motion, mechanism)
+        samples = expected_samples(motion, mechanism, best)
         apart = {
             rival: separation((mechanism, best), (other, theta), samples)
             for rival, other, theta in rivals

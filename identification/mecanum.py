@@ -401,7 +401,9 @@ class Demand:
             torque = list(self.instant.torque)
             torque[wheel] = torque[wheel] + shift
             at = replace(self.instant, torque=tuple(torque))
-            points = Points(np, self.mechanism.geometry, self.theta, at)
+            points = Points(
+                np, self.mechanism.geometry, self.theta, at, self.mechanism.structure.carriers
+            )
             readers = self.mechanism.structure.load_readers
             forces = [component_wrench(np, r, self.theta[where], points) for r, where in readers]
             ends.append(np.sum(forces, axis=0))
@@ -504,11 +506,11 @@ class Demand:
         structure = self.mechanism.structure
         theta = self.theta.copy()
         theta[index] += shift
-        if owner.name not in BASE:
+        if owner.name not in BASE and owner.carries is None:
             where = next(place for item, place in structure.slices if item is owner)
             return self._component(owner, theta[where], self._points)
         changed = {owner.name, *structure.base_readers}
-        points = Points(np, self.mechanism.geometry, theta, self.instant)
+        points = Points(np, self.mechanism.geometry, theta, self.instant, structure.carriers)
         return sum(
             (
                 self._component(item, theta[where], points)
@@ -520,4 +522,5 @@ class Demand:
 
     @cached_property
     def _points(self) -> Points:
-        return Points(np, self.mechanism.geometry, self.theta, self.instant)
+        structure, geometry = self.mechanism.structure, self.mechanism.geometry
+        return Points(np, geometry, self.theta, self.instant, structure.carriers)

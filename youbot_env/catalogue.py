@@ -369,6 +369,13 @@ _TIME = Parameter(
 )
 
 
+def _payload(xp, time, mass, mass_x, mass_y, start):
+    """What a payload adds to m0, I0, m aX, m aY once it is on."""
+    is_on = xp.where(time >= start, 1.0, 0.0)
+    inertia = (mass_x**2 + mass_y**2) / xp.maximum(mass, LIGHTEST)
+    return is_on * mass, is_on * inertia, is_on * mass_x, is_on * mass_y
+
+
 @effect(
     acts_at=BODY,
     parameters=[
@@ -394,13 +401,11 @@ _TIME = Parameter(
     ),
     source="Rigid body dynamics: a point mass on the platform, from one moment on",
     recognise="From one moment of the log on the platform is heavier, or its mass lies elsewhere.",
+    carries=_payload,
 )
 def payload_change(xp, body, mass, mass_x, mass_y, time):
     """Wrench of a point mass at (x, y) that was put on at ``time``: m (a + ...), as the body's."""
-    is_on = xp.where(body.time >= time, 1.0, 0.0)
-    inertia = (mass_x**2 + mass_y**2) / xp.maximum(mass, LIGHTEST)
-    force_x, force_y, moment = rigid_body(xp, body, mass, inertia, mass_x, mass_y)
-    return is_on * force_x, is_on * force_y, is_on * moment
+    return rigid_body(xp, body, *_payload(xp, body.time, mass, mass_x, mass_y, time))
 
 
 @effect(

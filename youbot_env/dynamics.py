@@ -188,6 +188,11 @@ class Structure:
         """The components that demand a generalised force."""
         return tuple(row for row in self.slices if row[0].acts_at.kind == "wrench")
 
+    @cached_property
+    def carriers(self) -> tuple[tuple[Effect, slice], ...]:
+        """The loads: components that others reckon with beside the base parameters."""
+        return tuple(row for row in self.slices if row[0].carries is not None)
+
     def at(self, place: Place) -> list[tuple[Effect, slice]]:
         """The components that act at a place."""
         return [(item, where) for item, where in self.slices if item.acts_at is place]
@@ -295,26 +300,44 @@ def wrench(xp: Any, structure: Structure, geometry: Any, theta: Any, at: Instant
     -------
     F_X, F_Y [N], M_W [N m] about O in the body frame, as the paper defines them.
     """
-    return _wrench_of(xp, structure.wrenches, geometry, theta, at)
+    return _wrench_of(xp, structure, structure.wrenches, geometry, theta, at)
 
 
 def _wrench_of(
-    xp: Any, components: Sequence[tuple[Effect, slice]], geometry: Any, theta: Any, at: Instant
+    xp: Any,
+    structure: Structure,
+    components: Sequence[tuple[Effect, slice]],
+    geometry: Any,
+    theta: Any,
+    at: Instant,
 ) -> Triple:
-    points = Points(xp, geometry, theta, at)
+    points = Points(xp, geometry, theta, at, structure.carriers)
     return _sum(*(component_wrench(xp, item, theta[where], points) for item, where in components))
 
 
 class Points:
     """The points at which effects act in a motion, made once for all components."""
 
-    def __init__(self, xp: Any, geometry: Any, theta: Any, at: Instant) -> None:
+    def __init__(
+        self,
+        xp: Any,
+        geometry: Any,
+        theta: Any,
+        at: Instant,
+        carriers: Sequence[tuple[Effect, slice]] = (),
+    ) -> None:
         self.xp, self.geometry, self.theta, self.at = xp, geometry, theta, at
+        self.carriers = carriers
 
     @cached_property
     def base(self) -> Base:
-        """The base parameters, for effects that refer to them."""
+        """The base parameters with what the platform carries, for effects that refer to them."""
         m0, inertia, m_ax, m_ay, wheel_inertia, mu1, mu2 = self.theta[:7]
+        for item, where in self.carriers:
+            assert item.carries is not None
+            more = item.carries(self.xp, self.at.time, *self.theta[where])
+            m0, inertia = m0 + more[0], inertia + more[1]
+            m_ax, m_ay = m_ax + more[2], m_ay + more[3]
         return Base(m0, inertia, m_ax, m_ay, wheel_inertia, mu1, mu2)
 
     @cached_property
@@ -439,12 +462,12 @@ def acting_torque(
     if not loads:
         return _with(internal, allocate(geometry, wrench(xp, structure, geometry, theta, at)))
     others = [row for row in structure.wrenches if row not in loads]
-    given = _wrench_of(xp, others, geometry, theta, at)
+    given = _wrench_of(xp, structure, others, geometry, theta, at)
     torque = _with(internal, allocate(geometry, given))
     # At the largest share, 0.9, it takes 330 rounds to come down to rounding.
     for _ in range(1000):
         last = torque
-        lost = _wrench_of(xp, loads, geometry, theta, replace(at, torque=last))
+        lost = _wrench_of(xp, structure, loads, geometry, theta, replace(at, torque=last))
         torque = _with(internal, allocate(geometry, _sum(given, lost)))
         moved = max(_largest(xp.abs(a - b)) for a, b in zip(torque, last, strict=True))
         size = max(_largest(xp.abs(a)) for a in torque)

@@ -195,6 +195,7 @@ class Effect:
     recognise: str
     dissipative: bool = False
     public: Public | None = None
+    carries: Callable[..., Any] | None = None
 
     @property
     def parameter_names(self) -> tuple[str, ...]:
@@ -329,6 +330,7 @@ def effect(
     recognise: str,
     dissipative: bool = False,
     public: Public | None = None,
+    carries: Callable[..., Any] | None = None,
     registry: Registry = CATALOGUE,
 ) -> Callable[[Callable[..., Any]], Callable[..., Any]]:
     """Register the decorated function as an effect under its own name.
@@ -341,6 +343,8 @@ def effect(
     recognise : one sentence on how a user sees it in measurements
     dissipative : True for friction, which must never add energy (tested)
     public : how people state the parameters, if not as the function takes them
+    carries : for a load, ``carries(xp, time, *parameters)``: the m0, I0, m aX, m aY that other
+        effects (a slope) must reckon with beyond the platform's own
 
     Raises
     ------
@@ -358,7 +362,19 @@ def effect(
                 f"but declares {[parameter.name for parameter in declared]}"
             )
         registry.add(
-            Effect(name, acts_at, function, declared, source, recognise, dissipative, public)
+            Effect(
+                *(
+                    name,
+                    acts_at,
+                    function,
+                    declared,
+                    source,
+                    recognise,
+                    dissipative,
+                    public,
+                    carries,
+                )
+            )
         )
         return function
 

@@ -9,6 +9,7 @@ from youbot_env.geometry import Geometry
 from youbot_env.motion_base import Motion, MotionSequence, motion_from_dict, sample, sequence
 from youbot_env.motion_limits import Limits, Peaks, check_limits
 from youbot_env.motion_periodic import Circling, Straight, Turning
+from youbot_env.motion_steps import Steps, steps
 from youbot_env.multisines import Multisine, Tone, multisine
 from youbot_env.validation import count, finite
 
@@ -19,6 +20,7 @@ __all__ = [
     "MotionSequence",
     "Multisine",
     "Peaks",
+    "Steps",
     "Straight",
     "Tone",
     "Turning",
@@ -32,6 +34,7 @@ __all__ = [
     "multisine",
     "sample",
     "sequence",
+    "steps",
 ]
 
 # The default amplitudes and frequencies of motions I to IV keep the paper's platform below

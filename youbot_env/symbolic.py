@@ -241,7 +241,7 @@ class Equations:
     def points(self) -> _OpenPoints:
         """Where the components are evaluated."""
         at = Instant(tuple(_TWIST), tuple(_ACCELERATION), tuple(_POSE), time=_TIME)  # type: ignore[arg-type]
-        return _OpenPoints(symbols(), self.geometry, self.theta, at)
+        return _OpenPoints(symbols(), self.geometry, self.theta, at, self.structure.carriers)
 
     @cached_property
     def no_slip(self) -> dict[sympy.Symbol, Any]:

@@ -17,6 +17,7 @@ from youbot_env.motions import (
     Motion,
     MotionSequence,
     Multisine,
+    Steps,
     Straight,
     Tone,
     Turning,
@@ -30,6 +31,7 @@ from youbot_env.motions import (
     multisine,
     sample,
     sequence,
+    steps,
 )
 
 GEOMETRY = Geometry()
@@ -46,6 +48,7 @@ MOTIONS: list[Motion] = [
     motion_iv(),
     Straight(name="line", duration=20, frequency=2, speed=0.2, direction=0.7, yaw_rate=0.9),
     some_multisine(),
+    steps(np.random.default_rng(4), duration=20.0),
     calibration(),
     sequence([some_multisine(duration=9.0), motion_iii(duration=8.0)]),
 ]
@@ -75,6 +78,9 @@ def kinks(motion) -> np.ndarray:
         starts = [start for _, start, _ in motion.segments()]
         both = zip(motion.parts, starts, strict=True)
         return np.concatenate([start + kinks(part) for part, start in both])
+    if isinstance(motion, Steps):
+        starts = motion.hold * np.arange(len(motion.levels) + 1)
+        return np.concatenate([starts, starts + motion.rise])
     return np.array([0.0, *motion.plateau, motion.duration])
 
 
@@ -88,7 +94,7 @@ def assert_derivative(motion: Motion, h: float = 4e-4) -> None:
 
 @each_motion
 def test_acceleration_is_the_derivative_of_the_twist(motion: Motion) -> None:
-    assert_derivative(motion)
+    assert_derivative(motion, 1e-4 if isinstance(motion, Steps) else 4e-4)
 
 
 @each_motion
@@ -102,8 +108,9 @@ def test_starts_and_ends_at_rest_exactly_and_stays_there(motion: Motion) -> None
 @each_motion
 def test_twist_and_acceleration_are_continuous(motion: Motion) -> None:
     t = np.linspace(-0.1, motion.duration + 0.1, int(motion.duration * 1000))
+    most = 500.0 if isinstance(motion, Steps) else 20.0  # steps are rough, and no more than that
     for values in motion.evaluate(t):
-        assert np.abs(np.diff(values, axis=0)).max() < 20 * (t[1] - t[0])
+        assert np.abs(np.diff(values, axis=0)).max() < most * (t[1] - t[0])
 
 
 @each_motion
@@ -504,3 +511,17 @@ def test_a_mistake_is_one_clear_line(make, message: str) -> None:
     with pytest.raises(InputError, match=message) as caught:
         make()
     assert "\n" not in str(caught.value)
+
+
+def test_steps_hold_their_levels_and_refuse_what_cannot_be() -> None:
+    motion = Steps(name="s", rise=0.2, hold=1.0, levels=((0.3, 0.0, 0.1), (-0.3, 0.0, -0.1)))
+    assert motion.duration == pytest.approx(2.2)
+    assert motion.twist([0.5, 1.5]).tolist() == [[0.3, 0.0, 0.1], [-0.3, 0.0, -0.1]]
+    drawn = steps(np.random.default_rng(1), amplitude=(2.0, 2.0, 5.0))
+    assert Limits().room(drawn.twist(np.linspace(0, 60, 6000)), GEOMETRY) > 0.999
+    with pytest.raises(InputError, match="rise"):
+        Steps(name="s", rise=2.0, hold=1.0, levels=((0.3, 0.0, 0.1),))
+    with pytest.raises(InputError, match="three numbers"):
+        Steps(name="s", rise=0.1, hold=1.0, levels=((0.3, 0.0),))  # pyright: ignore
+    with pytest.raises(InputError, match="at least one"):
+        Steps(name="s", rise=0.1, hold=1.0, levels=())
