@@ -12,6 +12,7 @@ from youbot_env.errors import InputError
 from youbot_env.model import Model
 from youbot_env.model_file import load_model
 from youbot_scripts import common
+from youbot_scripts.training.conditions import Conditions
 from youbot_scripts.training.settings import LEARNERS, TEST_SEED, Choice, changed
 
 SHARE = 0.3
@@ -28,9 +29,11 @@ def chosen(algorithm: str, given: dict[str, Any]) -> tuple[Choice, Model]:
     """
     if "share" in given and "residual" not in given:
         raise InputError("share: belongs to --residual; a policy alone may use all the torque")
+    learner = LEARNERS[algorithm]
     choice = Choice(
         algorithm,
-        LEARNERS[algorithm],
+        learner,
+        Conditions(**learner.conditions),
         randomise=given.get("randomise", "auto"),
         effects=tuple(given.get("effect", ())),
         base=given.get("residual"),
