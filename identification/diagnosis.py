@@ -13,7 +13,8 @@ from identification.candidates import Candidate, Fitted
 from identification.logs import Log
 from identification.mechanism import Mechanism
 from identification.mechanisms import AnyModel, mechanism_of
-from identification.regression import Fit
+from identification.regression import Fit, fit
+from identification.residual_map import ResidualMap, residual_map
 from identification.search import Ranking, Search, Step, given_errors
 from identification.selection import select
 from identification.words import describe
@@ -43,8 +44,9 @@ class Diagnosis:
     partial : accepted effects that explain their share, while something else remains
     steps : held-out errors as they fall; the first is the refitted base
     rankings : all candidates, on top of each step
-    model : the refitted model with the accepted effects
-    where, remaining : shares of the residual by variable, before and after
+    fitted_model : the refitted model with the accepted effects; None where its parameters are not
+        physical, and ``unphysical`` says why
+    maps : what the residual depends on, before and after the accepted effects
     sentences : the verdict in words
     """
 
@@ -54,17 +56,43 @@ class Diagnosis:
     partial: tuple[str, ...]
     steps: tuple[Step, ...]
     rankings: tuple[Ranking, ...]
-    model: Any
+    fitted_model: Any | None
     mechanism: Mechanism
     samples: tuple[Any, ...]
     given_model: dict[str, float]
     noise_floor: dict[str, float]
-    where: list[dict[str, Any]]
-    remaining: list[dict[str, Any]]
+    maps: tuple[ResidualMap, ...]
     next_experiment: dict[str, Any] | None
     warnings: tuple[str, ...]
     sentences: tuple[str, ...] = ()
     candidates: list[dict[str, Any]] = field(default_factory=list)
+    unphysical: str = ""
+
+    @property
+    def model(self) -> Any:
+        """The refitted model with the accepted effects.
+
+        Raises
+        ------
+        InputError
+            If the logs do not show its parameters: what the fit found is not physical.
+        """
+        if self.fitted_model is None:
+            raise InputError(
+                f"no model: these logs do not show the base parameters ({self.unphysical}); "
+                "`youbot doctor` names the motions that would"
+            )
+        return self.fitted_model
+
+    @property
+    def where(self) -> list[dict[str, Any]]:
+        """Shares of the base model's residual by variable."""
+        return self.maps[0].to_list()
+
+    @property
+    def remaining(self) -> list[dict[str, Any]]:
+        """The same after the last accepted effect."""
+        return self.maps[1].to_list() if len(self.maps) > 1 else []
 
     def to_dict(self) -> dict[str, Any]:
         """JSON form, as the design fixes it."""
@@ -128,7 +156,12 @@ def diagnose(
     verdict = _verdict(unexplained, bool(ties), bool(accepted))
     final = search.final(steps[-1].fitted)
     given = given_errors(mechanism, model.theta, search.samples)
-    fitted_model = _model(steps[-1].fitted.mechanism, final, model, logs, steps, floor)
+    try:
+        fitted_model = _model(steps[-1].fitted.mechanism, final, model, logs, steps, floor)
+        sized, unphysical = fitted_model, ""
+    except InputError as error:
+        fitted_model, unphysical = None, str(error).removeprefix(f"model {model.name}: ")
+        sized = _at_given_base(steps[-1].fitted, model, search) if accepted else model
     return Diagnosis(
         verdict=verdict,
         missing=tuple(accepted),
@@ -136,17 +169,17 @@ def diagnose(
         partial=tuple(accepted) if unexplained else (),
         steps=tuple(steps),
         rankings=rankings,
-        model=fitted_model,
+        fitted_model=fitted_model,
         mechanism=steps[-1].fitted.mechanism,
         samples=tuple(search.samples),
         given_model=given,
         noise_floor=floor,
-        where=_where(steps[0].fitted, search),
-        remaining=_where(steps[-1].fitted, search) if accepted else [],
+        maps=tuple(_map(steps[k].fitted, search) for k in ((0, -1) if accepted else (0,))),
         next_experiment=_next_experiment(search, steps, rankings, ties, seed),
-        warnings=tuple(_warnings(logs, given, steps, verdict)),
-        sentences=tuple(_sentences(fitted_model, steps, verdict, ties, floor)),
-        candidates=_candidate_list(chosen.first, steps, fitted_model),
+        warnings=tuple(_warnings(logs, given, steps, unphysical)),
+        sentences=tuple(_sentences(sized, steps, verdict, ties, floor)),
+        candidates=_candidate_list(chosen.first, steps, sized),
+        unphysical=unphysical,
     )
 
 
@@ -190,12 +223,22 @@ def _model(
     )
 
 
-def _where(fitted: Fitted, search: Search) -> list[dict[str, Any]]:
-    from identification.residual_map import residual_map
+def _at_given_base(fitted: Fitted, model: AnyModel, search: Search) -> Any:
+    """The accepted effects fitted beside the given model's parameters, which stay.
 
+    For their sizes in words, where the logs do not show the parameters that were given.
+    """
+    known = len(model.theta)
+    start = np.concatenate([model.theta, fitted.theta[known:]])
+    free = fitted.mechanism.free & (np.arange(len(start)) >= known)
+    found = fit(fitted.mechanism, search.samples, start, free=free)
+    return fitted.mechanism.fitted_model(found, name=model.name)
+
+
+def _map(fitted: Fitted, search: Search) -> ResidualMap:
     found = residual_map(fitted.mechanism, fitted.theta, search.samples, seed=search.seed)
     search.tick()
-    return found.to_list()
+    return found
 
 
 def _next_experiment(
@@ -224,7 +267,7 @@ def _named(item: Candidate) -> tuple[str, Any, Array]:
 
 
 def _warnings(
-    logs: Sequence[Log], given: dict[str, float], steps: Sequence[Step], verdict: str
+    logs: Sequence[Log], given: dict[str, float], steps: Sequence[Step], unphysical: str
 ) -> list[str]:
     found = [
         f"{log.name}: {finding.message}"
@@ -236,6 +279,11 @@ def _warnings(
         found.append(
             f"the given model's own parameters no longer fit (force error "
             f"{given['force_error']:.1%}, refitted {steps[0].force_error:.1%}): they have changed"
+        )
+    if unphysical:
+        found.append(
+            f"these logs do not show the base parameters ({unphysical}): there is no model to "
+            "write, and sizes are those beside the given model's parameters"
         )
     return found
 
