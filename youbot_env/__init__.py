@@ -24,6 +24,9 @@ if TYPE_CHECKING:
         effect,
     )
     from youbot_env.errors import InputError
+    from youbot_env.exports import to_torch
+    from youbot_env.exports.control_system import linear_control, to_control
+    from youbot_env.exports.steps import step_function
     from youbot_env.geometry import Geometry
     from youbot_env.model import Estimate, Model
     from youbot_env.model_file import load_model, save_model, shipped_models
@@ -42,6 +45,9 @@ _HOMES = {
     "youbot_env.contact": ("Contact",),
     "youbot_env.contact_plant": ("ContactPlant",),
     "youbot_env.errors": ("InputError",),
+    "youbot_env.exports": ("to_torch",),
+    "youbot_env.exports.control_system": ("linear_control", "to_control"),
+    "youbot_env.exports.steps": ("step_function",),
     "youbot_env.geometry": ("Geometry",),
     "youbot_env.model": ("Estimate", "Model"),
     "youbot_env.model_file": ("load_model", "save_model", "shipped_models"),
@@ -71,10 +77,14 @@ __all__ = [
     "Public",
     "effect",
     "initial_state",
+    "linear_control",
     "load_model",
     "multisine",
     "save_model",
     "shipped_models",
+    "step_function",
+    "to_control",
+    "to_torch",
 ]
 
 

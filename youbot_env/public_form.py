@@ -46,11 +46,18 @@ def to_public(structure: Structure, geometry: Geometry, theta: ArrayLike) -> dic
 
 def to_theta(structure: Structure, geometry: Geometry, values: Mapping[str, float]) -> Array:
     """theta (P,) from values as people state them, by full name."""
+    return np.array(internal_values(np, structure, geometry, values), float)
+
+
+def internal_values(
+    xp: Any, structure: Structure, geometry: Geometry, values: Mapping[str, Any]
+) -> list[Any]:
+    """The P components of theta in the arithmetic of ``xp``, from values by full name."""
     theta: list[Any] = []
     for item in structure.components:
         stated = [values[full_name(item, name)] for name in item.public_names]
-        theta += item.to_internal(np, geometry, stated)
-    return np.array(theta, float)
+        theta += item.to_internal(xp, geometry, stated)
+    return theta
 
 
 def jacobian(structure: Structure, geometry: Geometry, theta: ArrayLike) -> Array:
