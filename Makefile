@@ -37,7 +37,7 @@ slow: $(ALL_READY)
 figures: $(ALL_READY)
 	$(BIN)/youbot demo --output demo_output
 	mkdir -p docs/figures
-	cp demo_output/plots/free_run_multisine_b.png docs/figures/
+	cp demo_output/plots/free_run_multisine_b.png demo_output/plots/error_by_model.png docs/figures/
 	$(BIN)/youbot evaluate --plots demo_output/evaluate
 	cp demo_output/evaluate/error_by_frequency.png docs/figures/
 

@@ -2,79 +2,25 @@
 
 from __future__ import annotations
 
-import importlib.util
-import json
 import shlex
 import sys
 from collections.abc import Sequence
-from dataclasses import dataclass
-from importlib import resources
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
 from youbot_scripts import cli
 from youbot_scripts.common import console, number, show_table, with_std
+from youbot_scripts.demo_story import LOGS, Story, unpack
 
 if TYPE_CHECKING:
     from rich.console import Console
 
 EXAMPLES = ("youbot demo", "youbot demo --output /tmp/demo")
 
-LOGS = ("calibration.csv.gz", "multisine_a.csv.gz", "multisine_b.csv.gz", "record.json")
-"""Shipped files: logs of the paper's platform, driven in simulation, and how they were made."""
-
-HIDDEN = ("hidden/calibration.csv.gz", "hidden/multisine_a.csv.gz", "hidden/record.json")
-"""The same platform where something is different; `record.json` gives it away."""
-
-
-@dataclass(frozen=True)
-class Story:
-    """Where a demo prints and where its files are: what one step leaves for the next."""
-
-    out: Console
-    folder: Path
-
-    @property
-    def calibration(self) -> Path:
-        """Log that the model is fitted to."""
-        return self.folder / "logs" / "calibration.csv.gz"
-
-    @property
-    def held_out(self) -> Path:
-        """Log that the fit does not see."""
-        return self.folder / "logs" / "multisine_b.csv.gz"
-
-    @property
-    def elsewhere(self) -> tuple[Path, Path]:
-        """Logs in which an effect is hidden."""
-        folder = self.folder / "logs"
-        return folder / HIDDEN[0], folder / HIDDEN[1]
-
-    @property
-    def model(self) -> Path:
-        """The identified model's file."""
-        return self.folder / "model.json"
-
-    @property
-    def plots(self) -> tuple[str | Path, ...]:
-        """Option that draws the figures; none without matplotlib, an extra."""
-        if importlib.util.find_spec("matplotlib") is None:
-            return ()
-        return ("--plots", self.folder / "plots")
-
-    def tell(self, text: str) -> None:
-        """Print a paragraph, wrapped at the terminal's width."""
-        self.out.print(text)
-
-    def command(self, *arguments: str | Path) -> None:
-        """Show a command as a user would type it, and run it here."""
-        typed = [str(argument) for argument in arguments]
-        self.out.print(f"$ youbot {shlex.join(typed)}", style="bold", soft_wrap=True)
-        status = cli.main(typed)
-        if status != cli.OK:
-            raise typer.Exit(status)  # the command has said why
+CONTROLLERS = ("kinematic", "kinematic_tuned", "computed_torque", "ppo")
+"""Compared in the last chapter; they need no extra."""
 
 
 def main(
@@ -82,10 +28,11 @@ def main(
         Path, typer.Option("--output", "-o", metavar="DIR", help="Folder for what it writes.")
     ] = Path("demo_output"),
 ) -> None:
-    """Check logs, identify the model, compare it with a run that it has not seen, draw plots.
+    """From logs to a model, from where it fails to what it lacks, and to a controller built on it.
 
     Each step is a youbot command, shown as you would type it. The logs (50 Hz) come from a
-    simulated platform with the paper's parameters, so the truth is known.
+    simulated platform with the paper's parameters, so the truth is known. About half a minute on
+    two idle cores, once the simulations are compiled.
     """
     story = Story(console(), output)
     unpack(story)
@@ -98,27 +45,6 @@ def main(
 def _heading(out: Console, title: str) -> None:
     out.print()
     out.rule(title, align="left", style="default")
-
-
-def unpack(story: Story) -> None:
-    """Put the shipped logs where the commands can be typed again.
-
-    Raises
-    ------
-    InputError
-        If the folder cannot be made or written to.
-    """
-    from youbot_env.errors import InputError
-    from youbot_env.files import write_atomically
-
-    folder = story.calibration.parent
-    try:
-        (folder / "hidden").mkdir(parents=True, exist_ok=True)
-    except OSError as error:
-        raise InputError(f"{folder}: cannot be made a folder: {error.strerror}") from None
-    shipped = resources.files("youbot_scripts").joinpath("data")
-    for name in (*LOGS, *HIDDEN):
-        write_atomically(folder / name, shipped.joinpath(name).read_bytes())
 
 
 def check(story: Story) -> None:
@@ -160,9 +86,7 @@ def judge(story: Story) -> None:
 def compare(story: Story) -> None:
     """The model on a multisine that the fit has not seen."""
     story.tell("A velocity multisine of 0.5 to 3 rad/s, kept aside until now.")
-    result = story.folder / "compare.json"
-    story.command("compare", story.model, story.held_out, *story.plots, "--json", result)
-    found = json.loads(result.read_text("utf-8"))
+    found = story.result_of("compare", story.model, story.held_out, *story.plots, to="compare.json")
     error, floor = (found[key]["velocity_error"] for key in ("total", "noise_floor"))
     story.tell(
         f"Driven by the measured torques alone for a minute, the model is {100 * error:.2f} % off "
@@ -179,16 +103,53 @@ def fail(story: Story) -> None:
 
 def diagnose(story: Story) -> None:
     """What is different, named; the error falls."""
-    result = story.folder / "diagnosis.json"
-    better = story.folder / "better.json"
-    story.command("diagnose", story.model, *story.elsewhere, "-o", better, "--json", result)
-    found = json.loads(result.read_text("utf-8"))
+    found = story.result_of(
+        "diagnose", story.model, *story.elsewhere, "-o", story.better, to="diagnosis.json"
+    )
     first, last = found["steps"][0], found["steps"][-1]
     story.tell(
         f"The held-out velocity error falls from {100 * first['velocity_error']:.1f} % to "
         f"{100 * last['velocity_error']:.1f} %, where noise alone would leave "
         f"{100 * found['noise_floor']['velocity_error']:.1f} %."
     )
+
+
+def drive(story: Story) -> None:
+    """Controllers where the model failed: on that model, and on the one with what it lacked."""
+    story.tell(
+        "Controllers in that other room, each on the model from before the diagnosis and on the "
+        "one from after it, along references that they have not seen, from noisy encoders and a "
+        "sample late: the stock wheel-speed control, the same tuned on the model, computed torque, "
+        "and a policy that was trained where the floor is flat."
+    )
+    found = story.result_of(
+        "evaluate",
+        *(word for effect in story.secret() for word in ("--effect", effect)),
+        *("--model", f"{story.model},{story.better}"),
+        *("--controllers", ",".join(CONTROLLERS)),
+        *("--bands", "0.5-1,1-2,2-4", "--seeds", "3", "--duration", "10", "--brief"),
+        *story.plots,
+        to="evaluation.json",
+    )
+    before, after = (
+        _error(found, "computed_torque", model) for model in (story.model, story.better)
+    )
+    tuned = _error(found, "kinematic_tuned", story.better)
+    story.tell(
+        f"Computed torque misses {100 * before:.2f} % of the reference on the model that is blind "
+        f"to the slope, and {100 * after:.2f} % on the one that knows it; the tuned kinematic "
+        f"control {100 * tuned:.1f} %."
+    )
+
+
+def _error(found: dict[str, Any], controller: str, model: Path) -> float:
+    """Mean normalised RMSE over axes, seeds and bands."""
+    errors = [
+        result["metrics"]["nrmse"]["mean"]
+        for result in found["results"]
+        if (result["controller"], result["model"]) == (controller, str(model))
+    ]
+    return sum(errors) / len(errors)
 
 
 STEPS = {
@@ -198,6 +159,7 @@ STEPS = {
     "Does the model predict a run that it has not seen?": compare,
     "Does it hold in another room?": fail,
     "What is missing?": diagnose,
+    "Does a better model drive better?": drive,
 }
 """The story, in order: title and step of each chapter."""
 
@@ -227,9 +189,10 @@ def _next(story: Story) -> Sequence[tuple[str, str]]:
     both = f"{shlex.quote(str(story.calibration))} {shlex.quote(str(logs / LOGS[1]))}"
     return (
         (f"youbot identify {both} -o better.json", "Fit to two logs at once"),
-        (f"youbot compare paper {shlex.quote(str(story.held_out))}", "The true model's errors"),
         ("youbot record runs/ --effect floor_tilt", "Record a platform on a slope"),
         (f"youbot compare {model} runs/multisine_b.csv", "... and see the model fail on it"),
+        ("youbot evaluate", 'Compare more controllers, band by band; needs "youbot[control]"'),
+        (f"youbot train ppo --model {model}", 'Train a policy on the model; needs "youbot[rl]"'),
         ("youbot doctor my_log.csv", "Check a log of your own"),
     )
 
