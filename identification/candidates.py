@@ -5,13 +5,14 @@ from __future__ import annotations
 import itertools
 from collections.abc import Sequence
 from dataclasses import dataclass, field
+from functools import cached_property
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from identification.errors import NoiseLevel
-from identification.folds import Fold, HeldOut, held_out
+from identification.folds import HeldOut, held_out, make_folds
 from identification.regression import (
     Indices,
     Rows,
@@ -64,8 +65,10 @@ class Fitted:
             total += float(((again - row.residual) ** 2).sum())
         return total
 
-    def held_out(self, folds: Sequence[Fold]) -> HeldOut:
+    @cached_property
+    def held_out(self) -> HeldOut:
         """Judged on what it was not fitted on."""
+        folds = make_folds(self.rows, self.columns)
         return held_out(self.residual, self.columns, folds, self.basis)
 
 
@@ -113,19 +116,18 @@ REFINEMENTS = 3
 """Halvings of a grid's step around its best value."""
 
 
-def try_candidate(
-    base: Fitted, samples: Sequence[Any], folds: Sequence[Fold], name: str
-) -> Candidate:
+def try_candidate(base: Fitted, samples: Sequence[Any], name: str) -> Candidate:
     """The effect at its best shape, judged by held-out squares: on the grid, then between."""
     mechanism = base.mechanism.extended(name)
-    grids = {p.name: p.grid for p in mechanism.catalogue[name].parameters if p.grid}
+    longest = max(float(item.time[-1]) for item in samples)
+    grids = {p.name: _grid(p, longest) for p in mechanism.catalogue[name].parameters if p.grid}
 
     def judge(values: tuple[float, ...]) -> Candidate:
         shapes = dict(zip(grids, values, strict=True))
-        return _try_shape(base, mechanism, samples, folds, name, shapes)
+        return _try_shape(base, mechanism, samples, name, shapes)
 
     best = min(map(judge, itertools.product(*grids.values())), key=_square)
-    if best.square > PROMISING * base.held_out(folds).square:
+    if best.square > PROMISING * base.held_out.square:
         return best
     for shape, grid in grids.items():
         parameter = mechanism.catalogue[name].parameter(shape)
@@ -137,6 +139,16 @@ def try_candidate(
                 values = tuple((best.shapes | {shape: value})[key] for key in grids)
                 best = min(best, judge(values), key=_square)
     return best
+
+
+def _grid(parameter: Parameter, longest: float) -> tuple[float, ...]:
+    """Values to try; instants of a log up to the end of the longest one [s]."""
+    grid = parameter.grid
+    if not (parameter.jumps and parameter.unit == "s"):
+        return grid
+    step = grid[-1] - grid[-2]
+    more = np.arange(grid[-1] + step, longest, step)
+    return tuple(value for value in (*grid, *more.tolist()) if value < longest)
 
 
 PROMISING = 0.98
@@ -162,7 +174,6 @@ def _try_shape(
     base: Fitted,
     mechanism: Any,
     samples: Sequence[Any],
-    folds: Sequence[Fold],
     name: str,
     shapes: dict[str, float],
 ) -> Candidate:
@@ -173,7 +184,7 @@ def _try_shape(
     joined = [np.concatenate([a, b], axis=-1) for a, b in zip(base.columns, columns, strict=True)]
     free = np.concatenate([base.free, new])
     basis = _basis(mechanism, free)
-    result = held_out(base.residual, joined, folds, basis)
+    result = held_out(base.residual, joined, make_folds(base.rows, joined), basis)
     directions = basis.shape[1] - base.basis.shape[1]
     return Candidate(
         name, mechanism, theta, new, free, columns, result, shapes, directions=directions

@@ -21,35 +21,59 @@ BLOCK_TIME = 2.0
 
 @dataclass(frozen=True)
 class Fold:
-    """What is held out together: a stretch of one log, by row numbers and by time [s]."""
+    """What is held out together: a stretch of one log, by row numbers and by time [s]; or all."""
 
     log: int
     rows: slice
     start: float
     end: float
+    whole: bool
 
 
-def make_folds(rows: Sequence[Rows]) -> list[Fold]:
-    """One fold a log; one log alone gives five blocks."""
-    if len(rows) > 1:
-        return [Fold(k, slice(0, len(r.time)), 0.0, float(r.time[-1])) for k, r in enumerate(rows)]
-    time = rows[0].time
-    edges = np.linspace(0, len(time), BLOCKS + 1).astype(int)
-    return [
-        Fold(0, slice(int(a), int(b)), float(time[a]) if a else 0.0, float(time[b - 1]))
-        for a, b in zip(edges, edges[1:], strict=False)
-    ]
+ALONE = 0.9
+"""Share of a column's squares that lie in one log, from which on that log alone shows it."""
+
+
+def make_folds(rows: Sequence[Rows], columns: Sequence[Array] = ()) -> list[Fold]:
+    """One fold a log; a log that alone shows something of the model gives five blocks.
+
+    A load that is put on late shows in a long log and in no short one: without that log nothing
+    could tell of it, and it would seem to explain nothing.
+
+    Parameters
+    ----------
+    columns : per log (n, A, F) of the model that is to be judged
+    """
+    lonely = {0} if len(rows) == 1 else _lonely(columns)
+    folds = []
+    for k, row in enumerate(rows):
+        blocks = BLOCKS if k in lonely else 1
+        edges = np.linspace(0, len(row.time), blocks + 1).astype(int)
+        for a, b in zip(edges.tolist(), edges[1:].tolist(), strict=False):
+            start = float(row.time[a]) if a else 0.0
+            folds.append(Fold(k, slice(a, b), start, float(row.time[b - 1]), blocks == 1))
+    return folds
+
+
+def _lonely(columns: Sequence[Array]) -> set[int]:
+    """Logs without which some column would all but vanish."""
+    if not columns:
+        return set()
+    squares = np.stack([(column**2).sum(axis=(0, 1)) for column in columns])
+    return {int(k) for k in np.nonzero(squares > ALONE * squares.sum(axis=0))[0]}
 
 
 @dataclass(frozen=True)
 class HeldOut:
     """A linear model judged on what it was not fitted on.
 
+    folds : what was held out, in turn
     residual : per fold (n, A), held out
     steps : (folds, F) parameter steps from the rows' theta, each without its fold
     step : (F,) with all rows
     """
 
+    folds: tuple[Fold, ...]
     residual: tuple[Array, ...]
     steps: Array
     step: Array
@@ -86,7 +110,7 @@ def held_out(
     left = tuple(
         (r - c @ step).reshape(-1, axes) for r, c, step in zip(right, seen, steps, strict=True)
     )
-    return HeldOut(left, steps @ basis.T, basis @ everything)
+    return HeldOut(tuple(folds), left, steps @ basis.T, basis @ everything)
 
 
 def _solve(gram: Array, side: Array) -> Array:

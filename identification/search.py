@@ -20,7 +20,7 @@ from identification.errors import (
     velocity_traces,
 )
 from identification.final import final_fit, joint_fit
-from identification.folds import Fold, block_sums, make_folds
+from identification.folds import Fold, block_sums
 from identification.logs import Log
 from identification.mechanism import Mechanism
 from identification.noise import white_noise
@@ -105,14 +105,11 @@ class Search:
             NoiseLevel(white_noise(log.velocity), white_noise(log.effort)) for log in logs
         ]
         self.seed, self.tick = seed, tick
-        self.folds: list[Fold] = []
 
     def fit(self, mechanism: Any, start: Array) -> Fitted:
         """Joint fit on all logs, smooth shape constants included."""
         result = joint_fit(mechanism, self.samples, start)
-        fitted = Fitted.at(mechanism, result.theta, self.samples, result.free)
-        self.folds = self.folds or make_folds(fitted.rows)
-        return fitted
+        return Fitted.at(mechanism, result.theta, self.samples, result.free)
 
     def final(self, fitted: Fitted) -> Fit:
         """The last fit of a structure, with an honest covariance: see :func:`final_fit`."""
@@ -120,13 +117,13 @@ class Search:
 
     def step(self, fitted: Fitted, effect: str | None) -> Step:
         """Held-out force and velocity error of a structure."""
-        steps = fitted.held_out(self.folds).steps
-        thetas = np.tile(fitted.theta, (len(self.folds), 1))
-        thetas[:, fitted.free] += steps
+        folds = fitted.held_out.folds
+        thetas = np.tile(fitted.theta, (len(folds), 1))
+        thetas[:, fitted.free] += fitted.held_out.steps
         # What a fold cannot see well may leave its bounds, and some free runs with them.
         thetas = np.clip(thetas, *fitted.mechanism.bounds)
         force, velocity = [], []
-        for fold, theta in zip(self.folds, thetas, strict=True):
+        for fold, theta in zip(folds, thetas, strict=True):
             part = self.stretch(fold)
             force.append(Squares.of(force_traces(fitted.mechanism, theta, part)))
             velocity.append(Squares.of(velocity_traces(fitted.mechanism, theta, part)))
@@ -136,7 +133,7 @@ class Search:
     def stretch(self, fold: Fold) -> Any:
         """The samples of a fold."""
         samples = self.samples[fold.log]
-        if len(self.folds) == len(self.samples):
+        if fold.whole:
             return samples
         first, last = np.searchsorted(samples.time, [fold.start, fold.end])
         return cut(samples, int(first), int(last) + 1)
@@ -152,10 +149,10 @@ class Search:
 
     def rank(self, fitted: Fitted, names: Sequence[str], rng: np.random.Generator) -> Ranking:
         """Try each candidate on top of a structure."""
-        base = fitted.held_out(self.folds)
+        base = fitted.held_out
         found = []
         for name in names:
-            found.append(try_candidate(fitted, self.samples, self.folds, name))
+            found.append(try_candidate(fitted, self.samples, name))
             self.tick()
         found.sort(key=lambda item: item.square)
         found = self._refit(fitted, found, base.square)
@@ -181,7 +178,7 @@ class Search:
             if square - item.square > enough and len(done) < LEADERS:
                 joint = self.fit(item.mechanism, item.theta)
                 more = joint.noise_square(self.samples, self.noise, self.seed) - noise
-                result = joint.held_out(self.folds)
+                result = joint.held_out
                 item = replace(
                     item, theta=joint.theta, fitted=joint, result=result, extra_noise=more
                 )
@@ -219,12 +216,9 @@ def _worse_by(item: Candidate, leader: Candidate, step: float) -> float:
     """By how many standard errors of blocks a candidate's held-out residual is the larger one."""
     if item is leader:
         return 0.0
-    difference = np.concatenate(
-        [
-            block_sums((a**2 - b**2).sum(axis=1), step)
-            for a, b in zip(item.result.residual, leader.result.residual, strict=True)
-        ]
-    )
+    # Their folds may differ, but not the order of what was held out.
+    mine, others = (np.concatenate(one.result.residual) for one in (item, leader))
+    difference = block_sums((mine**2 - others**2).sum(axis=1), step)
     spread = np.sqrt(len(difference)) * difference.std()
     worse = difference.sum() - (item.extra_noise - leader.extra_noise)
     return float(worse / max(spread, 1e-300))

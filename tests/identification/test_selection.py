@@ -62,3 +62,15 @@ def test_errors_fall_with_each_step_and_rankings_name_the_winners():
     assert found.rankings[0].best is not None and found.rankings[0].best.name == accepted(found)[0]
     assert found.first is found.rankings[0]
     assert found.first.fall > 0.9
+
+
+def test_a_load_that_one_log_alone_shows_is_found():
+    late = (("payload_change", (("mass", 8.0), ("x", 0.1), ("y", -0.05), ("time", 76.0))),)
+    logs = [recording("calibration", late), recording("III", late)]  # III is over before
+    mechanism = mechanism_of(load_model("paper"))
+    search = Search(mechanism, logs, 0, lambda: None)
+    names = ["payload_change", "quadratic_friction"]
+    found = select(search, mechanism, load_model("paper").theta, names, np.random.default_rng(0))
+    assert accepted(found) == ["payload_change"]
+    floor = search.floor(found.steps[-1].fitted)["force_error"]
+    assert found.steps[-1].force_error < 1.1 * floor < found.steps[0].force_error
