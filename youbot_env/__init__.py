@@ -25,6 +25,7 @@ if TYPE_CHECKING:
     )
     from youbot_env.errors import InputError
     from youbot_env.exports import to_torch
+    from youbot_env.exports.bodies import to_mjcf
     from youbot_env.exports.control_system import linear_control, to_control
     from youbot_env.exports.steps import step_function
     from youbot_env.geometry import Geometry
@@ -46,6 +47,7 @@ _HOMES = {
     "youbot_env.contact_plant": ("ContactPlant",),
     "youbot_env.errors": ("InputError",),
     "youbot_env.exports": ("to_torch",),
+    "youbot_env.exports.bodies": ("to_mjcf",),
     "youbot_env.exports.control_system": ("linear_control", "to_control"),
     "youbot_env.exports.steps": ("step_function",),
     "youbot_env.geometry": ("Geometry",),
@@ -84,6 +86,7 @@ __all__ = [
     "shipped_models",
     "step_function",
     "to_control",
+    "to_mjcf",
     "to_torch",
 ]
 
