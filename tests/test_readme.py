@@ -46,15 +46,15 @@ class Step:
     printed: tuple[str, ...]
 
 
-def sections() -> dict[str, str]:
-    """Text of each section by its title."""
-    parts = re.split(r"^## (.+)$", README, flags=re.MULTILINE)
+def sections(text: str = README) -> dict[str, str]:
+    """Text of each section of a document by its title."""
+    parts = re.split(r"^## (.+)$", text, flags=re.MULTILINE)
     return dict(zip(parts[1::2], parts[2::2], strict=True))
 
 
-def steps() -> Iterator[Step]:
-    """README's commands and Python blocks, in order."""
-    for section, text in sections().items():
+def steps(document: str = README) -> Iterator[Step]:
+    """A document's commands and Python blocks, in order."""
+    for section, text in sections(document).items():
         blocks = _BLOCK.findall(text)
         for (kind, source), (after, output) in zip(blocks, [*blocks, ("", "")][1:], strict=True):
             if kind == "console":
@@ -116,18 +116,20 @@ def catalogue(monkeypatch: pytest.MonkeyPatch):
     monkeypatch.setattr(CATALOGUE, "_effects", dict(CATALOGUE._effects))
 
 
-def test_every_block_runs_and_prints_what_it_shows(catalogue, tmp_path, monkeypatch, capsys):
-    monkeypatch.chdir(tmp_path)
-    monkeypatch.setenv("COLUMNS", "80")
+def run_document(document: str, capsys: pytest.CaptureFixture[str]) -> dict[str, int]:
+    """Run all blocks and hold their output against what is shown; how many of each kind ran.
+
+    Python blocks of one section share their names.
+    """
     count = {"command": 0, "python": 0}
     scope: dict[str, Any] = {}
     previous = None
-    for step in steps():
+    for step in steps(document):
         if step.section != previous:
             scope, previous = {"__name__": "__main__"}, step.section
         where = f"{step.section}: {step.source.splitlines()[0]}"
         if step.kind == "python":
-            exec(compile(step.source, f"README, {step.section}", "exec"), scope)
+            exec(compile(step.source, step.section, "exec"), scope)
         else:
             program, *arguments = shlex.split(step.source)
             assert program == "youbot", where
@@ -136,6 +138,13 @@ def test_every_block_runs_and_prints_what_it_shows(catalogue, tmp_path, monkeypa
         missing = first_missing(step.printed, printed)
         assert missing is None, f"{where}\ndoes not print\n{missing}\nbut\n{printed}"
         count[step.kind] += 1
+    return count
+
+
+def test_every_block_runs_and_prints_what_it_shows(catalogue, tmp_path, monkeypatch, capsys):
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setenv("COLUMNS", "80")
+    count = run_document(README, capsys)
     assert count["command"] >= 5 and count["python"] >= 3
 
 
