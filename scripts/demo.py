@@ -127,7 +127,8 @@ def drive(story: Story) -> None:
         *(word for effect in story.secret() for word in ("--effect", effect)),
         *("--model", f"{story.model},{story.better}"),
         *("--controllers", ",".join(CONTROLLERS)),
-        *("--bands", "0.5-1,1-2,2-4", "--seeds", "3", "--duration", "10", "--brief"),
+        *("--bands", "0.5-1,1-2,2-4", "--seeds", "3", "--duration", "10"),
+        *("--brief", "--jobs", "1"),  # so short that a second process would start too late
         *story.plots,
         to="evaluation.json",
     )
