@@ -1,7 +1,8 @@
-"""The paper's figures and those of a comparison, each from results to a matplotlib Figure.
+"""The paper's figures and a free run's, each from results to a matplotlib Figure.
 
-Times are seconds from the log's start. Forces are (L F_X, L F_Y, M_W) [N m], filtered; velocities
-(VX, VY, W) [m/s, m/s, rad/s]. Long lines are thinned for drawing, extremes kept.
+Times are seconds from the log's start. Forces of a platform are (L F_X, L F_Y, M_W) [N m],
+filtered, velocities (VX, VY, W) [m/s, m/s, rad/s]; other mechanisms name theirs (A axes). Long
+lines are thinned for drawing, extremes kept.
 """
 
 from __future__ import annotations
@@ -15,8 +16,8 @@ from numpy.typing import NDArray
 from identification import plot_style as look
 from identification.errors import Squares, Traces
 from identification.plot_style import percent, styled
+from identification.quantities import FORCES, VELOCITIES, Quantities, Quantity
 from identification.recursive import Course
-from identification.residual_curves import Curve
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -27,48 +28,57 @@ Stretch = tuple[str, float, float]
 """Name, start and end [s] of a part of a log that a figure names."""
 
 TIME = "time from the log's start [s]"
-FORCES = ((r"$L\,F_X$", "N m"), (r"$L\,F_Y$", "N m"), ("$M_W$", "N m"))
-VELOCITIES = (("$V_X$", "m/s"), ("$V_Y$", "m/s"), ("$W$", "rad/s"))
-"""Symbol and unit of each axis."""
-
 BAND = 1.96
 """Standard deviations either side that hold 95 % of normal noise."""
 
 
 @styled
 def force_figure(
-    traces: Traces, floor: Squares, *, name: str, stretches: Sequence[Stretch] = ()
+    traces: Traces,
+    floor: Squares,
+    *,
+    name: str,
+    stretches: Sequence[Stretch] = (),
+    forces: Sequence[Quantity] = FORCES,
 ) -> Figure:
     """The paper's figure 7: measured and predicted filtered forces, and their difference.
 
     Parameters
     ----------
-    traces : filtered forces (n, 3) of one log
+    traces : filtered forces (n, A) of one log
     floor : what measurement noise alone leaves in them, drawn as a band of 1.96 std
     """
     looks = {"label": "measured torques"}, {"label": "model", **look.PREDICTED}
-    figure, panels = _with_strips(traces, Squares.of(traces), FORCES, looks, floor)
-    look.header(panels[0], f"Filtered generalised forces: {name}")
+    title = "Filtered generalised forces"
+    if len(forces) == 1:
+        looks, title = ({"label": "measured"}, looks[1]), f"Filtered {forces[0][0]}"
+    figure, panels = _with_strips(traces, Squares.of(traces), forces, looks, floor)
+    look.header(panels[0], f"{title}: {name}")
     look.mark_stretches(panels, stretches)
     return figure
 
 
 @styled
-def free_run_figure(velocity: Traces, floor: Squares, *, name: str, length: float) -> Figure:
+def free_run_figure(
+    velocity: Traces, floor: Squares, *, name: str, quantities: Quantities
+) -> Figure:
     """Measured velocities and the model's free run, driven by the measured torques alone.
 
     Parameters
     ----------
-    velocity : (VX/L, VY/L, W) (n, 3) [rad/s]
+    velocity : (n, A) as the engine has them; of a platform (VX/L, VY/L, W) [rad/s]
     floor : what measurement noise alone leaves in them, drawn as a band of 1.96 std
-    length : L [m]
+    quantities : symbols and units, and the scale to them
     """
-    scale = np.array([length, length, 1.0])
+    scale, speeds = quantities.speed_scale, quantities.speeds
     traces = Traces(velocity.time, velocity.measured * scale, velocity.predicted * scale)
     noise = Squares(floor.residual * scale**2, floor.measured * scale**2)
     looks = {"label": "measured"}, {"label": "free run of the model", **look.PREDICTED}
-    figure, panels = _with_strips(traces, Squares.of(traces), VELOCITIES, looks, noise)
-    look.header(panels[0], f"Velocities in free run on measured torques: {name}")
+    figure, panels = _with_strips(traces, Squares.of(traces), speeds, looks, noise)
+    title = "Velocities in free run on measured torques"
+    if len(speeds) == 1:
+        title = f"Speed in free run on measured {quantities.forces[0][0]}s"
+    look.header(panels[0], f"{title}: {name}")
     return figure
 
 
@@ -86,15 +96,16 @@ def tracking_figure(time: Array, twist: Array, reference: Array, *, name: str) -
 def _with_strips(
     traces: Traces,
     error: Squares,
-    axes_labels: Sequence[tuple[str, str]],
+    axes_labels: Sequence[Quantity],
     looks: tuple[Mapping[str, Any], Mapping[str, Any]],
     floor: Squares | None = None,
 ) -> tuple[Figure, list[Axes]]:
     """For each axis a panel with two lines and, under it, a strip with their difference."""
-    figure = look.new_figure(9.0)
-    grid = figure.add_gridspec(6, 1, height_ratios=[3, 1.1] * 3)
+    count = len(axes_labels)
+    figure = look.new_figure(1.2 + 2.6 * count)
+    grid = figure.add_gridspec(2 * count, 1, height_ratios=[3, 1.1] * count)
     panels = [figure.add_subplot(grid[0])]
-    panels += [figure.add_subplot(grid[k], sharex=panels[0]) for k in range(1, 6)]
+    panels += [figure.add_subplot(grid[k], sharex=panels[0]) for k in range(1, 2 * count)]
     for k, (symbol, unit) in enumerate(axes_labels):
         main, strip = panels[2 * k : 2 * k + 2]
         look.line(main, traces.time, traces.measured[:, k], **{**look.MEASURED, **looks[0]})
@@ -111,7 +122,7 @@ def _with_strips(
     panels[0].plot([], [], label=r"difference $\Delta$", **look.RESIDUAL)
     if floor is not None:
         panels[0].fill_between([], [], label="noise floor, ±1.96 std", **look.FLOOR)
-    _finish(figure, panels)
+    finish(figure, panels)
     return figure, panels
 
 
@@ -122,7 +133,7 @@ def _strip(axes: Axes, time: Array, residual: Array, noise: float) -> None:
     look.symmetric(axes, 1.1 * max(float(np.abs(residual).max()), noise))
 
 
-def _finish(figure: Figure, panels: Sequence[Axes]) -> None:
+def finish(figure: Figure, panels: Sequence[Axes]) -> None:
     """Time at the bottom alone, ordinates' labels in line."""
     for axes in panels[:-1]:
         axes.tick_params(labelbottom=False, bottom=False)
@@ -138,11 +149,13 @@ def motion_figure(
     *,
     name: str,
     stretches: Sequence[Stretch] = (),
+    velocities: Sequence[Quantity] = VELOCITIES,
 ) -> Figure:
-    """The paper's figure 5: measured velocities (n, 3), and the ideal motion's if it is known."""
-    figure = look.new_figure(7.0)
-    panels = list(figure.subplots(3, 1, sharex=True))
-    for k, (axes, (symbol, unit)) in enumerate(zip(panels, VELOCITIES, strict=True)):
+    """The paper's figure 5: measured velocities (n, A), and the ideal motion's if it is known."""
+    count = len(velocities)
+    figure = look.new_figure(1.3 + 1.9 * count)
+    panels = list(figure.subplots(count, 1, sharex=True, squeeze=False).flat)
+    for k, (axes, (symbol, unit)) in enumerate(zip(panels, velocities, strict=True)):
         look.line(axes, time, twist[:, k], label="measured", **look.MEASURED)
         axes.set_ylabel(f"{symbol}  [{unit}]")
         if ideal is not None:
@@ -154,7 +167,7 @@ def motion_figure(
     for axes in panels[:2]:
         look.symmetric(axes, 1.08 * float(np.abs(shown).max()))
     look.header(panels[0], f"Velocities on the motions: {name}")
-    _finish(figure, panels)
+    finish(figure, panels)
     look.mark_stretches(panels, stretches)
     return figure
 
@@ -209,67 +222,3 @@ def _settled_range(low: Array, high: Array, batch: float) -> tuple[float, float]
     bottom, top = min(float(low[half:].min()), batch), max(float(high[half:].max()), batch)
     pad = 0.06 * (top - bottom) or 1.0
     return bottom - pad, top + pad
-
-
-@styled
-def stretch_figure(
-    stretches: Sequence[Mapping[str, Any]],
-    worst: Sequence[Mapping[str, Any]],
-    floor: Squares,
-    *,
-    name: str,
-) -> Figure:
-    """Force error of each axis by stretch of one log, beside the noise floor.
-
-    Parameters
-    ----------
-    stretches : axis, from, to [s] and force_error of each, as in a comparison's ``where``
-    worst : those to point out
-    """
-    figure = look.new_figure(6.0)
-    panels = list(figure.subplots(3, 1, sharex=True))
-    pointed = {(row["axis"], row["from"]) for row in worst}
-    names = list(dict.fromkeys(row["axis"] for row in stretches))
-    for k, (axes, axis) in enumerate(zip(panels, names, strict=True)):
-        rows = [row for row in stretches if row["axis"] == axis]
-        axes.bar(
-            [row["from"] for row in rows],
-            [100 * row["force_error"] for row in rows],
-            [0.94 * (row["to"] - row["from"]) for row in rows],
-            align="edge",
-            color=[look.WORST if (axis, row["from"]) in pointed else look.BAR for row in rows],
-        )
-        axes.axhline(100 * floor.by_axis[k], label="noise floor", **look.TRUTH)
-        axes.set_ylabel(f"{FORCES[k][0]}  [%]")
-        axes.grid(axis="x", visible=False)
-    panels[0].fill_between([], [], color=look.BAR, label="force error")
-    panels[0].fill_between([], [], color=look.WORST, label="largest shares of all residual")
-    look.header(panels[0], f"Force error by stretch: {name}")
-    _finish(figure, panels)
-    return figure
-
-
-@styled
-def residual_figure(rows: Sequence[tuple[str, Curve]]) -> Figure:
-    """The residual of each force over variables that it depends on, with a band of 1.96 std.
-
-    Parameters
-    ----------
-    rows : a title (the variable and its share) and a curve each
-    """
-    forces = FORCES if rows[0][1].force.shape[1] == len(FORCES) else (("force", ""),)
-    figure = look.new_figure(1.4 + 1.8 * len(rows))
-    panels = figure.subplots(len(rows), len(forces), sharey=True, squeeze=False)
-    reach = max(float(np.nanmax(np.abs(curve.force) + curve.std)) for _, curve in rows)
-    for row, (title, curve) in zip(panels, rows, strict=True):
-        for k, axes in enumerate(row):
-            value, band = curve.force[:, k], BAND * curve.std[:, k]
-            axes.axhline(0.0, **look.TRUTH)
-            axes.fill_between(curve.at, value - band, value + band, **look.FLOOR)
-            axes.plot(curve.at, value, marker=".", **look.ESTIMATE)
-            axes.set_xlabel(f"{curve.label}  [{curve.unit}]" if curve.unit else curve.label)
-        row[0].set_ylabel(title)
-    look.symmetric(panels[0, 0], 1.1 * reach)
-    for axes, (symbol, unit) in zip(panels[0], forces, strict=True):
-        axes.set_title(f"residual of {symbol}  [{unit}]" if unit else "residual")
-    return figure

@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Any
 from identification.logs import AXIS, Log
 from identification.mecanum import Mecanum
 from identification.mechanism import Mechanism
+from identification.quantities import Quantities, of_axis, of_platform
 from youbot_env.errors import InputError
 from youbot_env.geometry import WHEELS, Geometry
 from youbot_env.model import Model
@@ -30,8 +31,8 @@ class Kind:
     """One kind of mechanism: its model, what its logs hold, and how both become a mechanism.
 
     model: its class; joints: of its logs; build(model, geometry); start(logs, unit): base model
-    to fit; read(data, source): from a model file's content; save(path, model); has_figures:
-    whether `identification.plots` can draw it
+    to fit; read(data, source): from a model file's content; save(path, model);
+    quantities(model, geometry): symbols and units of what is measured
     """
 
     model: type
@@ -40,7 +41,7 @@ class Kind:
     start: Callable[[Sequence[Log], str], Any]
     read: Callable[[Mapping[str, Any], str], Any]
     save: Callable[[str | os.PathLike[str], Any], None]
-    has_figures: bool
+    quantities: Callable[[Any, Geometry | None], Quantities]
 
 
 def _mecanum() -> Kind:
@@ -51,7 +52,7 @@ def _mecanum() -> Kind:
         lambda logs, unit: load_model("paper"),
         model_from_dict,
         save_model,
-        True,
+        lambda model, geometry: of_platform(geometry or model.geometry),
     )
 
 
@@ -77,7 +78,7 @@ def _axis() -> Kind:
         lambda logs, unit: base_axis_model(logs, unit=unit),
         axis_from_dict,
         save_axis_model,
-        False,
+        lambda model, geometry: of_axis(model),
     )
 
 
@@ -96,18 +97,6 @@ def kind(name: str) -> Kind:
     if name not in MECHANISMS:
         raise InputError(f"unknown mechanism {name!r}; known are {', '.join(MECHANISMS)}")
     return MECHANISMS[name]()
-
-
-def refuse_figures(of: Kind) -> None:
-    """Say at once that there are no figures of a mechanism, not after the computing.
-
-    Raises
-    ------
-    InputError
-        If there are none.
-    """
-    if not of.has_figures:
-        raise InputError("--plots: there are figures of a mecanum platform only; leave it out")
 
 
 def kind_of(model: AnyModel) -> Kind:
@@ -131,6 +120,11 @@ def check_mechanism(model: AnyModel, name: str | None) -> None:
 def mechanism_of(model: AnyModel, geometry: Geometry | None = None) -> Mechanism:
     """The mechanism that a model is of; ``geometry`` replaces a platform's own."""
     return kind_of(model).build(model, geometry)
+
+
+def quantities_of(model: AnyModel, geometry: Geometry | None = None) -> Quantities:
+    """Symbols and units of what is measured of a model's mechanism."""
+    return kind_of(model).quantities(model, geometry)
 
 
 def load_any_model(source: str | os.PathLike[str]) -> Any:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import io
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import contextmanager
 from functools import wraps
 from pathlib import Path
@@ -83,7 +83,7 @@ def matplotlib() -> Any:
     except ImportError:
         raise InputError(
             "plots need matplotlib, which is not installed: "
-            'pip install "youbot[plots]", or leave --plots out'
+            'pip install "youbot[plots]", or leave --plots and --report out'
         ) from None
     return matplotlib
 
@@ -120,15 +120,10 @@ def new_figure(height: float) -> Figure:
     return figure
 
 
-def write_figure(path: Path, figure: Figure) -> Path:
-    """Write a PNG file, whole or not at all; the same figure gives the same bytes.
+def png(figure: Figure) -> bytes:
+    """A figure as a PNG file's content; the same figure gives the same bytes.
 
     Its 256 colours are ample for these figures and make the file a third as large.
-
-    Raises
-    ------
-    InputError
-        If the file cannot be written.
     """
     from PIL import Image  # which matplotlib needs for its own PNG files
 
@@ -138,8 +133,38 @@ def write_figure(path: Path, figure: Figure) -> Path:
     content = io.BytesIO()
     colours = picture.quantize(256, method=Image.Quantize.MAXCOVERAGE, dither=Image.Dither.NONE)
     colours.save(content, "png", optimize=True, dpi=(DPI, DPI))
-    write_atomically(path, content.getvalue())
+    return content.getvalue()
+
+
+def write_figure(path: Path, figure: Figure) -> Path:
+    """Write a PNG file, whole or not at all.
+
+    Raises
+    ------
+    InputError
+        If the file cannot be written.
+    """
+    write_atomically(path, png(figure))
     return path
+
+
+def write_figures(folder: str | Path, named: Iterable[tuple[str, Figure]]) -> list[Path]:
+    """Write figures as NAME.png into a folder, which is made if missing.
+
+    Each is drawn and written before the next, so that memory holds one.
+
+    Raises
+    ------
+    InputError
+        If matplotlib is not installed or a file cannot be written.
+    """
+    matplotlib()
+    folder = Path(folder)
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise InputError(f"{folder}: cannot be made a folder: {error.strerror}") from None
+    return [write_figure(folder / f"{name}.png", figure) for name, figure in named]
 
 
 def thin(time: Array, values: Array, bins: int = BINS) -> tuple[Array, Array]:
@@ -163,7 +188,7 @@ def header(axes: Axes, title: str) -> None:
     """Above the axes, from the top: title, legend, room for names of stretches."""
     from matplotlib.transforms import ScaledTranslation
 
-    axes.set_title(title, pad=38)
+    axes.set_title(plain(title), pad=38)
     figure = axes.get_figure()
     assert figure is not None
     legend = axes.legend(
@@ -179,6 +204,11 @@ def header(axes: Axes, title: str) -> None:
     legend.set_in_layout(False)  # wider than its panel, where there are two columns
 
 
+def plain(text: str) -> str:
+    """Text of a user's (a file's name, say) that matplotlib must not read as mathematics."""
+    return text.replace("$", r"\$")
+
+
 def margin_note(axes: Axes, text: str) -> None:
     """Small text in the right margin."""
     axes.annotate(
@@ -191,7 +221,8 @@ def mark_stretches(panels: Sequence[Axes], stretches: Sequence[tuple[str, float,
     """Name stretches (name, start, end) [s] above the first panel; lines part them in all."""
     for name, start, end in stretches:
         panels[0].annotate(
-            name, (0.5 * (start + end), 1), (0, 3), ("data", "axes fraction"), "offset points",
+            plain(name), (0.5 * (start + end), 1), (0, 3), ("data", "axes fraction"),
+            "offset points",
             ha="center", va="bottom", fontsize=9, color=GREY,
         )  # fmt: skip
     for (_, _, end), (_, start, _) in zip(stretches, stretches[1:], strict=False):

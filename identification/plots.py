@@ -1,26 +1,30 @@
-"""Figures of a result, written as PNG files into a folder (extra: plots)."""
+"""Figures of a result: one after another, or written as PNG files into a folder (extra: plots)."""
 
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from identification import figures
+from identification import failure_figures, figures
+from identification.axis_samples import AxisSamples
 from identification.comparison import Comparison, LogComparison, stretches_of
+from identification.diagnosis import Diagnosis
 from identification.errors import NoiseLevel, force_floor, force_traces
 from identification.fitting import Identification
 from identification.logs import Log
-from identification.mecanum import Label, Samples
+from identification.mechanism import Label
+from identification.mechanisms import AnyModel, quantities_of
 from identification.noise import white_noise
-from identification.plot_style import matplotlib, percent, write_figure
+from identification.plot_style import percent, write_figures
+from identification.quantities import Quantities
 from identification.references import recorded_motion
 from identification.residual_curves import Curve
-from youbot_env.errors import InputError
-from youbot_env.geometry import Geometry
+from identification.residual_map import ResidualMap
+from youbot_env.geometry import WHEELS, Geometry
 from youbot_env.model import Model
 from youbot_env.motions import Motion, MotionSequence, Multisine
 
@@ -45,78 +49,77 @@ def plot_identification(
     logs: Sequence[Log] = (),
     truth: Model | None = None,
 ) -> list[Path]:
-    """Write the figures of an identification and return their paths.
-
-    forces_LOG.png: measured and predicted forces; motion_LOG.png: velocities, beside the ideal ones
-    where a record.json beside the log tells them (tracking_LOG.png, if that is a multisine);
-    estimates.png: the recursive estimator's course.
+    """Write :func:`figures_of_identification` as PNG files; return their paths.
 
     Parameters
     ----------
     folder : made if missing
-    logs : those of the result, for their references
-    truth : true parameters, if they are known
 
     Raises
     ------
     InputError
         If matplotlib is not installed or a file cannot be written.
     """
-    return _write(_of_identification(result, {log.name: log for log in logs}, truth), folder)
+    return write_figures(folder, figures_of_identification(result, logs, truth))
 
 
 def plot_comparison(
     result: Comparison, folder: str | Path, geometry: Geometry | None = None
 ) -> list[Path]:
-    """Write the figures of a comparison and return their paths.
-
-    free_run_LOG.png: measured and predicted velocities; where_LOG.png: force error by stretch;
-    tracking_LOG.png: reference and response, where a record.json beside the log tells the
-    reference; residual.png: the residual over the variables that it depends on most, if any.
+    """Write :func:`figures_of_comparison` as PNG files; return their paths.
 
     Parameters
     ----------
     folder : made if missing
-    geometry : the one that was compared with, if not the model's own
 
     Raises
     ------
     InputError
         If matplotlib is not installed or a file cannot be written.
     """
-    return _write(_of_comparison(result, geometry or result.model.geometry), folder)
+    return write_figures(folder, figures_of_comparison(result, geometry))
 
 
-def _write(named: Named, folder: str | Path) -> list[Path]:
-    """Each figure is drawn and written before the next, so that memory holds one."""
-    matplotlib()
-    folder = Path(folder)
-    try:
-        folder.mkdir(parents=True, exist_ok=True)
-    except OSError as error:
-        raise InputError(f"{folder}: cannot be made a folder: {error.strerror}") from None
-    return [write_figure(folder / f"{name}.png", figure) for name, figure in named]
+def figures_of_identification(
+    result: Identification, logs: Sequence[Log] = (), truth: Model | None = None
+) -> Named:
+    """Names and figures of an identification.
 
+    forces_LOG: measured and predicted forces; motion_LOG: velocities, beside the ideal ones where a
+    record.json beside the log tells them (tracking_LOG, if that is a multisine); estimates: the
+    recursive estimator's course.
 
-def _of_identification(result: Identification, logs: dict[str, Log], truth: Model | None) -> Named:
-    marks = {}
+    Parameters
+    ----------
+    logs : those of the result, for their references
+    truth : true parameters, if they are known
+    """
+    marks, by_name = {}, {log.name: log for log in logs}
+    shown = quantities_of(result.model)
     for samples in result.samples:
-        name, log = samples.name, logs.get(samples.name)
-        motion = recorded_motion(log) if log else None
+        name, log = samples.name, by_name.get(samples.name)
+        motion = _reference(log)
         start = log.time[0] if log else 0.0
         marks[name] = _stretches(result, name, motion, start)
-        yield f"forces_{name}", _force_figure(result, samples, marks[name])
+        yield f"forces_{name}", _force_figure(result, samples, marks[name], shown)
         ideal = None if motion is None else motion.twist(samples.time + start)
+        speed = result.mechanism.measured_speed(samples) * shown.speed_scale
         if isinstance(motion, Multisine) and ideal is not None:
-            figure = figures.tracking_figure(samples.time, samples.twist, ideal, name=name)
+            figure = figures.tracking_figure(samples.time, speed, ideal, name=name)
             yield f"tracking_{name}", figure
         else:
             figure = figures.motion_figure(
-                samples.time, samples.twist, ideal, name=name, stretches=marks[name]
-            )
+                samples.time, speed, ideal,
+                name=name, stretches=marks[name], velocities=shown.speeds,
+            )  # fmt: skip
             yield f"motion_{name}", figure
     if result.course is not None:
         yield "estimates", _estimates_figure(result, marks, truth)
+
+
+def _reference(log: Log | None) -> Motion | None:
+    """The motion that a platform was asked to follow, if it is known."""
+    return recorded_motion(log) if log is not None and log.joints == WHEELS else None
 
 
 def _stretches(
@@ -127,7 +130,7 @@ def _stretches(
         return [(what, max(a - start, 0.0), b - start) for what, a, b in motion.segments()]
     merged: list[figures.Stretch] = []
     for part in result.parts:
-        if part.log != name or part.kind == "free":
+        if part.log != name or part.kind in ("free", "run"):
             continue
         if merged and merged[-1][0] == part.kind:
             merged[-1] = (part.kind, merged[-1][1], part.end)
@@ -137,13 +140,22 @@ def _stretches(
 
 
 def _force_figure(
-    result: Identification, samples: Samples, stretches: Sequence[figures.Stretch]
+    result: Identification,
+    samples: Any,
+    stretches: Sequence[figures.Stretch],
+    shown: Quantities,
 ) -> Figure:
     mechanism, theta = result.mechanism, result.fit.theta
-    noise = NoiseLevel(white_noise(samples.wheel_speed), white_noise(samples.torque))
+    if isinstance(samples, AxisSamples):
+        channels = samples.velocity[:, None], samples.effort[:, None]
+    else:
+        channels = samples.wheel_speed, samples.torque
+    noise = NoiseLevel(*map(white_noise, channels))
     traces = force_traces(mechanism, theta, samples)
     floor = force_floor(mechanism, theta, samples, traces, noise, seed=0)
-    return figures.force_figure(traces, floor, name=samples.name, stretches=stretches)
+    return figures.force_figure(
+        traces, floor, name=samples.name, stretches=stretches, forces=shown.forces
+    )
 
 
 def _estimates_figure(
@@ -172,46 +184,78 @@ def _axis_label(label: Label) -> str:
     return f"{symbol}  [{label.parameter.unit.replace('^2', '²')}]"
 
 
-def _of_comparison(result: Comparison, geometry: Geometry) -> Named:
-    worst = result.worst()
+def figures_of_comparison(result: Comparison, geometry: Geometry | None = None) -> Named:
+    """Names and figures of a comparison.
+
+    free_run_LOG: measured and predicted velocities; where_LOG: force error by stretch;
+    tracking_LOG: reference and response, where a record.json beside the log tells the reference;
+    residual: the residual over the variables that it depends on most, if any.
+
+    Parameters
+    ----------
+    geometry : the one that was compared with, if not the model's own
+    """
+    worst, shown = result.worst(), quantities_of(result.model, geometry)
     for item in result.logs:
         name = item.log.name
         yield (
             f"free_run_{name}",
             figures.free_run_figure(
-                item.velocity, item.velocity_floor, name=name, length=geometry.L
+                item.velocity, item.velocity_floor, name=name, quantities=shown
             ),
         )
         yield (
             f"where_{name}",
-            figures.stretch_figure(
+            failure_figures.stretch_figure(
                 stretches_of(item),
                 [row for row in worst if row["log"] == name],
                 item.force_floor,
                 name=name,
+                forces=shown.forces,
             ),
         )
-        yield from _tracking(item, geometry)
-    rows = _strongest_curves(result)
+        yield from _tracking(item, shown)
+    yield from figures_of_residual(result.where, result.model)
+
+
+def figures_of_diagnosis(result: Diagnosis, model: AnyModel) -> Named:
+    """Names and figures of a diagnosis.
+
+    errors: held out, as they fall; residual, remaining: what is left of the forces before and after
+    the accepted effects, over the variables that it depends on most.
+
+    Parameters
+    ----------
+    model : that was given
+    """
+    steps = [(step.effect, step.force_error, step.velocity_error) for step in result.steps]
+    yield "errors", failure_figures.fall_figure(steps, result.noise_floor)
+    for name, found in zip(("residual", "remaining"), result.maps, strict=False):
+        yield from figures_of_residual(found, model, name)
+
+
+def figures_of_residual(found: ResidualMap, model: AnyModel, name: str = "residual") -> Named:
+    """The residual over the variables that it depends on most, if it depends on any."""
+    rows = _strongest_curves(found)
     if rows:
-        yield "residual", figures.residual_figure(rows)
+        yield name, failure_figures.residual_figure(rows, quantities_of(model).forces)
 
 
-def _strongest_curves(result: Comparison) -> list[tuple[str, Curve]]:
+def _strongest_curves(found: ResidualMap) -> list[tuple[str, Curve]]:
     """Titles and curves of the variables with the largest shares, at most CURVES of them."""
-    shares = {share.variable: share.share for share in result.where.shares}
+    shares = {share.variable: share.share for share in found.shares}
     rows = [
         (f"{variable}: {percent(shares[variable])}", curve)
-        for variable in result.where.leading[:CURVES]
-        for curve in result.where.curve(variable)
+        for variable in found.leading[:CURVES]
+        for curve in found.curve(variable)
     ]
     return rows[:CURVES]
 
 
-def _tracking(item: LogComparison, geometry: Geometry) -> Named:
-    motion = recorded_motion(item.log)
+def _tracking(item: LogComparison, shown: Quantities) -> Named:
+    motion = _reference(item.log)
     if isinstance(motion, Multisine):
-        twist = geometry.body_twist(item.log.velocity)
+        twist = item.velocity.measured * shown.speed_scale
         reference = motion.twist(item.log.time)
         figure = figures.tracking_figure(item.velocity.time, twist, reference, name=item.log.name)
         yield f"tracking_{item.log.name}", figure

@@ -23,6 +23,12 @@ UNITS = {"speed": "rad/s", "angle": "rad", "torque": "N m", "heading": "rad", "t
 TWIST = (("VX", "m/s"), ("VY", "m/s"), ("W", "rad/s"))
 ACCELERATION = {"x": "m/s^2", "y": "m/s^2", "yaw": "rad/s^2"}
 
+OF_AXIS = {
+    False: {"twist": "m/s", "acceleration": "m/s^2", "position": "m", "torque": "N"},
+    True: {"twist": "rad/s", "acceleration": "rad/s^2", "position": "rad", "torque": "N m"},
+}
+"""Units of one axis, by whether it turns."""
+
 
 @dataclass(frozen=True)
 class Curve:
@@ -69,7 +75,7 @@ def _abscissae(
     """Label, unit, values by log, and the period if there is one."""
     first = signals[0]
     if variable == "twist":
-        names = TWIST if len(first.axes) > 1 else (("speed", ""),)
+        names = TWIST if first.turns is None else (("speed", OF_AXIS[first.turns]["twist"]),)
         for k, (label, unit) in enumerate(names):
             yield label, unit, [log.twist[:, k] for log in signals], None
     elif variable == "heading":
@@ -86,11 +92,12 @@ def _of_component(
 ) -> tuple[str, str, list[Array], float | None]:
     kind, _, which = variable.rpartition("_") if "_" in variable else (variable, "", "")
     first = signals[0]
+    own = {} if first.turns is None else OF_AXIS[first.turns]
     if kind == "position":
-        k = first.places.index(which)
-        return f"position {which}".strip(), "m", [log.position[:, k] for log in signals], None
+        k, unit = first.places.index(which), own.get(kind, "m")
+        return f"position {which}".strip(), unit, [log.position[:, k] for log in signals], None
     if kind == "acceleration":
-        k, unit = first.axes.index(which), ACCELERATION.get(which, "")
+        k, unit = first.axes.index(which), own.get(kind) or ACCELERATION[which]
         label = f"acceleration {which}".strip()
         return label, unit, [smooth(log.acceleration, _dt(log))[:, k] for log in signals], None
     k, name = first.joints.index(which), kind.rpartition("_")[2]
@@ -102,7 +109,8 @@ def _of_component(
         return label, "rad", [_wrapped(values, turn) for values in logs], turn
     if name == "torque":
         logs = [smooth(log.torque, _dt(log))[:, k] for log in signals]
-    return label, UNITS[name], logs, None
+        label = label if first.turns is None else "effort"
+    return label, own.get(name) or UNITS[name], logs, None
 
 
 def _dt(signals: Signals) -> float:

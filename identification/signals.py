@@ -32,7 +32,8 @@ class Signals:
     functions of the twist at which surfaces slide (body, wheels, rollers); torque (N, W) that the
     model predicts, its size, load, and its rate; heading (N,) [rad], position (N, D) [m] in the
     world; angle (N, W) [rad], speed (N, W) of the wheels; departure (N, W): what no rigid motion
-    explains in the speeds. axes, joints, places: names of A, W and D, as variables end on them.
+    explains in the speeds. axes, joints, places: names of A, W and D, as variables end on them;
+    turns: of one axis, whether it turns (rad, N m) or slides (m, N).
 
     Acceleration and torque are not smoothed: the model's columns are not either, and what holds
     less noise than they do would seem to explain the residual of a sound model, whose masses noise
@@ -55,6 +56,7 @@ class Signals:
     angle: Array | None = None
     speed: Array | None = None
     departure: Array | None = None
+    turns: bool | None = None
 
 
 def slowed(samples: Any) -> Any:
@@ -103,10 +105,11 @@ def _of_platform(mechanism: Mecanum, samples: Samples, force: Array) -> Signals:
         angle=samples.wheel_angle,
         speed=samples.wheel_speed,
         departure=samples.wheel_speed - rolling,
+        turns=None,
     )
 
 
-def _of_axis(mechanism: Mechanism, samples: Any, force: Array) -> Signals:
+def _of_axis(mechanism: Any, samples: Any, force: Array) -> Signals:
     """Of one axis: its speed is its twist; what it lacks stays None."""
     dt, twist = samples.dt, mechanism.measured_speed(samples)
     return Signals(
@@ -118,6 +121,7 @@ def _of_axis(mechanism: Mechanism, samples: Any, force: Array) -> Signals:
         rates=twist,
         **_derived(twist, force, dt),
         position=samples.position[:, None],
+        turns=mechanism.scales.turns,
     )
 
 

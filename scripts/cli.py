@@ -18,8 +18,10 @@ from __future__ import annotations
 import importlib
 import importlib.util
 import os
+import shlex
 import sys
 from collections.abc import Sequence
+from contextvars import ContextVar
 from pathlib import Path
 from typing import Annotated
 
@@ -45,6 +47,14 @@ COMMANDS = (
 
 OK, USAGE, INTERRUPTED, BROKEN_PIPE = 0, 2, 130, 141
 """Exit statuses; the last two are what a shell reports for SIGINT and SIGPIPE."""
+
+
+_running: ContextVar[tuple[str, ...]] = ContextVar("running", default=())
+
+
+def command_line() -> str:
+    """The command that runs now, as a shell takes it."""
+    return shlex.join(["youbot", *(_running.get() or sys.argv[1:])])
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
@@ -124,6 +134,7 @@ _EPILOG = "`youbot COMMAND --help` shows a command's options and examples."
 def _invoke(arguments: list[str]) -> int:
     wanted = next((argument for argument in arguments if not argument.startswith("-")), None)
     command = typer.main.get_command(build_app(wanted))
+    before = _running.set(tuple(arguments))
     try:
         with command.make_context("youbot", list(arguments) or ["--help"]) as context:
             command.invoke(context)
@@ -138,6 +149,8 @@ def _invoke(arguments: list[str]) -> int:
         context = getattr(error, "ctx", None)
         path = context.command_path if context else "youbot"
         return _complain(f"error: {error.format_message()} (see `{path} --help`)", USAGE)  # pyright: ignore[reportAttributeAccessIssue]
+    finally:
+        _running.reset(before)
     return OK
 
 

@@ -78,6 +78,15 @@ PlotsOption = Annotated[
     Path | None,
     typer.Option("--plots", metavar="DIR", help="Draw plots into this folder (extra: plots)."),
 ]
+ReportOption = Annotated[
+    Path | None,
+    typer.Option(
+        "--report",
+        metavar="F.html",
+        callback=check_output,
+        help="Write tables and pictures as one web page (extra: plots).",
+    ),
+]
 MechanismOption = Annotated[
     str | None,
     typer.Option(
@@ -87,6 +96,27 @@ MechanismOption = Annotated[
 SeedOption = Annotated[
     int, typer.Option("--seed", metavar="N", min=0, help="Seed of all random numbers.")
 ]
+
+
+def check_pictures(folder: Path | None, report: Path | None) -> None:
+    """Refuse pictures (``--plots``, ``--report``) that cannot be drawn, before anything is done.
+
+    Raises
+    ------
+    InputError
+        If matplotlib is not installed, or there is something else where the folder should be.
+    """
+    if folder is None and report is None:
+        return
+    from identification.plot_style import matplotlib
+
+    matplotlib()
+    if folder is not None and not folder.is_dir():
+        there = next(part for part in (folder, *folder.absolute().parents) if part.exists())
+        if not there.is_dir():
+            raise _input_error(f"{folder}: cannot be made a folder: {there} is a file")
+        if not os.access(there, os.W_OK):
+            raise _input_error(f"{folder}: cannot be made a folder: no permission to write there")
 
 
 # --- files -----------------------------------------------------------------------------------

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import sys
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -16,21 +16,26 @@ from youbot_scripts.common import (
     LogsArgument,
     ModelArgument,
     PlotsOption,
+    ReportOption,
     SeedOption,
+    check_pictures,
     console,
     percent,
     progress,
-    show_table,
     write_result,
+    write_text,
 )
+from youbot_scripts.tables import Table, show
 
 if TYPE_CHECKING:
     from rich.console import Console
 
     from identification.comparison import Comparison
+    from youbot_env.geometry import Geometry
+    from youbot_scripts.report_page import Part
 
 EXAMPLES = (
-    "youbot compare model.json runs/multisine_b.csv",
+    "youbot compare model.json runs/multisine_b.csv --report fails.html",
     "youbot compare paper runs/*.csv --predictions predicted/ --json errors.json",
 )
 
@@ -48,6 +53,7 @@ def main(
     ] = None,
     geometry: GeometryOption = None,
     plots: PlotsOption = None,
+    report: ReportOption = None,
     json: JsonOption = None,
     seed: SeedOption = 0,
 ) -> None:
@@ -60,14 +66,13 @@ def main(
     """
     from identification.comparison import compare
     from identification.logs import read_logs
-    from identification.mechanisms import kind_of, load_any_model, refuse_figures
+    from identification.mechanisms import kind_of, load_any_model
     from youbot_env.model_file import load_geometry
 
+    check_pictures(plots, report)
     loaded = load_any_model(model)
     lengths = load_geometry(geometry) if geometry else None
     of = kind_of(loaded)
-    if plots:
-        refuse_figures(of)
     read = read_logs(logs, of.joints, geometry=lengths or getattr(loaded, "geometry", None))
     with progress(len(read) + 1, "compare") as advance:
         result = compare(loaded, read, geometry=lengths, seed=seed, progress=advance)
@@ -81,10 +86,26 @@ def main(
 
         for path in plot_comparison(result, plots, lengths):
             out.print(f"plot written to {path}", soft_wrap=True)
+    if report:
+        from youbot_scripts.report_page import facts, page
+
+        title = f"Model compared with logs: {loaded.name}"
+        write_text(report, page(title, _parts(result, lengths), facts(seed)))
+        out.print(f"report written to {report}", soft_wrap=True)
 
 
 def _print(out: Console, result: Comparison) -> None:
     found = result.to_dict()
+    show(out, [*_errors(result, found), *_slip(found["logs"])])
+    where = _where(found)
+    if where.rows:
+        show(out, [where])
+    else:
+        out.print("The force residual depends on no variable more than chance would have it.\n")
+    show(out, [_stretches(found)])
+
+
+def _errors(result: Comparison, found: Mapping[str, Any]) -> Iterator[Table]:
     axes = result.logs[0].axes
     for kind, title in (("force", "Force error"), ("velocity", "Velocity error (free run)")):
         rows = []
@@ -95,47 +116,68 @@ def _print(out: Console, result: Comparison) -> None:
             rows.append((name + mark, *by_axis, percent(entry[f"{kind}_error"]), floor))
         total, floor = (found[key][f"{kind}_error"] for key in ("total", "noise_floor"))
         if len(rows) > 1:
-            rows.append(("total", "", "", "", percent(total), percent(floor)))
-        show_table(out, title, ("log", *axes, "all", "noise floor"), rows)
-    _print_slip(out, found["logs"])
-    _print_where(out, result)
-    rows = [
-        (row["log"], row["axis"], f"{row['from']:.1f}-{row['to']:.1f} s",
-         percent(row["force_error"]), percent(row["share"]))
-        for row in found["stretches"]
-    ]  # fmt: skip
-    headers = ("log", "axis", "stretch", "force error", "share of all")
-    show_table(out, "Where the residual is largest", headers, rows, left=("axis",))
+            rows.append(("total", *[""] * len(axes), percent(total), percent(floor)))
+        yield Table(title, ("log", *axes, "all", "noise floor"), tuple(rows))
 
 
-def _print_slip(out: Console, logs: Mapping[str, Any]) -> None:
-    rows = [
+def _slip(logs: Mapping[str, Any]) -> Iterator[Table]:
+    rows = tuple(
         (name, percent(slip["ratio"]), percent(slip["noise"]),
          "slip" if slip["exceeds_noise"] else "holds")
         for name, entry in logs.items()
         if (slip := entry.get("slip"))
-    ]  # fmt: skip
+    )  # fmt: skip
     if rows:
         title = "No slip: phi_1' + phi_2' = phi_3' + phi_4' (share of wheel speeds)"
-        headers = ("log", "off by", "noise alone", "identity")
-        show_table(out, title, headers, rows)
+        yield Table(title, ("log", "off by", "noise alone", "identity"), rows)
 
 
-def _print_where(out: Console, result: Comparison) -> None:
-    """Variables that explain more of the residual than chance would."""
-    shares = [share for share in result.where.shares if share.share > 0]
-    if not shares:
-        out.print("The force residual depends on no variable more than chance would have it.\n")
-        return
-    rows = [
-        (
-            share.variable + (f" ({share.cycles} times a turn)" if share.cycles else ""),
-            percent(share.share),
-        )
-        for share in shares
-    ]
-    headers = ("variable (others: beyond the twist)", "held-out share of variance")
-    show_table(out, "What the force residual depends on", headers, rows)
+def _where(found: Mapping[str, Any]) -> Table:
+    from youbot_scripts import result_tables
+
+    return result_tables.depends_on("What the force residual depends on", found["where"])
+
+
+def _stretches(found: Mapping[str, Any]) -> Table:
+    rows = tuple(
+        (row["log"], row["axis"], f"{row['from']:.1f}-{row['to']:.1f} s",
+         percent(row["force_error"]), percent(row["share"]))
+        for row in found["stretches"]
+    )  # fmt: skip
+    headers = ("log", "axis", "stretch", "force error", "share of all")
+    return Table("Where the residual is largest", headers, rows, left=("axis",))
+
+
+def _parts(result: Comparison, geometry: Geometry | None) -> Iterator[Part]:
+    """The web page: the verdict first, then how it came about."""
+    from identification.plots import figures_of_comparison
+    from youbot_scripts import result_tables
+    from youbot_scripts.report_page import Words, pictures
+
+    found = result.to_dict()
+    error, floor = found["total"], found["noise_floor"]
+    yield Words([result_tables.verdict(error["force_error"], floor["force_error"])], "verdict")
+    yield Words(list(_warnings(result)), "warning")
+    rows = [("the model", error), ("noise floor", floor)]
+    yield result_tables.errors("Errors, all logs that count", rows)
+    yield from _errors(result, found)
+    yield result_tables.residual("What the force residual depends on", found["where"])
+    yield _stretches(found)
+    yield from _slip(found["logs"])
+    yield from pictures(figures_of_comparison(result, geometry))
+    yield result_tables.parameters(result_tables.of_model(result.model), "The model's parameters")
+    yield result_tables.logs(item.log for item in result.logs)
+
+
+def _warnings(result: Comparison) -> Iterator[str]:
+    if all(item.seen_in_fit for item in result.logs):
+        yield "The model was fitted on these very logs: compare on others to see what it can do."
+    for item in result.logs:
+        if item.slip is not None and item.slip.exceeds_noise:
+            yield f"{item.log.name}: the wheels slip, or one is not what the geometry says."
+        for finding in item.log.findings:
+            if finding.level in ("warning", "repaired"):
+                yield f"{item.log.name}: {finding.message}"
 
 
 def _write_predictions(out: Console, result: Comparison, folder: Path) -> None:

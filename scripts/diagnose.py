@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import sys
+from collections.abc import Iterator, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
@@ -15,23 +16,28 @@ from youbot_scripts.common import (
     MechanismOption,
     ModelArgument,
     OutputModelOption,
+    ReportOption,
     SeedOption,
+    check_pictures,
     console,
     number,
     percent,
     progress,
-    show_table,
     write_result,
+    write_text,
 )
+from youbot_scripts.tables import Table, show
 
 if TYPE_CHECKING:
     from rich.console import Console
 
     from identification.diagnosis import Diagnosis
+    from identification.logs import Log
+    from youbot_scripts.report_page import Part
 
 EXAMPLES = (
     "youbot diagnose model.json runs/*.csv -o better.json",
-    "youbot diagnose paper runs/*.csv --effects my_effects.py --json diagnosis.json",
+    "youbot diagnose paper runs/*.csv --effects my_effects.py --report diagnosis.html",
 )
 
 
@@ -50,6 +56,7 @@ def main(
         ),
     ] = None,
     mechanism: MechanismOption = None,
+    report: ReportOption = None,
     json: JsonOption = None,
     seed: SeedOption = 0,
 ) -> None:
@@ -63,6 +70,7 @@ def main(
     from identification.mechanisms import check_mechanism, kind_of, load_any_model, save_any_model
     from youbot_env.plugins import load_effects
 
+    check_pictures(None, report)
     if effects:
         load_effects(effects)
     loaded = load_any_model(model)
@@ -72,48 +80,83 @@ def main(
         result = diagnose(loaded, read, seed=seed, progress=advance)
     out = console(json)
     _print(out, result)
-    if output:
-        save_any_model(output, result.model)
-        out.print(f"model written to {output}")
     if next_motion and result.next_experiment:
         from youbot_scripts.common import write_json
 
         write_json(next_motion, result.next_experiment["motion"])
-        out.print(f"motion written to {next_motion}")
+        out.print(f"motion written to {next_motion}", soft_wrap=True)
     write_result(json, result.to_dict(), seed)
+    if report:
+        from youbot_scripts.report_page import facts, page
+
+        title = f"What is missing from the model: {loaded.name}"
+        write_text(report, page(title, _parts(result, loaded, read), facts(seed)))
+        out.print(f"report written to {report}", soft_wrap=True)
+    if output:  # last: where the logs do not show a model, all else is there
+        save_any_model(output, result.model)
+        out.print(f"model written to {output}", soft_wrap=True)
 
 
 def _print(out: Console, result: Diagnosis) -> None:
-    floor = result.noise_floor
-    rows = [
-        (
-            step.effect or "the model, refitted",
-            percent(step.force_error),
-            percent(step.velocity_error),
-        )
-        for step in result.steps
-    ]
-    rows.append(("noise floor", percent(floor["force_error"]), percent(floor["velocity_error"])))
-    show_table(out, "The error as it falls", ("with", "force error", "velocity error"), rows)
-    rows = [
-        (row["effect"], percent(row["force_error"]), number(row["p_value"], 2), _sizes(row))
-        for row in result.candidates[:4]
-    ]
-    headers = ("effect", "force error", "p", "at")
-    show_table(out, "Candidates, best first", headers, rows, left=("at",))
+    show(out, [_steps(result), _candidates(result, 4)])
     shares = [row for row in result.where if row["share"] > 0][:6]
     if shares:
-        rows = [(row["variable"], percent(row["share"])) for row in shares]
-        show_table(out, "Residual by variable", ("variable", "share of it"), rows)
+        rows = tuple((row["variable"], percent(row["share"])) for row in shares)
+        show(out, [Table("Residual by variable", ("variable", "share of it"), rows)])
     out.print(f"Verdict: {result.verdict}", style="bold")
     for sentence in result.sentences:
         out.print(f"- {sentence}")
-    if result.next_experiment:
-        proposal = result.next_experiment
-        apart = " and ".join(proposal["separates"])
-        out.print(f"Next experiment: motion {proposal['name']} tells {apart} apart")
+    for line in _next(result):
+        out.print(line)
     for warning in result.warnings:
         out.print(f"warning: {warning}", style="yellow")
+
+
+def _steps(result: Diagnosis) -> Table:
+    from youbot_scripts import result_tables
+
+    rows = [(step.effect or "the model, refitted", step.to_dict()) for step in result.steps]
+    rows.append(("noise floor", result.noise_floor))
+    return result_tables.errors("The error as it falls", rows)
+
+
+def _candidates(result: Diagnosis, most: int | None = None) -> Table:
+    rows = tuple(
+        (row["effect"], percent(row["force_error"]), number(row["p_value"], 2), _sizes(row))
+        for row in result.candidates[:most]
+    )
+    headers = ("effect", "force error", "p", "at")
+    return Table("Candidates, best first", headers, rows, left=("at",))
+
+
+def _next(result: Diagnosis) -> list[str]:
+    """The motion that tells apart what is tied, if there is one."""
+    if not result.next_experiment:
+        return []
+    apart = " and ".join(result.next_experiment["separates"])
+    return [f"Next experiment: motion {result.next_experiment['name']} tells {apart} apart"]
+
+
+def _parts(result: Diagnosis, given: Any, read: Sequence[Log]) -> Iterator[Part]:
+    """The web page: the verdict first, then how it came about."""
+    from identification.plots import figures_of_diagnosis
+    from youbot_scripts import result_tables
+    from youbot_scripts.report_page import Words, pictures
+
+    yield Words([f"Verdict: {result.verdict}", *result.sentences, *_next(result)], "verdict")
+    yield Words(result.warnings, "warning")
+    yield _steps(result)
+    (name, figure), *rest = figures_of_diagnosis(result, given)
+    yield from pictures([(name, figure)])
+    if result.fitted_model is not None:
+        yield result_tables.parameters(result_tables.of_model(result.model), "Refitted parameters")
+    yield _candidates(result)
+    names = ("Residual of the model, refitted, by variable", "Remaining, by variable")
+    for title, found in zip(names, result.maps, strict=False):
+        yield result_tables.residual(title, found.to_list())
+    yield from pictures(rest)
+    yield result_tables.errors("The model as it was given", [(given.name, result.given_model)])
+    yield result_tables.logs(read)
 
 
 def _sizes(row: dict) -> str:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import shlex
 import sys
 from pathlib import Path
 from typing import Annotated, Any
@@ -97,14 +96,7 @@ def main(
         typer.Option(metavar="DIR", help="Keep each result here, and do not do again those here."),
     ] = None,
     plots: common.PlotsOption = None,
-    report: Annotated[
-        Path | None,
-        typer.Option(
-            metavar="F.html",
-            callback=common.check_output,
-            help="Write tables and pictures as one web page (extra: plots).",
-        ),
-    ] = None,
+    report: common.ReportOption = None,
     brief: Annotated[
         bool, typer.Option("--brief", help="Print and draw the comparison alone, no details.")
     ] = False,
@@ -138,8 +130,7 @@ def main(
             "against": against,
         },
     )
-    if plots or report:
-        _check_plots(plots)
+    common.check_pictures(plots, report)
     found = evaluate(chosen, seed=seed, jobs=jobs, folder=resume)
     out = common.console(json)
     tables.show(out, found.tables(brief))
@@ -148,34 +139,20 @@ def main(
     common.write_result(json, found.to_dict(), seed)
 
 
-def _check_plots(folder: Path | None) -> None:
-    """Refuse what cannot be drawn before anything is computed."""
-    from identification.plot_style import matplotlib
-    from youbot_env.errors import InputError
-
-    matplotlib()
-    try:
-        if folder is not None:
-            folder.mkdir(parents=True, exist_ok=True)
-    except OSError as error:
-        raise InputError(f"{folder}: cannot be made a folder: {error.strerror}") from None
-
-
 def _draw(
     found: Evaluation, plots: Path | None, report: Path | None, brief: bool, out: Any
 ) -> None:
-    from youbot_scripts.evaluation.figures import write_all
-    from youbot_scripts.evaluation.report import page
+    from identification.plot_style import write_figures
+    from youbot_scripts.report_page import facts, page, pictures
 
     figures = found.figures(brief)
     if plots:
-        for path in write_all(plots, figures):
+        for path in write_figures(plots, figures.items()):
             out.print(f"figure: {path}", soft_wrap=True)
     if report:
-        made = common.provenance(found.trials[0].seed)
-        facts = {"version": made["version"], "seed": made["seed"], **made["versions"]}
-        command = shlex.join(["youbot", *sys.argv[1:]])
-        common.write_text(report, page(command, found.tables(brief), figures, facts))
+        parts = [*pictures(figures.items()), *found.tables(brief)]
+        text = page("Controllers compared", parts, facts(found.trials[0].seed))
+        common.write_text(report, text)
         out.print(f"report: {report}", soft_wrap=True)
 
 

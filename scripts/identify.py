@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import sys
-from typing import TYPE_CHECKING, Annotated
+from collections.abc import Iterator, Sequence
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
@@ -14,26 +15,28 @@ from youbot_scripts.common import (
     LogsArgument,
     OutputModelOption,
     PlotsOption,
+    ReportOption,
     SeedOption,
+    check_pictures,
     console,
-    number,
     percent,
     progress,
     provenance,
-    show_table,
-    to_digit_of,
-    with_std,
     write_result,
+    write_text,
     x_legend,
 )
+from youbot_scripts.tables import Table, show
 
 if TYPE_CHECKING:
     from rich.console import Console
 
     from identification.fitting import Identification
+    from identification.logs import Log
+    from youbot_scripts.report_page import Part
 
 EXAMPLES = (
-    "youbot identify runs/calibration.csv -o model.json",
+    "youbot identify runs/calibration.csv -o model.json --report model.html",
     "youbot identify runs/I.csv runs/II.csv --output-error --json result.json",
     "youbot identify runs/calibration.csv --model model.json -o again.json",
     "youbot identify drive.csv --mechanism axis --unit m -o axis.json",
@@ -65,6 +68,7 @@ def main(
         bool, typer.Option("--robust", help="Huber weights, for logs with outliers.")
     ] = False,
     plots: PlotsOption = None,
+    report: ReportOption = None,
     json: JsonOption = None,
     seed: SeedOption = 0,
 ) -> None:
@@ -78,20 +82,13 @@ def main(
     """
     from identification.fitting import identify
     from identification.logs import read_logs
-    from identification.mechanisms import (
-        kind,
-        kind_of,
-        load_any_model,
-        refuse_figures,
-        save_any_model,
-    )
+    from identification.mechanisms import kind, kind_of, load_any_model, save_any_model
     from youbot_env.model_file import load_geometry
 
+    check_pictures(plots, report)
     start = load_any_model(model) if model else None
     lengths = load_geometry(geometry) if geometry else None
     of = kind_of(start) if start else kind(mechanism)
-    if plots:
-        refuse_figures(of)
     read = read_logs(logs, of.joints, geometry=lengths or getattr(start, "geometry", None))
     start = start or of.start(read, unit)
     with progress(60 if output_error else 2, "identify") as advance:
@@ -117,20 +114,17 @@ def main(
 
         for path in plot_identification(result, plots, read):
             out.print(f"plot written to {path}", soft_wrap=True)
+    if report:
+        from youbot_scripts.report_page import facts, page
+
+        title = f"Model identified: {result.model.name}"
+        write_text(report, page(title, _parts(result, read, seed), facts(seed)))
+        out.print(f"report written to {report}", soft_wrap=True)
 
 
 def _print(out: Console, result: Identification) -> None:
     found = result.to_dict()
-    rows = []
-    for name, entry in found["parameters"].items():
-        value, std, bounds = entry["value"], entry["std"], entry["interval"]
-        shown, interval = number(value), "-"
-        if std is not None and 0 < std < float("inf"):
-            shown = with_std(value, std)
-            interval = " ... ".join(to_digit_of(bound, std) for bound in bounds)
-        rows.append((name, shown, interval, entry["unit"]))
-    show_table(out, "Parameters", ("name", "value", "95 % interval", "unit"), rows, left=("unit",))
-    _print_observability(out, found["observability"], result.mechanism.scaling)
+    show(out, tables(result))
     errors = found["errors"]
     floor = errors["noise_floor"]["force_error"]
     line = f"force error {percent(errors['force_error'])} on these logs"
@@ -142,7 +136,16 @@ def _print(out: Console, result: Identification) -> None:
         out.print(f"warning: {warning}", style="yellow")
 
 
-def _print_observability(out: Console, seen: dict, scaling: str) -> None:
+def tables(result: Identification) -> list[Table]:
+    """Parameters, and what each motion shows of them."""
+    from youbot_scripts import result_tables
+
+    found = result.to_dict()
+    shown = _observability(found["observability"], result.mechanism.scaling)
+    return [result_tables.parameters(found["parameters"]), shown]
+
+
+def _observability(seen: dict[str, Any], scaling: str) -> Table:
     names = {name: f"x{k + 1}" for k, name in enumerate(seen["total"]["names"])}
     rows = []
     for part in seen["parts"]:
@@ -152,15 +155,35 @@ def _print_observability(out: Console, seen: dict, scaling: str) -> None:
         stretch = f"{part['from']:.0f}-{part['to']:.0f} s"
         blind = ", ".join(part["blind"]) or "-"
         rows.append((part["log"], part["kind"], stretch, part["rank"], blind, blocks))
-    show_table(
-        out,
+    total = seen["total"]
+    return Table(
         "What each motion shows",
         ("log", "motion", "stretch", "rank", "blind to", "blocks"),
-        rows,
+        tuple(rows),
+        (f"{x_legend(total['names'], scaling)}; all together: rank {total['rank']}",),
         left=("motion", "blind to", "blocks"),
     )
-    total = seen["total"]
-    out.print(f"{x_legend(total['names'], scaling)}; all together: rank {total['rank']}")
+
+
+def _parts(result: Identification, read: Sequence[Log], seed: int) -> Iterator[Part]:
+    """The web page: the verdict first, then how it came about."""
+    from identification.plots import figures_of_identification, figures_of_residual
+    from identification.residual_map import residual_map
+    from youbot_scripts import result_tables
+    from youbot_scripts.report_page import Words, pictures
+
+    errors = result.model.errors
+    floor = errors["noise_floor"]
+    yield Words([result_tables.verdict(errors["force_error"], floor["force_error"])], "verdict")
+    yield Words(result.warnings, "warning")
+    rows = [("the model, on its own logs", errors), ("noise floor", floor)]
+    yield result_tables.errors("Errors", rows)
+    yield from tables(result)
+    where = residual_map(result.mechanism, result.fit.theta, result.samples, seed=seed)
+    yield result_tables.residual("What the force residual depends on", where.to_list())
+    yield from pictures(figures_of_residual(where, result.model))
+    yield from pictures(figures_of_identification(result, read))
+    yield result_tables.logs(read)
 
 
 if __name__ == "__main__":

@@ -5,13 +5,12 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping, Sequence
 from itertools import cycle
-from pathlib import Path
 from textwrap import wrap
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from identification.plot_style import GREY, line, new_figure, styled, write_figure
+from identification.plot_style import GREY, line, new_figure, styled
 from youbot_scripts.evaluation.closed_loop import Trace
 from youbot_scripts.evaluation.metrics import AXES
 from youbot_scripts.evaluation.summary import Result, in_words, models_of
@@ -185,14 +184,3 @@ def time_courses(
     _legend(figure, panels[0, 0])
     _state(figure, "Reference and response", stated)
     return figure
-
-
-def write_all(folder: Path, figures: Mapping[str, Figure]) -> list[Path]:
-    """Write figures as PNG files, named by their keys.
-
-    Raises
-    ------
-    InputError
-        If the folder or a file cannot be written.
-    """
-    return [write_figure(folder / f"{name}.png", figure) for name, figure in figures.items()]

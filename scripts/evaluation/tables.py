@@ -4,10 +4,11 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import replace
 from typing import Any
 
 from youbot_scripts import common
+from youbot_scripts import tables as shared
 from youbot_scripts.evaluation.metrics import AXES, STRETCH
 from youbot_scripts.evaluation.plants import SURPRISE
 from youbot_scripts.evaluation.summary import (
@@ -20,17 +21,7 @@ from youbot_scripts.evaluation.summary import (
     ratios,
     unscored,
 )
-
-
-@dataclass(frozen=True)
-class Table:
-    """A table, whoever shows it: a terminal or a web page; ``heading`` opens a condition."""
-
-    title: str
-    headers: tuple[str, ...]
-    rows: tuple[tuple[str, ...], ...]
-    notes: tuple[str, ...] = ()
-    heading: str = ""
+from youbot_scripts.tables import Table
 
 
 def tables(results: Sequence[Result], against: str) -> list[Table]:
@@ -178,14 +169,7 @@ def _moving(result: Result) -> list[str]:
 
 def show(out: Any, found: Sequence[Table]) -> None:
     """Print tables, their headings and their notes."""
-    for table in found:
-        if table.heading:
-            out.print(f"{table.heading}\n")
-        common.show_table(out, table.title, table.headers, table.rows, left=LEAD)
-        for note in table.notes:
-            out.print(f"  {note}", soft_wrap=True)
-        if table.notes:
-            out.print()
+    shared.show(out, (replace(table, left=LEAD) for table in found))
 
 
 def _mean(result: Result, name: str, between: str = " ± ") -> str:

@@ -16,12 +16,13 @@ from matplotlib.figure import Figure
 from matplotlib.patches import Rectangle
 from PIL import Image
 
-from identification import figures, plot_style, plots
+from identification import failure_figures, figures, plot_style, plots
 from identification.comparison import Comparison, compare, stretches_of
 from identification.errors import NoiseLevel, Squares, Traces, force_floor, force_traces
 from identification.fitting import Identification, identify
 from identification.logs import Log, read_log, write_log
 from identification.noise import white_noise
+from identification.quantities import of_platform
 from identification.recursive import Course
 from identification.references import recorded_motion
 from tests.identification.recordings import recording
@@ -138,8 +139,10 @@ def test_legend_and_title_lie_above_the_data():
 
 def test_free_run_is_shown_in_metres_a_second():
     traces = small_traces()
-    figure = figures.free_run_figure(traces, floor_of(traces, 0.1), name="run", length=0.4)
-    for k, scale in enumerate((0.4, 0.4, 1.0)):
+    length = PAPER.geometry.L
+    shown = of_platform(PAPER.geometry)
+    figure = figures.free_run_figure(traces, floor_of(traces, 0.1), name="run", quantities=shown)
+    for k, scale in enumerate((length, length, 1.0)):
         _, shown = drawn(figure.axes[2 * k], "free run of the model")
         np.testing.assert_allclose(shown, scale * traces.predicted[:, k])
         _, shown = drawn(figure.axes[2 * k], "measured")
@@ -228,7 +231,7 @@ class TestEstimatesFigure:
 def test_stretches_show_the_comparison_s_numbers(compared: Comparison):
     (item,) = compared.logs
     worst = compared.worst()
-    figure = figures.stretch_figure(stretches_of(item), worst, item.force_floor, name="run")
+    figure = failure_figures.stretch_figure(stretches_of(item), worst, item.force_floor, name="run")
     for k, axis in enumerate(("VX", "VY", "W")):
         axes = figure.axes[k]
         rows = [row for row in stretches_of(item) if row["axis"] == axis]
@@ -255,7 +258,7 @@ class TestResidualFigure:
         paths = plots.plot_comparison(result, tmp_path)
         assert paths[-1].name == "residual.png"
         curves = result.where.curve("twist")
-        figure = figures.residual_figure([(curve.label, curve) for curve in curves])
+        figure = failure_figures.residual_figure([(curve.label, curve) for curve in curves])
         panels = np.array(figure.axes).reshape(3, 3)
         for row, curve in zip(panels, curves, strict=True):
             assert row[0].get_ylabel() == curve.label
