@@ -205,12 +205,13 @@ def contains(larger: Candidate, smaller: Candidate, base: Fitted, enough: float 
     both = np.concatenate(
         [nuisance, np.concatenate([c.reshape(-1, c.shape[-1]) for c in larger.columns])], axis=1
     )
-    left_base = _unexplained(nuisance, target)
-    left_both = _unexplained(both, target)
+    left_base = unexplained(nuisance, target)
+    left_both = unexplained(both, target)
     return bool((left_both < (1 - enough) * left_base).all())
 
 
-def _unexplained(columns: Array, target: Array) -> Array:
+def unexplained(columns: Array, target: Array) -> Array:
+    """Squares (T,) of targets (n, T) that no combination of columns (n, F) explains."""
     norm = np.sqrt((columns**2).sum(axis=0))
     columns = columns / np.where(norm > 0, norm, 1.0)
     gram = columns.T @ columns

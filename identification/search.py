@@ -9,7 +9,14 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from identification.candidates import Candidate, Fitted, contains, try_candidate
+from identification.candidates import (
+    RATE,
+    Candidate,
+    Fitted,
+    contains,
+    try_candidate,
+    unexplained,
+)
 from identification.errors import (
     NoiseLevel,
     Squares,
@@ -24,7 +31,7 @@ from identification.folds import Fold, block_sums
 from identification.logs import Log
 from identification.mechanism import Mechanism
 from identification.noise import white_noise
-from identification.regression import Fit
+from identification.regression import Fit, residual_of
 from identification.segments import cut
 from identification.significance import family_p_values, score_blocks
 
@@ -34,8 +41,10 @@ MATERIAL = 0.05
 """Least share of the held-out squared residual that an effect must take away to be accepted."""
 
 NESTED = 0.05
-"""Share of a simpler effect's squares by which its extension must be better to take its place:
-noise on the speeds blurs a dry friction's kink, which a breakaway peak can imitate."""
+"""Share of a simpler effect's squares by which its extension must be better to take its place."""
+
+BY_NOISE = 0.5
+"""The same above which no noise alone can have made the extension better."""
 
 LEADERS = 5
 """Candidates that are fitted jointly before they are compared."""
@@ -162,7 +171,7 @@ class Search:
             for item in found
         }
         p_values = family_p_values(scores, rng)
-        best, tied = _choose(found, base.square, fitted, step)
+        best, tied = _choose(found, base.square, fitted, step, self._idle)
         return Ranking(tuple(found), p_values, tied, best, base.square)
 
     def _refit(self, base: Fitted, found: list[Candidate], square: float) -> list[Candidate]:
@@ -186,9 +195,35 @@ class Search:
             done.append(item)
         return sorted(done, key=lambda item: item.square)
 
+    def _idle(self, larger: Candidate, smaller: Candidate) -> bool:
+        """Whether what a nested effect has beyond its simpler form is nothing, or made by noise.
+
+        Noise on the speeds rounds the kink of a dry friction, and a breakaway peak can imitate
+        that. The larger is fitted with the noise undone: what it predicts beyond the smaller's
+        best must still matter.
+        """
+        dearer = smaller.result.square - larger.result.square
+        if dearer < NESTED * smaller.result.square:
+            return True
+        if dearer > BY_NOISE * smaller.result.square or not (larger.fitted and smaller.fitted):
+            return False
+        undone = self.final(larger.fitted).theta
+        beyond = [
+            row.residual - residual_of(larger.mechanism, undone, samples, RATE)
+            for row, samples in zip(smaller.fitted.rows, self.samples, strict=True)
+        ]
+        columns = [row.columns.reshape(-1, row.columns.shape[-1]) for row in smaller.fitted.rows]
+        target = np.concatenate([part.reshape(-1, 1) for part in beyond])
+        left = unexplained(np.concatenate(columns), target)
+        return bool(left[0] < NESTED * smaller.result.square)
+
 
 def _choose(
-    found: Sequence[Candidate], square: float, base: Fitted, step: float
+    found: Sequence[Candidate],
+    square: float,
+    base: Fitted,
+    step: float,
+    idle: Callable[[Candidate, Candidate], bool],
 ) -> tuple[Candidate | None, tuple[str, ...]]:
     """The best candidate, a simpler one in its place if it does as well, and those that tie."""
     if not found or found[0].square >= square:
@@ -199,8 +234,7 @@ def _choose(
     best = leader
     for item in near:
         # A nested effect gives way to its simpler form unless it is materially better.
-        dearer = item.square - best.square
-        if dearer < NESTED * item.result.square and contains(best, item, base):
+        if contains(best, item, base) and idle(best, item):
             best = item
     tied = [
         item.name
