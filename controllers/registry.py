@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import difflib
 import hashlib
+import importlib.util
 from collections.abc import Callable, Mapping
 from dataclasses import asdict, dataclass
 from functools import partial
@@ -31,11 +32,13 @@ class Entry:
     summary : one line for a user who has to choose
     design : ``(model, loop, **options) -> settings`` of ``build``, where finding them takes a
         search that is worth keeping; None where ``build`` does all
+    extra : optional package that ``design`` needs, and the extra of that name brings
     """
 
     build: Callable[..., Controller]
     summary: str
     design: Callable[..., Settings] | None = None
+    extra: str | None = None
 
 
 def _kinematic(model: Model, loop: Loop, **settings: Any) -> Controller:
@@ -120,7 +123,10 @@ CONTROLLERS: dict[str, Entry] = {
     ),
     "pid": Entry(_pid, "PID on the body twist, gains from the model's masses", _poles),
     "lqi": Entry(
-        _lqi, "linear quadratic control with integrals, the delays in its state", _weights
+        _lqi,
+        "linear quadratic control with integrals, the delays in its state",
+        _weights,
+        extra="control",
     ),
     "computed_torque": Entry(
         _computed_torque, "the model's inverse dynamics fed forward in time, and feedback"
@@ -150,6 +156,22 @@ def entry(name: str) -> Entry:
     raise InputError(
         f"controller {name!r}: not known; {hint}, or a .json of `youbot tune` or of a policy"
     )
+
+
+def check(name: str) -> None:
+    """Refuse what cannot be designed, before anything is computed for it.
+
+    Raises
+    ------
+    InputError
+        If the name is unknown, or its design needs an extra that is not installed.
+    """
+    extra = entry(name).extra
+    if extra is not None and importlib.util.find_spec(extra) is None:
+        raise InputError(
+            f"controller {name!r}: its design needs an extra, pip install 'youbot[{extra}]'; "
+            "or name controllers without it"
+        )
 
 
 def fingerprint(name: str) -> str:

@@ -31,8 +31,8 @@ def main(
     """From logs to a model, from where it fails to what it lacks, and to a controller built on it.
 
     Each step is a youbot command, shown as you would type it. The logs (50 Hz) come from a
-    simulated platform with the paper's parameters, so the truth is known. About half a minute on
-    two idle cores, once the simulations are compiled.
+    simulated platform with the paper's parameters, so the truth is known. Half a minute on an idle
+    core; twice that where the simulations have to be compiled first.
     """
     story = Story(console(), output)
     unpack(story)

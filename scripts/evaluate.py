@@ -8,10 +8,12 @@ from typing import Annotated, Any
 
 import typer
 
+from controllers.policy_file import shipped_policies
+from controllers.registry import CONTROLLERS
 from youbot_scripts import common
 from youbot_scripts.cli import run_script
 from youbot_scripts.evaluation import tables
-from youbot_scripts.evaluation.settings import SUITES, amplitude, bands, settings, words
+from youbot_scripts.evaluation.settings import BASIC, SUITES, amplitude, bands, settings, words
 from youbot_scripts.evaluation.whole import Evaluation, evaluate
 
 __all__ = ["evaluate", "main"]
@@ -26,7 +28,8 @@ EXAMPLES = (
 
 def main(
     suite: Annotated[
-        str, typer.Option(metavar="NAME", help=f"Where to start from: {', '.join(SUITES)}.")
+        str,
+        typer.Option(metavar="NAME", help=f"Set of options to start from: {', '.join(SUITES)}."),
     ] = "paper",
     plant: Annotated[
         list[str] | None,
@@ -55,7 +58,12 @@ def main(
         ),
     ] = None,
     controllers: Annotated[
-        str | None, typer.Option(metavar="A,B,...", help="Names; see the README.")
+        str | None,
+        typer.Option(
+            metavar="A,B,...",
+            help=f"Of {', '.join((*CONTROLLERS, *shipped_policies()))}; or a gains file of `tune`, "
+            f"a policy of `train`. Default: {', '.join(BASIC)}.",
+        ),
     ] = None,
     band: Annotated[
         str | None,

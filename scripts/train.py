@@ -1,4 +1,4 @@
-"""Train a policy with Stable-Baselines3 and write it in a form that cannot run code."""
+"""Train a policy: PPO, SAC or TD3, alone or upon a controller."""
 
 from __future__ import annotations
 

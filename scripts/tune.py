@@ -1,4 +1,4 @@
-"""Tune kinematic or PID control for a platform and its loop; print margins and poles."""
+"""Tune kinematic or PID control within stability margins."""
 
 from __future__ import annotations
 

@@ -72,7 +72,7 @@ class Settings:
             if not getattr(self, name):
                 raise InputError(f"{name}: none is named")
         for controller in self.controllers:
-            registry.entry(controller)
+            registry.check(controller)
         count("seeds", self.seeds)
         if finite("lag [s]", self.lag) < 0:
             raise InputError(f"lag: {self.lag:g} s must be at least 0")

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+import sys
 from pathlib import Path
 
 import numpy as np
@@ -57,3 +58,22 @@ def test_the_documents_list_every_name():
     text = (Path(__file__).parents[2] / "docs" / "controllers.md").read_text("utf-8")
     listed = re.findall(r"^\| `(\w+)` \|", text, re.MULTILINE)
     assert listed == list(registry.CONTROLLERS)
+
+
+def test_a_missing_extra_is_said_before_anything_is_computed(monkeypatch: pytest.MonkeyPatch):
+    monkeypatch.setitem(sys.modules, "control", None)
+    with pytest.raises(InputError, match=r"'lqi'.*youbot\[control\]"):
+        registry.check("lqi")
+    for name in set(registry.CONTROLLERS) - {"lqi"}:
+        registry.check(name)
+
+
+def test_what_needs_an_extra_says_so(monkeypatch: pytest.MonkeyPatch):
+    """The demo tells its story without python-control: kinematic_tuned is tried there."""
+    monkeypatch.setitem(sys.modules, "control", None)
+    model, loop = load_model("paper"), Loop(sample_time=0.01, delay=0.01)
+    pid = registry.CONTROLLERS["pid"].design
+    assert pid is not None and pid(model, loop)
+    lqi = registry.CONTROLLERS["lqi"].design
+    with pytest.raises(InputError):
+        assert lqi is not None and lqi(model, loop)
