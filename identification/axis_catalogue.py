@@ -39,7 +39,7 @@ class Joint(NamedTuple):
 
 
 JOINT = Place("axis", "wrench", Joint, False)
-TURNING = Place("axis that turns", "wrench", Joint, False)
+TURNING = Place("rotary", "wrench", Joint, False)
 
 
 @dataclass(frozen=True)

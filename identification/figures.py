@@ -166,7 +166,8 @@ def motion_figure(
     shown = twist[:, :2] if ideal is None else np.concatenate([twist[:, :2], ideal[:, :2]])
     for axes in panels[:2]:
         look.symmetric(axes, 1.08 * float(np.abs(shown).max()))
-    look.header(panels[0], f"Velocities on the motions: {name}")
+    title = "Velocities on the motions" if count > 1 else f"Measured {velocities[0][0]}"
+    look.header(panels[0], f"{title}: {name}")
     finish(figure, panels)
     look.mark_stretches(panels, stretches)
     return figure

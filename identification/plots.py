@@ -172,15 +172,16 @@ def _estimates_figure(
     known = truth is not None and truth.structure == mechanism.structure
     return figures.estimates_figure(
         result.course,
-        [_axis_label(mechanism.labels[k]) for k in free],
+        [_axis_label(mechanism.labels[k], mechanism.structure.effects) for k in free],
         result.force.theta[free],
         stretches=stretches,
         truth=truth.theta[free] if truth is not None and known else None,
     )
 
 
-def _axis_label(label: Label) -> str:
-    symbol = SYMBOLS.get(label.name, f"{label.component}\n{label.name}")
+def _axis_label(label: Label, effects: Sequence[str]) -> str:
+    added = label.component in effects
+    symbol = f"{label.component}\n{label.name}" if added else SYMBOLS.get(label.name, label.name)
     return f"{symbol}  [{label.parameter.unit.replace('^2', '²')}]"
 
 

@@ -93,6 +93,14 @@ MechanismOption = Annotated[
         "--mechanism", metavar="NAME", help="mecanum or axis; only checked: the model says it."
     ),
 ]
+LogsOfOption = Annotated[
+    str,
+    typer.Option("--mechanism", metavar="NAME", help="What the logs are of: mecanum, axis."),
+]
+UnitOption = Annotated[
+    str,
+    typer.Option("--unit", help="Of an axis' position: rad (rad/s, N m) or m (m/s, N)."),
+]
 SeedOption = Annotated[
     int, typer.Option("--seed", metavar="N", min=0, help="Seed of all random numbers.")
 ]

@@ -146,15 +146,19 @@ def _parts(result: Diagnosis, given: Any, read: Sequence[Log]) -> Iterator[Part]
     yield Words([f"Verdict: {result.verdict}", *result.sentences, *_next(result)], "verdict")
     yield Words(result.warnings, "warning")
     yield _steps(result)
-    (name, figure), *rest = figures_of_diagnosis(result, given)
-    yield from pictures([(name, figure)])
+    drawn = {picture.name: picture for picture in pictures(figures_of_diagnosis(result, given))}
+    yield drawn["errors"]
     if result.fitted_model is not None:
         yield result_tables.parameters(result_tables.of_model(result.model), "Refitted parameters")
     yield _candidates(result)
-    names = ("Residual of the model, refitted, by variable", "Remaining, by variable")
-    for title, found in zip(names, result.maps, strict=False):
+    titles = {
+        "residual": "What the residual of the refitted model depends on",
+        "remaining": "What remains, with all of the above",
+    }
+    for (name, title), found in zip(titles.items(), result.maps, strict=False):
         yield result_tables.residual(title, found.to_list())
-    yield from pictures(rest)
+        if name in drawn:
+            yield drawn[name]
     yield result_tables.errors("The model as it was given", [(given.name, result.given_model)])
     yield result_tables.logs(read)
 

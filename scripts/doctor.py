@@ -11,33 +11,50 @@ from youbot_scripts.common import (
     GeometryOption,
     JsonOption,
     LogsArgument,
+    LogsOfOption,
+    UnitOption,
     console,
-    show_table,
     write_result,
     x_legend,
 )
+from youbot_scripts.tables import Table, show
 
 if TYPE_CHECKING:
     from rich.console import Console
 
     from identification.logs import Log
+    from identification.mechanisms import Kind
     from youbot_env.geometry import Geometry
 
-EXAMPLES = ("youbot doctor runs/*.csv", "youbot doctor my_log.csv --json checks.json")
+EXAMPLES = (
+    "youbot doctor runs/*.csv",
+    "youbot doctor my_log.csv --json checks.json",
+    "youbot doctor drive.csv --mechanism axis --unit m",
+)
+
+COUNTS = {4: "four", 7: "seven"}
+"""Parameters of a base model: an axis', a platform's."""
 
 
-def main(logs: LogsArgument, geometry: GeometryOption = None, json: JsonOption = None) -> None:
+def main(
+    logs: LogsArgument,
+    geometry: GeometryOption = None,
+    mechanism: LogsOfOption = "mecanum",
+    unit: UnitOption = "rad",
+    json: JsonOption = None,
+) -> None:
     """Run the data checks alone: what is wrong with a log, what was repaired, what it can show.
 
     Reports every log; the exit status is 2 if one of them cannot be used.
     """
+    from identification.mechanisms import kind
     from youbot_env.model_file import load_geometry
 
-    lengths = load_geometry(geometry) if geometry else None
+    of, lengths = kind(mechanism), load_geometry(geometry) if geometry else None
     out = console(json)
     reports, broken = {}, []
     for path in logs:
-        report = _examine(path, lengths)
+        report = _examine(path, of, lengths, unit)
         reports[str(path)] = report
         _print(out, path, report)
         if not report["usable"]:
@@ -49,13 +66,14 @@ def main(logs: LogsArgument, geometry: GeometryOption = None, json: JsonOption =
         raise InputError(f"{len(broken)} of {len(reports)} logs cannot be used: {broken[0]}")
 
 
-def _examine(path: Path, geometry: Geometry | None) -> dict[str, Any]:
+def _examine(path: Path, of: Kind, geometry: Geometry | None, unit: str) -> dict[str, Any]:
     from identification.findings import LogError
     from identification.logs import read_log
     from youbot_env.errors import InputError
 
     try:
-        log = read_log(path, geometry=geometry)
+        log = read_log(path, of.joints, geometry=geometry)
+        start = of.start([log], unit)
     except LogError as error:
         return {"usable": False, "findings": [_finding(f) for f in error.findings]}
     except InputError as error:
@@ -67,7 +85,8 @@ def _examine(path: Path, geometry: Geometry | None) -> dict[str, Any]:
         "duration": log.duration,
         "findings": [_finding(finding) for finding in log.findings],
         "noise": _noise(log),
-        "shows": _shows(log, geometry),
+        "units": _units(start),
+        "shows": _shows(log, start, geometry),
     }
 
 
@@ -85,45 +104,52 @@ def _noise(log: Log) -> dict[str, float]:
     }
 
 
-def _shows(log: Log, geometry: Geometry | None) -> dict[str, Any]:
+def _units(start: Any) -> dict[str, str]:
+    """Units of a joint's channels."""
+    turns = start.scales.turns if hasattr(start, "scales") else True
+    return {"speed": "rad/s", "torque": "N m"} if turns else {"speed": "m/s", "torque": "N"}
+
+
+def _shows(log: Log, start: Any, geometry: Geometry | None) -> dict[str, Any]:
+    """What each motion of a log shows of the base model that ``start`` is."""
     import numpy as np
 
     from identification.mecanum import Mecanum
+    from identification.mechanisms import mechanism_of
     from identification.observability import log_observability, motion_that_shows
     from identification.regression import regression_rows
-    from identification.segments import parts_of
-    from youbot_env.dynamics import Structure
-    from youbot_env.geometry import Geometry
-    from youbot_env.model_file import load_model
 
-    mechanism = Mecanum(geometry or Geometry(), Structure())
+    mechanism = mechanism_of(start, geometry)
     samples = mechanism.samples(log)
-    theta = load_model("paper").theta
-    rows = regression_rows(mechanism, theta, samples, np.flatnonzero(mechanism.free))
+    rows = regression_rows(mechanism, start.theta, samples, np.flatnonzero(mechanism.free))
     total = log_observability(mechanism, [rows])
     parts = []
-    for part in parts_of(samples):
+    for part in mechanism.parts(samples):
         seen = log_observability(mechanism, [rows.between(part.start, part.end)])
-        blind = seen.describe_blind()
         parts.append(
             {"kind": part.kind, "from": part.start, "to": part.end, "rank": seen.rank}
-            | {"blind": blind}
+            | {"blind": seen.describe_blind()}
         )
-    return {
+    found = {
         "names": list(total.names),
+        "scaling": mechanism.scaling,
         "rank": total.rank,
         "blind": total.describe_blind(),
-        "motion_that_shows": [motion_that_shows(mechanism, d) for d in total.blind],
+        "cures": [mechanism.advice(direction) for direction in total.blind],
         "parts": parts,
     }
+    if isinstance(mechanism, Mecanum):  # whose motions have names
+        found["motion_that_shows"] = [motion_that_shows(mechanism, d) for d in total.blind]
+    return found
 
 
 def _print(out: Console, path: Path, report: dict[str, Any]) -> None:
     if report["usable"]:
-        noise = report["noise"]
+        noise, units = report["noise"], report["units"]
         out.print(
             f"{path}: {report['rows']} rows, {report['duration']:.1f} s at {report['rate']:.4g} Hz,"
-            f" noise {noise['speed']:.2g} rad/s, {noise['torque']:.2g} N m",
+            f" noise {noise['speed']:.2g} {units['speed']},"
+            f" {noise['torque']:.2g} {units['torque']}",
             soft_wrap=True,
         )
     else:
@@ -140,17 +166,20 @@ def _print(out: Console, path: Path, report: dict[str, Any]) -> None:
 
 
 def _print_shows(out: Console, shows: dict[str, Any]) -> None:
-    rows = [
+    rows = tuple(
         (p["kind"], f"{p['from']:.0f}-{p['to']:.0f} s", p["rank"], ", ".join(p["blind"]) or "-")
         for p in shows["parts"]
-    ]
-    show_table(out, "", ("motion", "stretch", "rank", "blind to"), rows, left=("blind to",))
+    )
+    show(out, [Table("", ("motion", "stretch", "rank", "blind to"), rows, left=("blind to",))])
     if any(p["blind"] for p in shows["parts"]):
-        out.print(f"  {x_legend(shows['names'])}", soft_wrap=True)
-    for direction, motion in zip(shows["blind"], shows["motion_that_shows"], strict=True):
-        out.print(f"  cannot show {direction}: motion {motion} would (youbot record --motions)")
+        out.print(f"  {x_legend(shows['names'], shows['scaling'])}", soft_wrap=True)
+    motions = shows.get("motion_that_shows")
+    for k, (direction, cure) in enumerate(zip(shows["blind"], shows["cures"], strict=True)):
+        if motions:
+            cure = f"motion {motions[k]} would (youbot record --motions)"
+        out.print(f"  cannot show {direction}: {cure}")
     if not shows["blind"]:
-        out.print("  shows all seven parameters of the base model")
+        out.print(f"  shows all {COUNTS[shows['rank']]} parameters of the base model")
 
 
 if __name__ == "__main__":

@@ -3,18 +3,21 @@
 from __future__ import annotations
 
 import sys
+from collections.abc import Callable, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Annotated, Any, NamedTuple
 
 import typer
 
 from youbot_scripts.cli import run_script
-from youbot_scripts.common import JsonOption, console, number, show_table, write_result
+from youbot_scripts.common import JsonOption, console, number, write_result
+from youbot_scripts.tables import Table
+from youbot_scripts.tables import show as show_tables
 
 if TYPE_CHECKING:
     from rich.console import Console
 
-    from youbot_env.effects import Effect
+    from youbot_env.effects import Effect, Registry
 
 EffectsOption = Annotated[
     Path | None,
@@ -29,7 +32,32 @@ EXAMPLES = (
     "youbot effects",
     "youbot effects floor_tilt --equations",
     "youbot effects --effects my_effects.py --json effects.json",
+    "youbot effects --mechanism axis",
 )
+
+TYPICAL = {
+    "1": "", "s": "", "kg": "F/a", "N": "F", "N/s": "F/s", "N/m": "F/x", "N s/m": "F/v",
+    "N s^2/m^2": "F/v^2", "m": "x", "m/s": "v",
+}  # fmt: skip
+"""What a size or default of an axis' effect is a multiple of, by unit."""
+
+TYPICAL_NOTE = (
+    "Sizes are multiples of what is typical in the logs: F, v, a rms force, speed, acceleration; "
+    "x the travel. Of an axis that turns, N is N m and m is rad."
+)
+
+
+class Shown(NamedTuple):
+    """A catalogue and how it is printed.
+
+    unit_of: what the size of a parameter with this unit is a multiple of ("": its unit)
+    """
+
+    catalogue: Registry
+    formula: Callable[..., str]
+    equation: Callable[[Sequence[str], Any], str]
+    unit_of: Callable[[str], str]
+    note: str
 
 
 def main(
@@ -46,41 +74,70 @@ def main(
     ] = False,
     latex: Annotated[bool, typer.Option("--latex", help="Print formulas as LaTeX.")] = False,
     effects: EffectsOption = None,
+    mechanism: Annotated[
+        str, typer.Option("--mechanism", metavar="NAME", help="Of what: mecanum, axis.")
+    ] = "mecanum",
     json: JsonOption = None,
 ) -> None:
     """List the effects that can be added to a model.
 
     For each: where it acts, its parameters with units, their catalogue size (the size at which the
-    effect matters; a shape constant's default in brackets), its formula (what it adds to the torque
-    or force that a motion demands), and how to recognise it in measurements.
+    base model's force error is some 3 to 20 times the noise floor; a shape constant's default in
+    brackets), its formula (what it adds to the torque or force that a motion demands), and how to
+    recognise it in measurements.
 
     --effects runs a Python file of your own that registers effects with
     youbot_env.effects.effect, and lists them too.
     """
-    from youbot_env.dynamics import Structure
-    from youbot_env.effects import CATALOGUE
     from youbot_env.plugins import load_effects, load_installed_effects
-    from youbot_env.symbolic import equation, formula
 
     load_installed_effects()
     if effects is not None:
         load_effects(effects)
-    chosen = [CATALOGUE[name] for name in names] if names else list(CATALOGUE)
+    of = shown(mechanism)
+    chosen = [of.catalogue[name] for name in names] if names else list(of.catalogue)
     form = "latex" if latex else "text"
-    result: dict[str, Any] = {"effects": [describe(item) for item in chosen]}
+    result: dict[str, Any] = {"effects": [describe(item, of) for item in chosen]}
     screen = console(json)
     if equations:
-        result["equations"] = equation(Structure(tuple(names or ())), form).splitlines()
+        result["equations"] = of.equation(names or (), form).splitlines()
         screen.print("\n".join(result["equations"]), soft_wrap=True)
     else:
-        show(screen, chosen, [formula(item, form) for item in chosen])
+        show(screen, chosen, of, form)
     write_result(json, result)
 
 
-def describe(item: Effect) -> dict[str, Any]:
-    """An effect as JSON."""
-    from youbot_env.symbolic import formula
+def shown(mechanism: str) -> Shown:
+    """The catalogue of a mechanism.
 
+    Raises
+    ------
+    InputError
+        If there is no mechanism of this name.
+    """
+    from identification.mechanisms import kind
+
+    if kind(mechanism) is kind("axis"):
+        from identification import axis_printing
+        from identification.axis_catalogue import AXIS_CATALOGUE
+
+        formula, equation = axis_printing.formula, axis_printing.equation
+        return Shown(AXIS_CATALOGUE, formula, equation, lambda unit: TYPICAL[unit], TYPICAL_NOTE)
+    from youbot_env.dynamics import Structure
+    from youbot_env.effects import CATALOGUE
+    from youbot_env.symbolic import equation, formula
+
+    return Shown(
+        CATALOGUE,
+        formula,
+        lambda names, form: equation(Structure(tuple(names)), form),
+        lambda unit: "",
+        "",
+    )
+
+
+def describe(item: Effect, of: Shown) -> dict[str, Any]:
+    """An effect as JSON; sizes, defaults and bounds of an axis are multiples of "times"."""
     return {
         "name": item.name,
         "acts_at": item.acts_at.name,
@@ -93,25 +150,29 @@ def describe(item: Effect) -> dict[str, Any]:
                 "lower": parameter.lower,
                 "upper": parameter.upper,
                 "relative_to": parameter.relative_to,
+                **({"times": times} if (times := of.unit_of(parameter.unit)) else {}),
             }
             for parameter in item.public_parameters
             for name in parameter.names
         },
         "dissipative": item.dissipative,
-        "formula": formula(item),
-        "latex": formula(item, "latex"),
+        "formula": of.formula(item),
+        "latex": of.formula(item, "latex"),
         "recognise": item.recognise,
         "source": item.source,
     }
 
 
-def show(screen: Console, items: list[Effect], formulas: list[str]) -> None:
+def show(screen: Console, items: list[Effect], of: Shown, form: str) -> None:
     """Print the catalogue: a table, then for each effect how to recognise it."""
-    rows = [(item.name, item.acts_at.name, parameters(item), sizes(item)) for item in items]
-    headers = ("effect", "acts at", "parameters", "size")
-    show_table(screen, "Effects, at catalogue size", headers, rows, left=("acts at", "parameters"))
-    for item, printed in zip(items, formulas, strict=True):
-        screen.print(f"{item.name}\n  {printed}\n  {item.recognise}", soft_wrap=True)
+    rows = tuple(
+        (item.name, item.acts_at.name, parameters(item), sizes(item, of)) for item in items
+    )
+    headers = ("effect", "acts at", "parameters", "catalogue\nsize")
+    notes = (of.note,) if of.note else ()
+    show_tables(screen, [Table("Effects", headers, rows, notes, left=("acts at", "parameters"))])
+    for item in items:
+        screen.print(f"{item.name}\n  {of.formula(item, form)}\n  {item.recognise}", soft_wrap=True)
 
 
 def parameters(item: Effect) -> str:
@@ -122,12 +183,14 @@ def parameters(item: Effect) -> str:
     )
 
 
-def sizes(item: Effect) -> str:
+def sizes(item: Effect, of: Shown) -> str:
     """Catalogue sizes in the order of the parameters; a shape constant's default in brackets."""
-    return "\n".join(
-        number(parameter.size) if parameter.default is None else f"[{number(parameter.default)}]"
-        for parameter in item.public_parameters
-    )
+    found = []
+    for parameter in item.public_parameters:
+        value = parameter.size if parameter.default is None else parameter.default
+        text = f"{number(value)} {of.unit_of(parameter.unit)}".strip()
+        found.append(text if parameter.default is None else f"[{text}]")
+    return "\n".join(found)
 
 
 if __name__ == "__main__":

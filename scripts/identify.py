@@ -13,10 +13,12 @@ from youbot_scripts.common import (
     GeometryOption,
     JsonOption,
     LogsArgument,
+    LogsOfOption,
     OutputModelOption,
     PlotsOption,
     ReportOption,
     SeedOption,
+    UnitOption,
     check_pictures,
     console,
     percent,
@@ -53,14 +55,8 @@ def main(
         ),
     ] = None,
     geometry: GeometryOption = None,
-    mechanism: Annotated[
-        str,
-        typer.Option("--mechanism", metavar="NAME", help="What the logs are of: mecanum, axis."),
-    ] = "mecanum",
-    unit: Annotated[
-        str,
-        typer.Option("--unit", help="Of an axis' position: rad (rad/s, N m) or m (m/s, N)."),
-    ] = "rad",
+    mechanism: LogsOfOption = "mecanum",
+    unit: UnitOption = "rad",
     output_error: Annotated[
         bool, typer.Option("--output-error", help="Refine in free run after the fit on forces.")
     ] = False,

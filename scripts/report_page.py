@@ -112,7 +112,7 @@ def _table(table: Table) -> str:
     notes = "".join(f'<p class="note">{escape(note)}</p>' for note in table.notes)
     heading = f"<h2>{escape(table.heading)}</h2>" if table.heading else ""
     title = f"<h3>{escape(table.title)}</h3>" if table.title else ""
-    body = f"<table><tr>{head}</tr>\n{''.join(rows)}</table>"
+    body = f"<table><tr>{head}</tr>\n{''.join(rows)}</table>" if rows else ""
     return f'{heading}{title}<div class="wide">{body}</div>{notes}'
 
 
