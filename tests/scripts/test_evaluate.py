@@ -303,7 +303,7 @@ def test_a_diverged_run_is_shown_and_never_averaged_away():
     results = gather([sound, {**kept, **lost, "seed": 1}, record("b", 0, 0.2)])
     assert (results[0].runs, results[0].diverged) == (2, 1)
     assert np.isnan(results[0].mean("nrmse VX")) and np.isnan(ratios(results, "b")[1.0, 2.0]["a"])
-    shown = "\n".join(" ".join(row) for t in tables.tables(results, "b") for row in t.rows)
+    shown = "\n".join(" ".join(map(str, row)) for t in tables.tables(results, "b") for row in t.rows)
     assert "a 1/2 diverge" in shown
     assert "a diverges" in " ".join(tables.overview(results, "b").notes)
 
@@ -449,6 +449,7 @@ def test_a_picture_by_model_tells_the_models_apart():
         (["--rate", "0"], "rate"),
         (["--duration", "-3"], "duration"),
         (["--delay", "-1"], "delay"),
+        (["--against", "pid"], "name one of kinematic"),
         (["--report", "/nowhere/at/all.html"], "does not exist"),
     ],
 )
