@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import shlex
 import sys
 from enum import StrEnum
 from pathlib import Path
@@ -170,7 +171,13 @@ def _show(out: Any, record: dict[str, Any], policy: Path) -> None:
         f"{record['steps']:,} steps, {record['wall_time']:.0f} s ({record['cpu_time']:.0f} s of "
         f"one core), seed {record['seed']}"
     )
+    _say_where(out, policy)
+
+
+def _say_where(out: Any, policy: Path) -> None:
     out.print(f"Policy: {policy} and {policy.with_suffix('.npz').name}", soft_wrap=True)
+    beside = shlex.quote(f"kinematic_tuned,computed_torque,{policy}")
+    out.print(f"Next: youbot evaluate --controllers {beside}", soft_wrap=True)
 
 
 def _import(
@@ -199,7 +206,7 @@ def _import(
     )
     folder.mkdir(parents=True, exist_ok=True)
     export_policy(found, folder / "policy.json", description)
-    out.print(f"Policy: {folder / 'policy.json'} and policy.npz", soft_wrap=True)
+    _say_where(out, folder / "policy.json")
 
 
 if __name__ == "__main__":

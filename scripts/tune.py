@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import importlib.util
+import shlex
 import sys
 from enum import StrEnum
 from pathlib import Path
@@ -160,6 +161,8 @@ def main(
     )
     if output is not None:
         console.print(f"Gains: {output}", soft_wrap=True)
+        beside = shlex.quote(f"kinematic,computed_torque,{output}")
+        console.print(f"Next: youbot evaluate --controllers {beside}", soft_wrap=True)
 
 
 def _show_results(console: Any, title: str, found: dict[str, Tuned]) -> None:

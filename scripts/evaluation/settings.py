@@ -159,7 +159,13 @@ def settings(suite: str, given: Mapping[str, Any]) -> Settings:
     names = {field.name for field in fields(Settings)}
     said = {name: value for name, value in given.items() if value is not None}
     assert names.issuperset(said)
-    return Settings(**{**SUITES[suite], **said})
+    chosen = Settings(**{**SUITES[suite], **said})
+    if "against" in said and chosen.against not in chosen.controllers:
+        raise InputError(
+            f"against: {chosen.against!r} is not compared; name one of "
+            f"{', '.join(chosen.controllers)}"
+        )
+    return chosen
 
 
 def words(what: str, text: str | None) -> tuple[str, ...] | None:
