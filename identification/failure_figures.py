@@ -100,7 +100,8 @@ def fall_figure(
     names = ["the model, refitted", *(f"with {effect}" for effect, _, _ in steps[1:])]
     errors = {"force_error": [s[1] for s in steps], "velocity_error": [s[2] for s in steps]}
     for axes, (kind, values) in zip(panels, errors.items(), strict=True):
-        bars = axes.barh(names, 100 * np.array(values), height=0.6, color=look.BAR)
+        widths = 100 * np.nan_to_num(values, posinf=0.0)  # "-" for a free run that diverged
+        bars = axes.barh(names, widths, height=0.6, color=look.BAR)
         axes.bar_label(bars, [percent(value) for value in values], padding=4, fontsize=9)
         if np.isfinite(floor[kind]):
             label = f"noise floor, {percent(floor[kind])}"

@@ -17,6 +17,7 @@ from matplotlib.patches import Rectangle
 from PIL import Image
 
 from identification import failure_figures, figures, plot_style, plots
+from identification.axis_model import base_axis_model
 from identification.comparison import Comparison, compare, stretches_of
 from identification.errors import NoiseLevel, Squares, Traces, force_floor, force_traces
 from identification.fitting import Identification, identify
@@ -26,6 +27,7 @@ from identification.quantities import of_platform
 from identification.recursive import Course
 from identification.references import recorded_motion
 from tests.identification.recordings import recording
+from tests.identification.test_axis import STAGE, log_of, planted
 from youbot_env.errors import InputError
 from youbot_env.model_file import load_model
 from youbot_env.motions import Motion, multisine
@@ -271,6 +273,54 @@ class TestResidualFigure:
         assert compared.where.leading == ()
         names = [path.name for path in plots.plot_comparison(compared, tmp_path)]
         assert "residual.png" not in names
+
+
+class TestAxis:
+    """One axis is drawn with its own symbols and units, a panel of each kind."""
+
+    @pytest.mark.parametrize(("turns", "units"), [(False, ("N", "m/s")), (True, ("N m", "rad/s"))])
+    def test_units_and_panels(self, turns: bool, units: tuple[str, str]):
+        axis, theta = planted(STAGE, "spring", turns=turns)
+        log = log_of(axis, theta, 100.0, noise=0.002)
+        base = base_axis_model([log], unit="rad" if turns else "m")
+        fitted = identify([log], start=base)
+        found = dict(plots.figures_of_identification(fitted, [log]))
+        force = found["forces_drive"].axes
+        assert len(force) == 2 and force[0].get_ylabel().endswith(f"[{units[0]}]")
+        (motion,) = found["motion_drive"].axes
+        assert motion.get_ylabel().endswith(f"[{units[1]}]")
+        _, shown = drawn(motion, "measured")
+        assert (shown.min(), shown.max()) == (log.velocity.min(), log.velocity.max())
+        names = [axes.get_ylabel().split("  ")[0] for axes in found["estimates"].axes]
+        assert names == ["inertia", "viscous", "coulomb", "offset"]
+        compared = dict(plots.figures_of_comparison(compare(fitted.model, [log])))
+        assert compared["free_run_drive"].axes[0].get_ylabel().endswith(f"[{units[1]}]")
+        assert len(compared["where_drive"].axes) == 1
+        first = compared["residual"].axes[0]
+        assert first.get_title(loc="left").endswith(f"[{units[0]}]")
+        assert first.get_xlabel() == f"position  [{'rad' if turns else 'm'}]"
+
+
+def test_the_error_falls_in_the_figure_as_in_the_steps():
+    steps = [(None, 0.14, 0.18), ("floor_tilt", 0.015, float("nan"))]
+    figure = failure_figures.fall_figure(steps, {"force_error": 0.0145, "velocity_error": 0.012})
+    force, velocity = figure.axes
+    widths = [bar.get_width() for bar in force.patches if isinstance(bar, Rectangle)]
+    assert widths == pytest.approx([14.0, 1.5])
+    (floor,) = force.get_lines()
+    assert np.asarray(floor.get_xdata())[0] == pytest.approx(1.45)
+    assert [text.get_text() for text in velocity.texts] == ["18 %", "-"]
+    names = [label.get_text() for label in force.get_yticklabels()]
+    assert names == ["the model, refitted", "with floor_tilt"]
+    figure.canvas.draw()
+
+
+def test_a_name_with_dollars_is_no_formula():
+    traces = small_traces()
+    figure = figures.force_figure(
+        traces, floor_of(traces, 0.1), name=r"cost $\bad$ 5$", stretches=[("$^", 0.0, 2.0)]
+    )
+    figure.canvas.draw()
 
 
 class TestThinning:

@@ -14,8 +14,9 @@ from typing import Any
 import numpy as np
 import pytest
 
-from identification.logs import read_log, write_log
+from identification.logs import AXIS, Log, read_log, write_log
 from tests.identification.recordings import recording
+from tests.identification.test_axis import STAGE, log_of, planted
 from youbot_env.model import BASE_UNITS
 from youbot_env.model_file import load_model
 from youbot_env.motions import multisine
@@ -305,6 +306,32 @@ class TestDoctor:
         assert [(f["row"], f["column"]) for f in repaired] == [(202, "velocity_fr")]
         out = " ".join(capsys.readouterr().out.split())
         assert "repaired: row 202: column velocity_fr" in out
+
+    def test_a_log_of_one_axis(self, tmp_path: Path, capsys):
+        axis, theta = planted(STAGE)
+        path = tmp_path / "drive.csv"
+        write_log(path, log_of(axis, theta, 100.0, noise=0.002))
+        arguments = ["doctor", path, "--mechanism", "axis", "--unit", "m"]
+        (report,) = run_json(arguments, tmp_path)["logs"].values()
+        out = capsys.readouterr().out
+        assert report["usable"] and report["shows"]["rank"] == 4
+        assert report["units"] == {"speed": "m/s", "torque": "N"}
+        # The log's noise is 0.2 % of the rms speed, 0.1 m/s.
+        assert report["noise"]["speed"] == pytest.approx(2e-4, rel=0.2)
+        assert "4000 rows, 40.0 s at 100 Hz" in out and "shows all four parameters" in out
+
+    def test_what_a_log_of_one_axis_cannot_show(self, tmp_path: Path, capsys):
+        time = np.arange(0, 20, 0.01)
+        speed = np.where(np.sin(time) > 0, 0.1, -0.1)[:, None]
+        noise = 1e-6 * np.random.default_rng(0).standard_normal(speed.shape)
+        write_log(tmp_path / "flat.csv", Log("flat", AXIS, time, speed + noise, 200 * speed))
+        assert main(["doctor", str(tmp_path / "flat.csv"), "--mechanism", "axis"]) == 0
+        out = " ".join(capsys.readouterr().out.split())
+        assert "cannot show" in out and "several speeds" in out
+
+    def test_a_log_that_is_of_something_else(self, logs: Path, tmp_path: Path, capsys):
+        line = refused(["doctor", logs / "b.csv", "--mechanism", "axis"], capsys)
+        assert "b.csv" in line
 
 
 class TestRefusals:
