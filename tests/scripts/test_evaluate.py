@@ -303,7 +303,9 @@ def test_a_diverged_run_is_shown_and_never_averaged_away():
     results = gather([sound, {**kept, **lost, "seed": 1}, record("b", 0, 0.2)])
     assert (results[0].runs, results[0].diverged) == (2, 1)
     assert np.isnan(results[0].mean("nrmse VX")) and np.isnan(ratios(results, "b")[1.0, 2.0]["a"])
-    shown = "\n".join(" ".join(map(str, row)) for t in tables.tables(results, "b") for row in t.rows)
+    shown = "\n".join(
+        " ".join(map(str, row)) for t in tables.tables(results, "b") for row in t.rows
+    )
     assert "a 1/2 diverge" in shown
     assert "a diverges" in " ".join(tables.overview(results, "b").notes)
 
