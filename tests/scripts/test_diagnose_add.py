@@ -1,10 +1,14 @@
 """The commands diagnose and add as a user meets them, on the shipped logs with a hidden effect."""
 
+import functools
 import json
 from pathlib import Path
 
 import pytest
 
+from identification import diagnosis
+from identification.logs import write_log
+from tests.identification.recordings import recording
 from youbot_env.effects import CATALOGUE
 from youbot_env.model_file import load_model
 from youbot_scripts import cli
@@ -51,6 +55,25 @@ def test_adding_a_useless_effect_says_so_and_does_it(diagnosed, tmp_path, capsys
     assert cli.main(arguments) == 0
     assert "Not worth it" in capsys.readouterr().out
     assert set(load_model(str(output)).effects) == {"floor_tilt", "roller_inertia"}
+
+
+def test_a_verdict_without_a_model(tmp_path, capsys, monkeypatch):
+    """A steep slope, and a catalogue that lacks it: the base takes it up beyond what can be."""
+    slope = ("floor_tilt", (("tilt_x", 0.0), ("tilt_y", -0.04)))
+    log, output = tmp_path / "steep.csv", tmp_path / "better.json"
+    write_log(log, recording("calibration", (slope,), rate=50.0, noise=2.0))
+    few = functools.partial(diagnosis.diagnose, effects=["quadratic_friction"])
+    monkeypatch.setattr(diagnosis, "diagnose", few)
+    result, page = tmp_path / "result.json", tmp_path / "page.html"
+    line = ["diagnose", "paper", str(log), "--json", str(result), "--report", str(page)]
+    assert cli.main([*line, "-o", str(output)]) == 2
+    printed = capsys.readouterr()
+    assert "Verdict: unknown" in printed.out and "warning: these logs do not show" in printed.out
+    assert printed.err.count("\n") == 1 and "no model" in printed.err
+    assert not output.exists()
+    assert json.loads(result.read_text())["verdict"] == "unknown"
+    assert "do not show the base parameters" in page.read_text()
+    assert cli.main(line) == 0, "without -o nothing is refused"
 
 
 def test_a_users_own_effect_takes_part(tmp_path, capsys):
