@@ -371,7 +371,8 @@ _TIME = Parameter(
 
 def _payload(xp, time, mass, mass_x, mass_y, start):
     """What a payload adds to m0, I0, m aX, m aY once it is on."""
-    is_on = xp.where(time >= start, 1.0, 0.0)
+    # Of the time's own precision: on tensors two plain numbers would be single.
+    is_on = xp.where(time >= start, 1.0 + 0.0 * time, 0.0 * time)
     inertia = (mass_x**2 + mass_y**2) / xp.maximum(mass, LIGHTEST)
     return is_on * mass, is_on * inertia, is_on * mass_x, is_on * mass_y
 

@@ -43,6 +43,7 @@ def test_dry_friction_behind_a_lag_is_not_called_stribeck_nor_delay():
     assert AT_FLOOR[0] < found.steps[-1].force_error / floor < 1.05
 
 
+@pytest.mark.slow
 def test_a_time_constant_moves_on_when_what_disturbed_it_is_found():
     warm = ("friction_warmup", (("fraction", 0.5), ("time_constant", 40.0)))
     late = ("torque_delay", (("delay", 0.12),))

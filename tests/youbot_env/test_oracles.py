@@ -140,7 +140,7 @@ def _add_effects(
     m: Model, at: Instant, rates: np.ndarray, mass: np.ndarray, force: np.ndarray
 ) -> None:
     """Each effect at the coordinate on which it acts; what it demands per acceleration is mass."""
-    points = dynamics.Points(np, m.geometry, m.theta, at)
+    points = dynamics.Points(np, m.geometry, m.theta, at, m.structure.carriers)
     base = points.base
     for item, where in m.structure.wrenches:
         values = m.theta[where]

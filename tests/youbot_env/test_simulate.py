@@ -84,7 +84,7 @@ def test_energy_balance_closes(run: tuple[Model, np.ndarray, Instant]):
     )
     kinetic = 0.5 * np.einsum("ni,ij,nj->n", states[:, :3], matrix, states[:, :3])
     driving = power(dynamics.body_force(m.geometry, at.torque), at)
-    points = Points(np, m.geometry, m.theta, at)
+    points = Points(np, m.geometry, m.theta, at, m.structure.carriers)
     taken = {
         item.name: power(component_wrench(np, item, m.theta[where], points), at)
         for item, where in m.structure.wrenches
@@ -105,7 +105,7 @@ def test_work_against_a_slope_is_the_weight_lifted():
     states = simulate(m, time, drive(time), moving(m))
     at = instants(m, states, drive(time))
     item, where = next(row for row in m.structure.slices if row[0].name == "floor_tilt")
-    points = Points(np, m.geometry, m.theta, at)
+    points = Points(np, m.geometry, m.theta, at, m.structure.carriers)
     work = simpson(power(component_wrench(np, item, m.theta[where], points), at), x=time)
     v, c, s = m.values, np.cos(states[:, 5]), np.sin(states[:, 5])
     share = (v["m0"] - 4 * m.geometry.m1) / v["m0"]
@@ -115,6 +115,20 @@ def test_work_against_a_slope_is_the_weight_lifted():
     lifted = v["m0"] * GRAVITY * (slope_x * (x[-1] - x[0]) + slope_y * (y[-1] - y[0]))
     assert work == pytest.approx(lifted, rel=1e-9)
     assert abs(lifted) > 0.01
+
+
+def test_a_payload_on_a_slope_weighs_too():
+    m = model("floor_tilt").with_effect("payload_change", mass=12.0, x=0.1, y=0.05, time=0.5)
+    plain = model("floor_tilt")
+    at = Instant((0.0, 0.0, 0.0), time=1.0)
+    before = Instant((0.0, 0.0, 0.0), time=0.0)
+    still = [plain.wrench(np.zeros(3), np.zeros(3)), m.wrench(np.zeros(3), np.zeros(3), time=1.0)]
+    share = (m.values["m0"] + 12.0) / m.values["m0"]
+    assert still[1][:2] == pytest.approx(share * still[0][:2], rel=1e-12)
+    assert dynamics.wrench(np, m.structure, m.geometry, m.theta, before)[:2] == pytest.approx(
+        still[0][:2].tolist()
+    )
+    assert dynamics.wrench(np, m.structure, m.geometry, m.theta, at)[2] != still[0][2]
 
 
 def test_no_wheel_slips_in_a_free_run(run: tuple[Model, np.ndarray, Instant]):
