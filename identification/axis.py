@@ -267,10 +267,13 @@ class AxisDemand:
 
     def _column(self, index: int) -> Array:
         step = 1e-3 * self.mechanism.labels[index].parameter.size
+        # Not beyond the bounds: a period at its least would be tried at zero.
+        room = self.theta[index] - self.mechanism.bounds[0][index]
+        back = float(np.clip(room, 0.0, step))
         ahead, behind = self.theta.copy(), self.theta.copy()
         ahead[index] += step
-        behind[index] -= step
-        return (self._at(ahead) - self._at(behind)) / (2 * step)
+        behind[index] -= back
+        return (self._at(ahead) - self._at(behind)) / (step + back)
 
 
 def _nodes(force: Array) -> Array:

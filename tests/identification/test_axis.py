@@ -140,6 +140,17 @@ def test_columns_are_the_derivatives_of_the_force(name: str):
     assert np.linalg.norm(change - expected) < 5e-3 * np.linalg.norm(expected)
 
 
+@pytest.mark.parametrize("name", [n for n in EFFECTS if n != "arm_weight"])
+def test_columns_at_the_bounds_are_numbers(name: str):
+    """A search may end at a bound: a period at its least must not be tried at zero."""
+    axis, theta = planted(STAGE, name)
+    samples = axis.samples(log_of(axis, theta, rate=100.0))
+    for bound in axis.bounds:
+        at = np.where(axis.free | ~np.isfinite(bound), theta, bound)
+        columns = axis.demand(at, samples).columns(range(len(theta)))
+        assert np.isfinite(columns).all()
+
+
 def test_every_effect_is_explained_and_has_units_of_its_axis():
     for turns in (False, True):
         scales = Scales(turns, 2.0, 3.0, 5.0, 7.0)
