@@ -159,6 +159,8 @@ class Search:
     def rank(self, fitted: Fitted, names: Sequence[str], rng: np.random.Generator) -> Ranking:
         """Try each candidate on top of a structure."""
         base = fitted.held_out
+        if not names:
+            return Ranking((), {}, (), None, base.square)
         found = []
         for name in names:
             found.append(try_candidate(fitted, self.samples, name))

@@ -75,3 +75,9 @@ def test_a_load_that_one_log_alone_shows_is_found():
     assert accepted(found) == ["payload_change"]
     floor = search.floor(found.steps[-1].fitted)["force_error"]
     assert found.steps[-1].force_error < 1.1 * floor < found.steps[0].force_error
+
+
+def test_the_only_candidate_may_be_accepted():
+    quadratic = ("quadratic_friction", (("coefficient", 0.01),))
+    _, found = chosen(quadratic, names=["quadratic_friction"])
+    assert accepted(found) == ["quadratic_friction"]
