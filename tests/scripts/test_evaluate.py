@@ -477,7 +477,8 @@ def test_an_interruption_keeps_what_is_done_and_says_so(controllers, tmp_path: P
         return Silent()
 
     controllers("interrupted", Entry(build, "stops"))
-    status = main([*ARGUMENTS, "--controllers", "interrupted", "--resume", str(tmp_path)])
+    chosen = ("--controllers", "interrupted", "--against", "interrupted")
+    status = main([*ARGUMENTS, *chosen, "--resume", str(tmp_path)])
     assert status == 130 and "interrupted" in capsys.readouterr().err
     assert len((tmp_path / "results.jsonl").read_text().splitlines()) == 2
 
