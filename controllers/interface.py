@@ -8,7 +8,6 @@ from typing import NamedTuple, Protocol, runtime_checkable
 import numpy as np
 from numpy.typing import NDArray
 
-from youbot_env.errors import InputError
 from youbot_env.hardware import MAX_WHEEL_TORQUE
 from youbot_env.validation import finite
 
@@ -80,8 +79,7 @@ class Loop:
         for name in ("sample_time", "torque_limit"):
             finite(f"loop {name}", getattr(self, name), positive=True)
         for name in ("delay", "measurement_delay", "speed_noise"):
-            if finite(f"loop {name}", getattr(self, name)) < 0.0:
-                raise InputError(f"loop {name}: {getattr(self, name):g} must be at least 0")
+            finite(f"loop {name}", getattr(self, name), least=0.0)
 
 
 @runtime_checkable

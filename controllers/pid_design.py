@@ -57,8 +57,7 @@ class PIDGains:
         object.__setattr__(self, "bandwidth", tuple(map(float, self.bandwidth)))
         finite("PID damping", self.damping, positive=True)
         for name in ("derivative_time", "filter_time"):
-            if finite(f"PID {name}", getattr(self, name)) < 0.0:
-                raise InputError(f"PID {name}: {getattr(self, name):g} must be at least 0")
+            finite(f"PID {name}", getattr(self, name), least=0.0)
         if self.derivative_time > 0.0 and self.filter_time <= 0.0:
             raise InputError("PID filter_time: a derivative needs a positive one")
 

@@ -60,8 +60,7 @@ class Requirements:
 
     def __post_init__(self) -> None:
         for name in ("gain_margin", "phase_margin"):
-            if finite(f"requirement {name}", getattr(self, name)) < 0:
-                raise InputError(f"requirement {name}: must be at least 0")
+            finite(f"requirement {name}", getattr(self, name), least=0.0)
         if self.torque_rate is not None:
             finite("requirement torque_rate", self.torque_rate, positive=True)
 

@@ -10,7 +10,6 @@ import numpy as np
 
 from controllers.kinematic import KinematicControl
 from identification.logs import Log
-from youbot_env.errors import InputError
 from youbot_env.model import Model
 from youbot_env.motions import Motion
 from youbot_env.plant import Platforms
@@ -56,7 +55,8 @@ def recordings(
     See :func:`record`.
     """
     step = control_step(rate)
-    torque_noise, speed_noise = _noise("torque", torque_noise), _noise("speed", speed_noise)
+    finite("torque noise", torque_noise, least=0.0)
+    finite("speed noise", speed_noise, least=0.0)
     for motion in motions:
         controller = KinematicControl(plant.geometry, sample_time=step)
         rng = generator(seed, motion.name, "noise")
@@ -70,12 +70,6 @@ def recordings(
             progress=progress,
         )
         yield Recording(found, found.log(torque_noise, rng), controller.torque_limit)
-
-
-def _noise(what: str, value: float) -> float:
-    if finite(f"{what} noise", value) < 0:
-        raise InputError(f"{what} noise: {value:g} must be at least 0")
-    return value
 
 
 def record(

@@ -9,7 +9,6 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
-from youbot_env.errors import InputError
 from youbot_env.motion_base import finite
 
 Array = NDArray[np.float64]
@@ -36,8 +35,7 @@ class Sensors:
     encoder_ticks: float | None = None
 
     def __post_init__(self) -> None:
-        if finite("wheel_speed_noise", self.wheel_speed_noise) < 0:
-            raise InputError(f"wheel_speed_noise: {self.wheel_speed_noise!r} must be at least 0")
+        finite("wheel_speed_noise", self.wheel_speed_noise, least=0.0)
         if self.encoder_ticks is not None:
             finite("encoder_ticks", self.encoder_ticks, positive=True)
 

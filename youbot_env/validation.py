@@ -10,13 +10,14 @@ import numpy as np
 from youbot_env.errors import InputError
 
 
-def finite(what: str, value: Any, *, positive: bool = False) -> float:
+def finite(what: str, value: Any, *, positive: bool = False, least: float | None = None) -> float:
     """``value`` as a float.
 
     Raises
     ------
     InputError
-        If it is not a finite (and, on request, positive) real number; names ``what``.
+        If it is not a finite (and, on request, positive or large enough) real number; names
+        ``what``.
     """
     real = isinstance(value, Real) and not isinstance(value, bool)
     try:
@@ -27,6 +28,8 @@ def finite(what: str, value: Any, *, positive: bool = False) -> float:
         raise InputError(f"{what}: {value!r} is not a finite number")
     if positive and number <= 0.0:
         raise InputError(f"{what}: {value!r} must be positive")
+    if least is not None and number < least:
+        raise InputError(f"{what}: {number:g} must be at least {least:g}")
     return number
 
 

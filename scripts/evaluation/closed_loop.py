@@ -11,7 +11,6 @@ from numpy.typing import NDArray
 from controllers.interface import Controller, Loop, Observation, Reference
 from youbot_env import hardware
 from youbot_env.env import YouBotTrackingEnv
-from youbot_env.errors import InputError
 from youbot_env.motions import Motion
 from youbot_env.validation import finite
 
@@ -43,8 +42,7 @@ class LoopSettings:
     def __post_init__(self) -> None:
         finite("rate [Hz]", self.rate, positive=True)
         for name in ("delay", "noise"):
-            if finite(name, getattr(self, name)) < 0:
-                raise InputError(f"{name}: {getattr(self, name):g} must be at least 0")
+            finite(name, getattr(self, name), least=0.0)
 
     def known(self) -> Loop:
         """What a controller's designer knows of it; the drives' lag is the model's to know.

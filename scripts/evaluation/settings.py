@@ -74,8 +74,7 @@ class Settings:
         for controller in self.controllers:
             registry.check(controller)
         count("seeds", self.seeds)
-        if finite("lag [s]", self.lag) < 0:
-            raise InputError(f"lag: {self.lag:g} s must be at least 0")
+        finite("lag [s]", self.lag, least=0.0)
         if self.duration is not None:
             finite("duration [s]", self.duration, positive=True)
         self.courses()[0].motion(self.conditions()[0].plant, 0, 0)
