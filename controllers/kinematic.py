@@ -10,7 +10,7 @@ import numpy as np
 from controllers.interface import Array, Observation, Reference
 from youbot_env.errors import InputError
 from youbot_env.geometry import Geometry
-from youbot_env.hardware import MAX_WHEEL_TORQUE
+from youbot_env.hardware import MAX_WHEEL_TORQUE, STOCK_INTEGRAL, STOCK_PROPORTIONAL
 from youbot_env.validation import finite
 
 
@@ -30,15 +30,13 @@ class Gains:
         If a gain is negative or not finite.
     """
 
-    proportional: float = 0.12
-    integral: float = 0.30
+    proportional: float = STOCK_PROPORTIONAL
+    integral: float = STOCK_INTEGRAL
     lead: float = 0.0
 
     def __post_init__(self) -> None:
         for field in fields(self):
-            gain = finite(f"gain {field.name}", getattr(self, field.name))
-            if gain < 0.0:
-                raise InputError(f"gain {field.name}: {gain:g} must be at least 0")
+            finite(f"gain {field.name}", getattr(self, field.name), least=0.0)
 
 
 class KinematicControl:

@@ -14,15 +14,13 @@ from scipy.signal import bilinear, lfilter
 
 from identification.mecanum import Mecanum, Samples
 from identification.regression import gauge_basis, regression_rows
+from youbot_env.hardware import STOCK_INTEGRAL, STOCK_PROPORTIONAL
 from youbot_env.motions import CALIBRATION, Motion, multisine, steps
 
 Array = NDArray[np.float64]
 
 DT = 0.02
 """Sample time [s] of the motions that are weighed."""
-
-STOCK_GAINS = (0.12, 0.30)
-"""Wheel-speed loop of the robot that will drive them [N m s/rad, N m/rad]: it follows no step."""
 
 
 def library(mechanism: Mecanum, seed: int) -> list[Motion]:
@@ -64,8 +62,10 @@ def followed(twist: Array, mechanism: Mecanum, theta: Array) -> Array:
     values = dict(zip(mechanism.parameter_names, theta, strict=True))
     radius = mechanism.geometry.R
     inertia = values["m0"] * radius**2 / 4 + values["I1"]
-    proportional, integral = STOCK_GAINS
-    loop = ([proportional, integral], [inertia, values["mu1"] + proportional, integral])
+    loop = (
+        [STOCK_PROPORTIONAL, STOCK_INTEGRAL],
+        [inertia, values["mu1"] + STOCK_PROPORTIONAL, STOCK_INTEGRAL],
+    )
     return np.asarray(lfilter(*bilinear(*loop, fs=1 / DT), twist, axis=0))
 
 

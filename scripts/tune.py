@@ -25,7 +25,7 @@ from controllers.tuning import (
     allowed_torque_rate,
 )
 from youbot_env.errors import InputError
-from youbot_env.hardware import MAX_WHEEL_TORQUE
+from youbot_env.hardware import MAX_WHEEL_TORQUE, STOCK_INTEGRAL, STOCK_PROPORTIONAL
 from youbot_env.model_file import load_model
 from youbot_env.validation import finite
 from youbot_scripts import common
@@ -37,8 +37,8 @@ EXAMPLES = (
     "youbot tune model.json --controller pid --phase-margin 60",
 )
 
-STOCK, NO_LEAD = (0.12, 0.30), 1e-9
-"""The stock gains [N m s/rad, N m/rad] as a point of the search."""
+NO_LEAD = 1e-9
+"""No lead [s] as a point of the search, whose logarithm is taken."""
 
 MOST_SECONDS = 2000.0
 """Of references: a search of an hour."""
@@ -131,7 +131,8 @@ def main(
         kept = {"tuned": wanted, "any rate": Requirements(**margins), "free": None}
         found = {name: bench.best(keep, advance) for name, keep in kept.items()}
     if controller is Kind.KINEMATIC:
-        found["stock"] = bench.tuned(np.array([*STOCK, NO_LEAD][: len(structure.names)]))
+        stock = [STOCK_PROPORTIONAL, STOCK_INTEGRAL, NO_LEAD]
+        found["stock"] = bench.tuned(np.array(stock[: len(structure.names)]))
     gains = {
         name: structure.gains(np.array(list(one.point.values()))) for name, one in found.items()
     }

@@ -23,3 +23,6 @@ MAX_BODY_SPEED = 0.8
 
 ENCODER_TICKS = 4000 * GEAR_RATIO
 """Encoder ticks per turn of a wheel, 103,352: 4000 per motor turn."""
+
+STOCK_PROPORTIONAL, STOCK_INTEGRAL = 0.12, 0.30
+"""Gains [N m s/rad, N m/rad] with which a wheel's speed loop follows as the stock one does."""
