@@ -130,32 +130,6 @@ def check_pictures(folder: Path | None, report: Path | None) -> None:
 # --- files -----------------------------------------------------------------------------------
 
 
-@contextmanager
-def atomic_path(path: Path | str) -> Iterator[Path]:
-    """A path to write to instead of `path`, which is replaced when the block succeeds.
-
-    The stand-in lies in the same folder and keeps the suffixes, so that writers which look at them
-    behave. If the block fails or is interrupted, it is removed and `path` is as it was.
-
-    Raises
-    ------
-    InputError
-        If the file cannot be written.
-    """
-    target = Path(os.path.realpath(path))
-    if target.exists() and not target.is_file() and not target.is_dir():
-        yield target  # a device or a pipe: nothing to replace
-        return
-    stand_in = target.with_name(f".{os.getpid()}-{target.name}")
-    try:
-        yield stand_in
-        os.replace(stand_in, target)
-    except OSError as error:
-        raise _input_error(f"{path}: cannot be written: {error.strerror or error}") from error
-    finally:
-        stand_in.unlink(missing_ok=True)
-
-
 def write_text(path: Path | str, text: str) -> None:
     """Write `text` to the file `path` as a whole or not at all; "-" is standard output.
 
@@ -167,8 +141,9 @@ def write_text(path: Path | str, text: str) -> None:
     if Path(path) == STDOUT:
         sys.stdout.write(text)
         return
-    with atomic_path(path) as stand_in:
-        stand_in.write_text(text, encoding="utf-8")
+    from youbot_env.files import write_atomically  # as in `_input_error`
+
+    write_atomically(path, text)
 
 
 def write_json(path: Path | str, data: Any) -> None:

@@ -14,6 +14,7 @@ from typing import Any
 import torch
 
 from youbot_env.errors import InputError
+from youbot_env.files import atomic_path
 from youbot_env.model import Model
 from youbot_env.model_file import model_from_dict, model_to_dict
 from youbot_scripts import common
@@ -88,7 +89,7 @@ class RunFolder:
         """Write a checkpoint: complete or not at all. The replay comes first."""
         for path, content in ((self.replay, replay), (self.checkpoint, state)):
             if content is not None:
-                with common.atomic_path(path) as stand_in:
+                with atomic_path(path) as stand_in:
                     torch.save(dict(content), stand_in)
 
     def load(self) -> tuple[dict[str, Any] | None, dict[str, Any] | None]:

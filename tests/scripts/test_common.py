@@ -13,6 +13,7 @@ import pytest
 from rich.console import Console
 
 from youbot_env.errors import InputError
+from youbot_env.files import atomic_path
 from youbot_scripts import common
 
 
@@ -55,7 +56,7 @@ def test_what_json_cannot_hold_leaves_no_file(tmp_path: Path):
 def test_a_failed_write_leaves_the_old_file_and_nothing_else(tmp_path: Path, failure):
     target = tmp_path / "plot.csv.gz"
     target.write_text("old")
-    with pytest.raises(failure), common.atomic_path(target) as stand_in:
+    with pytest.raises(failure), atomic_path(target) as stand_in:
         assert stand_in.name.endswith("plot.csv.gz")
         stand_in.write_text("half")
         raise failure
