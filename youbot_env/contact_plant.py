@@ -33,13 +33,13 @@ from youbot_env.contact_bodies import CLOCK, YAW, Bodies
 from youbot_env.errors import InputError
 from youbot_env.model import Model
 from youbot_env.model_file import load_model
-from youbot_env.plant import DRIVES, POSE, TWIST, WHEEL_ANGLE, checked_torque
+from youbot_env.plant import DRIVES, POSE, TWIST, WHEEL_ANGLE, StateRows, checked_torque
 from youbot_env.simulate import initial_state
 
 Array = NDArray[np.float64]
 
 
-class ContactPlant:
+class ContactPlant(StateRows):
     """A mecanum platform in MuJoCo, under wheel torques: the interface of :class:`Plant`.
 
     The state holds the twist and pose of O and the wheels' angles as they are; wheel rates do not
@@ -149,29 +149,6 @@ class ContactPlant:
         """() or (n,) [J]: kinetic and potential energy of all bodies."""
         found = np.array([bodies.energy for bodies in self._bodies])
         return found[0] if self._single else found
-
-    def _seen(self, where: slice) -> Array:
-        return (self.states[0, where] if self._single else self.states[:, where]).copy()
-
-    @property
-    def state(self) -> Array:
-        """(S,) or (n, S), a copy, in the order of ``model.structure.state_names``."""
-        return self._seen(slice(None))
-
-    @property
-    def twist(self) -> Array:
-        """(3,) or (n, 3): VX, VY, W [m/s, m/s, rad/s] of O in the body frame."""
-        return self._seen(TWIST)
-
-    @property
-    def pose(self) -> Array:
-        """(3,) or (n, 3): x, y, yaw [m, m, rad] of O in the floor's plane; yaw does not wrap."""
-        return self._seen(POSE)
-
-    @property
-    def wheel_angle(self) -> Array:
-        """(4,) or (n, 4) [rad]: fl, fr, bl, br."""
-        return self._seen(WHEEL_ANGLE)
 
     @property
     def wheel_speed(self) -> Array:

@@ -65,7 +65,37 @@ class Platforms(Protocol):
         ...
 
 
-class Plant:
+class StateRows:
+    """How platforms that stand side by side, or one alone, show their rows of ``states``."""
+
+    states: Array
+    _single: bool
+
+    def _seen(self, where: slice) -> Array:
+        return (self.states[0, where] if self._single else self.states[:, where]).copy()
+
+    @property
+    def state(self) -> Array:
+        """(S,) or (n, S), a copy, in the order of ``model.structure.state_names``."""
+        return self._seen(slice(None))
+
+    @property
+    def twist(self) -> Array:
+        """(3,) or (n, 3): VX, VY, W [m/s, m/s, rad/s] of O in the body frame."""
+        return self._seen(TWIST)
+
+    @property
+    def pose(self) -> Array:
+        """(3,) or (n, 3): x, y, yaw [m, m, rad] of O in the world; yaw does not wrap."""
+        return self._seen(POSE)
+
+    @property
+    def wheel_angle(self) -> Array:
+        """(4,) or (n, 4) [rad]: fl, fr, bl, br."""
+        return self._seen(WHEEL_ANGLE)
+
+
+class Plant(StateRows):
     """A mecanum platform that integrates its model under wheel torques.
 
     Where the model has a delay, a torque acts that much after its step, and none after a reset.
@@ -189,29 +219,6 @@ class Plant:
         time = self.states[:, len(STATE) - 1]
         found = dynamics.channel_torque(np, self.structure, self._theta.T, list(command.T), time)
         return np.stack(np.broadcast_arrays(*found), axis=-1)
-
-    def _seen(self, where: slice) -> Array:
-        return (self.states[0, where] if self._single else self.states[:, where]).copy()
-
-    @property
-    def state(self) -> Array:
-        """(S,) or (n, S), a copy, in the order of ``model.structure.state_names``."""
-        return self._seen(slice(None))
-
-    @property
-    def twist(self) -> Array:
-        """(3,) or (n, 3): VX, VY, W [m/s, m/s, rad/s] in the body frame."""
-        return self._seen(TWIST)
-
-    @property
-    def pose(self) -> Array:
-        """(3,) or (n, 3): x, y, yaw [m, m, rad] in the world; yaw does not wrap."""
-        return self._seen(POSE)
-
-    @property
-    def wheel_angle(self) -> Array:
-        """(4,) or (n, 4) [rad]: fl, fr, bl, br."""
-        return self._seen(WHEEL_ANGLE)
 
     @property
     def wheel_speed(self) -> Array:
