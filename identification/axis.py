@@ -166,7 +166,7 @@ class Axis(Mechanism):
         InputError
             If a friction's smoothing or a drive's time constant is next to zero.
         """
-        from youbot_env.kernels import kernel  # numba, which a force fit does without
+        from youbot_env.kernels import rollout  # numba, which a force fit does without
 
         theta = np.ascontiguousarray(theta, float)
         effort = self._true_effort(theta, samples)
@@ -174,7 +174,7 @@ class Axis(Mechanism):
         if self.structure.has_actuator:
             start.append(effort[0])
         out = np.empty((len(samples), len(start)))
-        kernel(self.structure, SYSTEM).rollout(
+        rollout(self.structure, SYSTEM)(
             np.array(start),
             np.ascontiguousarray(effort[:, None]),
             np.full(len(samples) - 1, samples.dt),

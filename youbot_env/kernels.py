@@ -32,14 +32,12 @@ class Kernel:
         ``torque`` (n, 4) [N m], held constant. ``lengths`` (4,): l, h, R, r [m];
         ``theta`` (n, P) in the order of ``structure.parameter_names``. One platform is a batch of
         one: the same code.
-    rollout(start, torque, duration, lengths, theta, substeps, out)
-        Free run from ``start`` (S,) under ``torque`` (N, 4), linear between samples that lie
-        ``duration`` (N - 1,) [s] apart; fills ``out`` (N, S).
+    derivative(*state, *torque, *lengths, *theta)
+        Rates of the state's components, a tuple of scalars.
     """
 
     structure: Any
     advance: Any
-    rollout: Any
     derivative: Any
 
 
@@ -80,6 +78,17 @@ def kernel(structure: Any, system: System = MECANUM) -> Kernel:
 
 
 @lru_cache(maxsize=64)
+def rollout(structure: Any, system: System = MECANUM) -> Any:
+    """The compiled free run of the same module, alone: half of what there is to compile.
+
+    rollout(start, torque, duration, lengths, theta, substeps, out)
+        From ``start`` (S,) under ``torque`` (N, 4), linear between samples that lie ``duration``
+        (N - 1,) [s] apart; fills ``out`` (N, S).
+    """
+    return _built(structure, system, _compiled_rollout)
+
+
+@lru_cache(maxsize=64)
 def inverse_kernel(structure: Any) -> InverseKernel:
     """The same of the platform's inverse dynamics: a module of its own, since few need it."""
     return _built(structure, INVERSE, _compiled_inverse)
@@ -104,15 +113,21 @@ def cache_folder() -> Path:
 
 
 def _compiled(structure: Any, system: System, path: Path) -> Kernel:
-    """Load a generated module and run each function once, so that damage shows here."""
+    """Load a generated module and run what is wanted of it once, so that damage shows here."""
     module = _load(path)
     size, count = len(structure.state_names), len(structure.parameter_names)
-    found = Kernel(structure, module.advance, module.rollout, module.derivative)
+    found = Kernel(structure, module.advance, module.derivative)
     state, torque = np.zeros((2, size)), np.zeros((2, system.inputs))
-    lengths = np.ones(len(system.lengths))
-    found.advance(state, torque, lengths, np.ones((2, count)), 0.0, 1)
-    found.rollout(state[0], torque, np.zeros(1), lengths, np.ones(count), 1, np.empty((2, size)))
+    found.advance(state, torque, np.ones(len(system.lengths)), np.ones((2, count)), 0.0, 1)
     return found
+
+
+def _compiled_rollout(structure: Any, system: System, path: Path) -> Any:
+    run = _load(path).rollout
+    size, count = len(structure.state_names), len(structure.parameter_names)
+    start, torque, out = np.zeros(size), np.zeros((2, system.inputs)), np.empty((2, size))
+    run(start, torque, np.zeros(1), np.ones(len(system.lengths)), np.ones(count), 1, out)
+    return run
 
 
 def _compiled_inverse(structure: Any, system: Any, path: Path) -> InverseKernel:

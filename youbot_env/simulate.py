@@ -12,7 +12,7 @@ from youbot_env.dynamics import Instant, Structure
 from youbot_env.errors import InputError
 from youbot_env.geometry import Geometry
 from youbot_env.hardware import MAX_BODY_SPEED, MAX_WHEEL_TORQUE
-from youbot_env.kernels import kernel
+from youbot_env.kernels import rollout
 from youbot_env.model import Model
 
 Array = NDArray[np.float64]
@@ -167,7 +167,7 @@ def simulate_theta(
     lengths = np.array([geometry.l, geometry.h, geometry.R, geometry.r])
     count = _substeps(structure, geometry, theta, float(fine.max(initial=0.0)))
     theta = np.ascontiguousarray(theta, float)
-    kernel(structure).rollout(state, acting, fine, lengths, theta, count, out)
+    rollout(structure)(state, acting, fine, lengths, theta, count, out)
     return out[np.searchsorted(grid, time)]
 
 
