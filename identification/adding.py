@@ -90,17 +90,17 @@ def add_effect(
     if effect in mechanism.structure.effects:
         raise InputError(f"the model holds {effect} already; identify fits it again")
     search = Search(mechanism, logs, seed, progress)
-    base = search.fit(mechanism, model.theta)
-    before = search.step(base, None)
+    base = search.base(mechanism, model.theta)
     ranking = search.rank(base, [effect], np.random.default_rng(seed))
     candidate = ranking.candidates[0]
     fitted = candidate.fitted or search.fit(candidate.mechanism, candidate.theta)
     after = search.step(fitted, effect)
+    before = search.step(base, None, fitted.held_out.folds)
     result = search.final(fitted)
     new = fitted.mechanism.fitted_model(
         result,
         name=model.name,
-        logs=tuple({"name": log.name, "sha256": log.sha256} for log in logs),
+        logs=tuple(log.reference for log in logs),
         errors=_errors(after) | {"held_out": True},
         provenance={"command": "add", "effect": effect},
     )

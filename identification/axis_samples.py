@@ -44,6 +44,11 @@ class AxisSamples:
     def __len__(self) -> int:
         return len(self.time)
 
+    @property
+    def channels(self) -> tuple[Array, Array]:
+        """Speed and effort (N, 1)."""
+        return self.velocity[:, None], self.effort[:, None]
+
 
 def axis_samples(log: Log) -> AxisSamples:
     """Motion and effort of a log; without a position column the position starts at 0.

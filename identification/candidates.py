@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from identification.errors import NoiseLevel
-from identification.folds import HeldOut, held_out, make_folds
+from identification.folds import Fold, HeldOut, held_out, make_folds
 from identification.regression import (
     Indices,
     Rows,
@@ -43,7 +43,7 @@ class Fitted:
     def at(cls, mechanism: Any, theta: Array, samples: Sequence[Any], free: Indices) -> Fitted:
         """Rows of all logs at theta; ``free``: indices of the parameters that were fitted."""
         rows = tuple(regression_rows(mechanism, theta, item, free, RATE) for item in samples)
-        return cls(mechanism, theta, rows, free, _basis(mechanism, free))
+        return cls(mechanism, theta, rows, free, _directions(mechanism, free))
 
     @property
     def residual(self) -> list[Array]:
@@ -68,31 +68,38 @@ class Fitted:
     @cached_property
     def held_out(self) -> HeldOut:
         """Judged on what it was not fitted on."""
-        folds = make_folds(self.rows, self.columns)
+        return self.judged(make_folds(self.rows, self.columns))
+
+    def judged(self, folds: Sequence[Fold]) -> HeldOut:
+        """The same with other folds."""
         return held_out(self.residual, self.columns, folds, self.basis)
 
+    def compared(self, folds: Sequence[Fold]) -> float:
+        """Its held-out squares over those with other folds."""
+        own = self.held_out
+        return 1.0 if tuple(folds) == own.folds else own.square / self.judged(folds).square
 
-def _basis(mechanism: Any, free: Indices) -> Array:
-    """(F, Q) directions of the parameters ``free`` that data can see."""
-    mask = np.zeros(len(mechanism.free), np.bool_)
-    mask[free] = True
-    return gauge_basis(mechanism, mask) / mechanism.scale[free][:, None]
+
+def _directions(mechanism: Any, free: Indices) -> Array:
+    """(F, Q) directions of the parameters ``free`` that data can see, in their own units."""
+    return gauge_basis(mechanism, free) / mechanism.scale[free][:, None]
 
 
 @dataclass(frozen=True)
 class Candidate:
     """One effect, at one choice of its shape constants, on top of a fitted structure.
 
-    new : indices of its own linear parameters; free: those and the structure's
+    free : indices of its own linear parameters and the structure's
     directions : that data can see of its own linear parameters
     extra_noise : squares that noise on the speeds adds to the residual beyond what it adds to the
         structure's: a drive's lag differentiates the noise, and must not lose by that alone
+    folding : the structure's held-out squares over those with the candidate's folds: finer ones
+        hold less out, and are no merit of the candidate
     """
 
     name: str
     mechanism: Any
     theta: Array
-    new: Indices
     free: Indices
     columns: tuple[Array, ...]
     result: HeldOut
@@ -100,11 +107,17 @@ class Candidate:
     directions: int = 0
     fitted: Fitted | None = None
     extra_noise: float = 0.0
+    folding: float = 1.0
 
     @property
     def square(self) -> float:
-        """Sum of squared held-out residuals, at the structure's own noise."""
-        return self.result.square - self.extra_noise
+        """Sum of squared held-out residuals, at the structure's own noise and folds."""
+        return self.noisy_square - self.extra_noise
+
+    @property
+    def noisy_square(self) -> float:
+        """The same at its own noise."""
+        return self.folding * self.result.square
 
     @property
     def parameters(self) -> int:
@@ -131,8 +144,8 @@ def try_candidate(base: Fitted, samples: Sequence[Any], name: str) -> Candidate:
         return best
     for shape, grid in grids.items():
         parameter = mechanism.catalogue[name].parameter(shape)
-        if all(float(value).is_integer() for value in grid) and grid[1] - grid[0] == 1:
-            continue  # cycles a turn: there is nothing between
+        if parameter.whole:
+            continue
         for halving in range(1, REFINEMENTS + 1):
             here = best.shapes[shape]
             for value in _between(grid, here, halving, parameter):
@@ -144,7 +157,7 @@ def try_candidate(base: Fitted, samples: Sequence[Any], name: str) -> Candidate:
 def _grid(parameter: Parameter, longest: float) -> tuple[float, ...]:
     """Values to try; instants of a log up to the end of the longest one [s]."""
     grid = parameter.grid
-    if not (parameter.jumps and parameter.unit == "s"):
+    if not parameter.instant:
         return grid
     step = grid[-1] - grid[-2]
     more = np.arange(grid[-1] + step, longest, step)
@@ -183,11 +196,14 @@ def _try_shape(
     columns = tuple(_columns(mechanism, theta, item, new) for item in samples)
     joined = [np.concatenate([a, b], axis=-1) for a, b in zip(base.columns, columns, strict=True)]
     free = np.concatenate([base.free, new])
-    basis = _basis(mechanism, free)
-    result = held_out(base.residual, joined, make_folds(base.rows, joined), basis)
+    basis = _directions(mechanism, free)
+    folds = make_folds(base.rows, joined)
+    result = held_out(base.residual, joined, folds, basis)
     directions = basis.shape[1] - base.basis.shape[1]
     return Candidate(
-        name, mechanism, theta, new, free, columns, result, shapes, directions=directions
+        *(name, mechanism, theta, free, columns, result, shapes),
+        directions=directions,
+        folding=base.compared(folds),
     )
 
 

@@ -24,7 +24,6 @@ from identification.errors import (
 from identification.logs import Log
 from identification.mechanism import Mechanism
 from identification.mechanisms import AnyModel, mechanism_of
-from identification.noise import white_noise
 from identification.residual_map import ResidualMap, residual_map
 from identification.slip import Slip, slip_of
 from youbot_env.errors import InputError
@@ -165,20 +164,19 @@ def compare(
     mechanism = mechanism_of(model, geometry)
     seen = {log.get("sha256") for log in model.logs}
     found = []
-    for log in logs:
-        found.append(_compare_one(mechanism, model, log, log.sha256 in seen, seed))
-        progress()
     samples = [mechanism.samples(log) for log in logs]
+    for log, item in zip(logs, samples, strict=True):
+        found.append(_compare_one(mechanism, model.theta, log, item, log.sha256 in seen, seed))
+        progress()
     where = residual_map(mechanism, model.theta, samples, seed=seed)
     progress()
     return Comparison(model, tuple(found), where)
 
 
 def _compare_one(
-    mechanism: Mechanism, model: AnyModel, log: Log, seen: bool, seed: int
+    mechanism: Mechanism, theta: Array, log: Log, samples: Any, seen: bool, seed: int
 ) -> LogComparison:
-    theta, samples = model.theta, mechanism.samples(log)
-    noise = NoiseLevel(white_noise(log.velocity), white_noise(log.effort))
+    noise = NoiseLevel.of(samples)
     velocity = velocity_traces(mechanism, theta, samples)
     if not np.isfinite(velocity.predicted).all():
         raise InputError(f"{log.source or log.name}: the model's free run diverges on this log")

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -13,6 +14,7 @@ from identification.candidates import Candidate, Fitted
 from identification.logs import Log
 from identification.mechanism import Mechanism
 from identification.mechanisms import AnyModel, mechanism_of
+from identification.parallel import side_by_side
 from identification.regression import Fit, fit
 from identification.residual_map import ResidualMap, residual_map
 from identification.search import Ranking, Search, Step, given_errors
@@ -154,7 +156,12 @@ def diagnose(
         if ranking.best and ranking.tied and ranking.best.name in accepted
     }
     verdict = _verdict(unexplained, bool(ties), bool(accepted))
-    final = search.final(steps[-1].fitted)
+    shown = [steps[0].fitted, steps[-1].fitted] if accepted else [steps[0].fitted]
+    tasks = [
+        partial(search.final, steps[-1].fitted),
+        *(partial(_map, fitted, search) for fitted in shown),
+    ]
+    final, *maps = side_by_side(lambda task: task(), tasks, progress)
     given = given_errors(mechanism, model.theta, search.samples)
     try:
         fitted_model = _model(steps[-1].fitted.mechanism, final, model, logs, steps, floor)
@@ -174,7 +181,7 @@ def diagnose(
         samples=tuple(search.samples),
         given_model=given,
         noise_floor=floor,
-        maps=tuple(_map(steps[k].fitted, search) for k in ((0, -1) if accepted else (0,))),
+        maps=tuple(maps),
         next_experiment=_next_experiment(search, steps, rankings, ties, seed),
         warnings=tuple(_warnings(logs, given, steps, unphysical)),
         sentences=tuple(_sentences(sized, steps, verdict, ties, floor)),
@@ -217,7 +224,7 @@ def _model(
     return mechanism.fitted_model(
         final,
         name=model.name,
-        logs=tuple({"name": log.name, "sha256": log.sha256} for log in logs),
+        logs=tuple(log.reference for log in logs),
         errors=errors,
         provenance={"command": "diagnose"},
     )
@@ -236,9 +243,7 @@ def _at_given_base(fitted: Fitted, model: AnyModel, search: Search) -> Any:
 
 
 def _map(fitted: Fitted, search: Search) -> ResidualMap:
-    found = residual_map(fitted.mechanism, fitted.theta, search.samples, seed=search.seed)
-    search.tick()
-    return found
+    return residual_map(fitted.mechanism, fitted.theta, search.samples, seed=search.seed)
 
 
 def _next_experiment(

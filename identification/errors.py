@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from identification.filters import FILTER_RATE, filter_samples, first_order, settled
 from identification.mechanism import Mechanism, Samples
+from identification.noise import white_noise
 from identification.segments import cut
 
 Array = NDArray[np.float64]
@@ -85,6 +86,11 @@ class NoiseLevel:
 
     speed: Array
     torque: Array
+
+    @classmethod
+    def of(cls, samples: Samples) -> NoiseLevel:
+        """What a log's own channels show of it."""
+        return cls(*map(white_noise, samples.channels))
 
 
 ENOUGH = 30_000

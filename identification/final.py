@@ -58,12 +58,8 @@ def joint_fit(mechanism: Mechanism, samples: Sequence[Any], start: Array) -> Fit
         return found
     more = fit(mechanism, samples, found.theta, free=mechanism.free | smooth)
     # Gauss-Newton has no step control; a search that was good enough is better than a divergence.
-    astray = _squares(more) > WORSE * _squares(found) or not np.isfinite(more.theta).all()
+    astray = more.square > WORSE * found.square or not np.isfinite(more.theta).all()
     return found if astray else more
-
-
-def _squares(found: Fit) -> float:
-    return float(sum((row.residual**2).sum() for row in found.rows))
 
 
 class _Noise:
@@ -79,9 +75,7 @@ class _Noise:
     ) -> None:
         self.mechanism, self.samples, self.noise = mechanism, samples, noise
         self.found, self.rng = found, np.random.default_rng(seed)
-        mask = np.zeros(len(found.theta), np.bool_)
-        mask[found.free] = True
-        self.basis = gauge_basis(mechanism, mask)
+        self.basis = gauge_basis(mechanism, found.free)
 
     def shift(self, level: float) -> tuple[Array, Array]:
         """By how much noise of ``level`` times the logs' variance moves the free parameters.

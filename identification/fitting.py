@@ -20,11 +20,11 @@ from identification.errors import (
 from identification.logs import Log
 from identification.mechanism import Mechanism, Samples
 from identification.mechanisms import AnyModel, mechanism_of
-from identification.noise import white_noise
 from identification.observability import (
     Observability,
     block_estimates,
     log_observability,
+    refuse_blind,
 )
 from identification.recursive import Course, recursive_course
 from identification.regression import Fit, Rows, fit, regression_rows
@@ -189,7 +189,7 @@ def identify(
     free = np.flatnonzero(mechanism.free)
     rows = [regression_rows(mechanism, start.theta, item, free) for item in samples]
     total = log_observability(mechanism, rows)
-    _refuse_blind(mechanism, total)
+    refuse_blind(mechanism, total)
     parts = tuple(
         _part_report(mechanism, start.theta, item.name, part, row)
         for item, row in zip(samples, rows, strict=True)
@@ -205,8 +205,8 @@ def identify(
     model = mechanism.fitted_model(
         final,
         name=name,
-        logs=tuple({"name": log.name, "sha256": log.sha256} for log in logs),
-        errors=_errors(mechanism, final, samples, logs, seed, output_error),
+        logs=tuple(log.reference for log in logs),
+        errors=_errors(mechanism, final, samples, seed, output_error),
         provenance=provenance,
     )
     warnings = (*_data_warnings(logs), *_fit_warnings(mechanism, final), *mechanism.warnings(model))
@@ -222,27 +222,15 @@ def _part_report(
     return PartReport(name, part.kind, part.start, part.end, seen, estimates)
 
 
-def _refuse_blind(mechanism: Mechanism, total: Observability) -> None:
-    if total.rank == len(total.names):
-        return
-    direction = total.blind[0]
-    raise InputError(
-        f"these logs cannot show {total.describe_blind()[0]} "
-        f"({', '.join(total.names[k] for k in np.flatnonzero(np.abs(direction) > 0.15))}): "
-        f"{mechanism.advice(direction)}"
-    )
-
-
 def _errors(
     mechanism: Mechanism,
     final: Fit,
     samples: Sequence[Samples],
-    logs: Sequence[Log],
     seed: int,
     with_velocity: bool,
 ) -> dict[str, Any]:
     """Errors on the very logs of the fit; the velocity error only where a free run was made."""
-    noise = [NoiseLevel(white_noise(log.velocity), white_noise(log.effort)) for log in logs]
+    noise = map(NoiseLevel.of, samples)
     traces = [force_traces(mechanism, final.theta, item) for item in samples]
     floors = [
         force_floor(mechanism, final.theta, item, trace, level, seed)

@@ -121,6 +121,11 @@ class Log:
         return white_noise(self.velocity, self.valid)
 
     @property
+    def reference(self) -> dict[str, str]:
+        """How a model names the log that it was fitted on."""
+        return {"name": self.name, "sha256": self.sha256}
+
+    @property
     def dt(self) -> float:
         """Sample time [s]."""
         return float((self.time[-1] - self.time[0]) / (len(self.time) - 1))

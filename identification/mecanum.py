@@ -53,6 +53,11 @@ class Samples:
     def __len__(self) -> int:
         return len(self.time)
 
+    @property
+    def channels(self) -> tuple[Array, Array]:
+        """Wheel speeds and torques (N, 4)."""
+        return self.wheel_speed, self.torque
+
     @cached_property
     def internal(self) -> Array:
         """(N,) how much of ``INTERNAL`` the logged torques hold, smoothed [N m]."""
@@ -493,13 +498,22 @@ class Demand:
 
     def _slope(self, owner: Effect, where: slice, index: int, step: float) -> Array:
         """d (body force) / d theta[index], from the components alone that the parameter enters."""
-        structure = self.mechanism.structure
-        if owner.name in BASE and not structure.base_readers:
-            unit = np.zeros(where.stop - where.start)
-            unit[index - where.start] = 1.0
-            return self._component(owner, unit, self._points)
+        if self._stands_alone(owner, index):
+            # Linear: the force of this parameter alone is its column, times its size.
+            size = self.mechanism.labels[index].parameter.size
+            values = np.where(self.mechanism.free, 0.0, self.theta)
+            values[index] = size
+            return self._component(owner, values[where], self._points) / size
         ahead, behind = (self._entered(owner, index, sign * step) for sign in (1.0, -1.0))
         return (ahead - behind) / (2 * step)
+
+    def _stands_alone(self, owner: Effect, index: int) -> bool:
+        """Whether a parameter enters one component alone, and linearly."""
+        structure = self.mechanism.structure
+        if owner.name in BASE and structure.base_readers:
+            return False
+        linear = owner.name not in structure.nonlinear and bool(self.mechanism.free[index])
+        return linear and owner.carries is None
 
     def _entered(self, owner: Effect, index: int, shift: float) -> Array:
         """With one parameter moved, the force of the components that it enters, alone."""

@@ -29,7 +29,10 @@ class Label(NamedTuple):
 
 
 class Samples(Protocol):
-    """One log on a uniform time base: its name, time (N,) [s] from the log's start, and dt [s]."""
+    """One log on a uniform time base: its name, time (N,) [s] from the log's start, and dt [s].
+
+    channels: speeds and efforts (N, k) of the joints, as logged.
+    """
 
     @property
     def name(self) -> str: ...
@@ -37,6 +40,8 @@ class Samples(Protocol):
     def time(self) -> Array: ...
     @property
     def dt(self) -> float: ...
+    @property
+    def channels(self) -> tuple[Array, Array]: ...
     def __len__(self) -> int: ...
 
 

@@ -12,6 +12,7 @@ from identification.mecanum import PAPER_ORDER, Mecanum
 from identification.mechanism import Mechanism
 from identification.regression import Indices, Rows, gauge_groups, hac_covariance
 from youbot_env.dynamics import Structure
+from youbot_env.errors import InputError
 from youbot_env.geometry import Geometry
 from youbot_env.motions import Motion
 
@@ -137,6 +138,18 @@ def log_observability(
         row = np.isin(_places(mechanism), members).astype(float)
         gauge = np.vstack([gauge, row / np.sqrt(row.sum())])
     return observability(names, columns / mechanism.scale[order], rows[0].step, blind, gauge)
+
+
+def refuse_blind(mechanism: Mechanism, seen: Observability) -> None:
+    """Raise InputError if some direction is not seen: with the motion that would show it."""
+    if seen.rank == len(seen.names):
+        return
+    direction = seen.blind[0]
+    raise InputError(
+        f"these logs cannot show {seen.describe_blind()[0]} "
+        f"({', '.join(seen.names[k] for k in np.flatnonzero(np.abs(direction) > 0.15))}): "
+        f"{mechanism.advice(direction)}"
+    )
 
 
 def _places(mechanism: Mechanism) -> Indices:

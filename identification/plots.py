@@ -10,7 +10,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from identification import failure_figures, figures
-from identification.axis_samples import AxisSamples
 from identification.comparison import Comparison, LogComparison, stretches_of
 from identification.diagnosis import Diagnosis
 from identification.errors import NoiseLevel, force_floor, force_traces
@@ -18,7 +17,6 @@ from identification.fitting import Identification
 from identification.logs import Log
 from identification.mechanism import Label
 from identification.mechanisms import AnyModel, quantities_of
-from identification.noise import white_noise
 from identification.plot_style import percent, write_figures
 from identification.quantities import Quantities
 from identification.references import recorded_motion
@@ -146,13 +144,8 @@ def _force_figure(
     shown: Quantities,
 ) -> Figure:
     mechanism, theta = result.mechanism, result.fit.theta
-    if isinstance(samples, AxisSamples):
-        channels = samples.velocity[:, None], samples.effort[:, None]
-    else:
-        channels = samples.wheel_speed, samples.torque
-    noise = NoiseLevel(*map(white_noise, channels))
     traces = force_traces(mechanism, theta, samples)
-    floor = force_floor(mechanism, theta, samples, traces, noise, seed=0)
+    floor = force_floor(mechanism, theta, samples, traces, NoiseLevel.of(samples), seed=0)
     return figures.force_figure(
         traces, floor, name=samples.name, stretches=stretches, forces=shown.forces
     )

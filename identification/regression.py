@@ -15,7 +15,7 @@ from identification.filters import (
     first_order,
     settled,
 )
-from identification.mechanism import Mechanism, Samples
+from identification.mechanism import Demand, Mechanism, Samples
 from youbot_env.errors import InputError
 
 Array = NDArray[np.float64]
@@ -30,6 +30,12 @@ CORRELATION_TIME = 0.5
 ARRIVED = 1e-9
 """Squares that the last Gauss-Newton step moves, over the residual's: with 10^4 rows that is some
 thousandths of a standard deviation."""
+
+MOST_STEPS, PATIENCE, STALLED = 30, 4, 1e-5
+"""Gauss-Newton steps at most, and without a fall of the squares by more than a share of STALLED.
+
+It has no step control: where the data hardly show a parameter (a breakaway peak that is not there,
+the place of a load without mass) it wanders about, and the best that it has passed is kept."""
 
 HUBER = 1.345
 """Huber's threshold in robust standard deviations: 95 % efficient on clean Gaussian residuals."""
@@ -79,6 +85,11 @@ class Fit:
         """(F,) standard deviations of the free parameters."""
         return np.sqrt(np.diag(self.covariance))
 
+    @property
+    def square(self) -> float:
+        """Sum of the squared residuals of all rows."""
+        return float(sum((row.residual**2).sum() for row in self.rows))
+
 
 def stride(dt: float, rate: float = ROW_RATE) -> int:
     """Samples in one regression row, for ``rate`` rows a second."""
@@ -89,12 +100,9 @@ def regression_rows(
     mechanism: Mechanism, theta: Array, samples: Samples, free: Indices, rate: float = ROW_RATE
 ) -> Rows:
     """Filtered residual and columns of one log, ``rate`` rows a second."""
-    demand = mechanism.demand(theta, samples)
-    measured = mechanism.measured_force(samples)
-    residual = np.stack([measured[:-1], measured[1:]]) - demand.force
-    stacked = np.concatenate([residual[None], demand.columns(free)])
     band = mechanism.filter_rate
-    filtered = reduce(np.moveaxis(stacked, 0, -1), samples.dt, rate, band)
+    ends = residual_and_columns(mechanism, mechanism.demand(theta, samples), samples, free)
+    filtered = reduce(ends, samples.dt, rate, band)
     step = stride(samples.dt, rate) * samples.dt
     first = samples.time[0] + (settled(band, samples.dt) - 1) * samples.dt
     time = first + step * np.arange(1, len(filtered) + 1)
@@ -103,9 +111,22 @@ def regression_rows(
 
 def residual_of(mechanism: Mechanism, theta: Array, samples: Samples, rate: float) -> Array:
     """The filtered residual (n, A) of :func:`regression_rows` alone."""
-    measured = mechanism.measured_force(samples)
-    residual = np.stack([measured[:-1], measured[1:]]) - mechanism.demand(theta, samples).force
+    residual = residual_ends(mechanism, mechanism.demand(theta, samples), samples)
     return reduce(residual, samples.dt, rate, mechanism.filter_rate)
+
+
+def residual_ends(mechanism: Mechanism, demand: Demand, samples: Samples) -> Array:
+    """Measured less demanded force (2, N - 1, A) at both ends of each interval."""
+    measured = mechanism.measured_force(samples)
+    return np.stack([measured[:-1], measured[1:]]) - demand.force
+
+
+def residual_and_columns(
+    mechanism: Mechanism, demand: Demand, samples: Samples, free: Indices
+) -> Array:
+    """The same with the columns of the parameters ``free`` behind: (2, N - 1, A, 1 + F)."""
+    residual = residual_ends(mechanism, demand, samples)
+    return np.moveaxis(np.concatenate([residual[None], demand.columns(free)]), 0, -1)
 
 
 def reduce(
@@ -143,19 +164,28 @@ def fit(
         If the logs are too short for the filter to settle, or nothing can be fitted.
     """
     mask = mechanism.free if free is None else free
-    chosen, basis = np.flatnonzero(mask), gauge_basis(mechanism, mask)
+    chosen = np.flatnonzero(mask)
+    basis = gauge_basis(mechanism, chosen)
     theta = np.array(start, float)
     linear = mechanism.is_linear and np.array_equal(mask, mechanism.free)
     bounded: tuple[int, ...] = ()
     rows = first or [regression_rows(mechanism, theta, samples, chosen) for samples in logs]
-    for _ in range(30):
+    lowest, waited, kept = np.inf, 0, (theta, rows, bounded)
+    for _ in range(MOST_STEPS):
         progress()
         if sum(len(row.residual) for row in rows) < 2 * len(chosen):
             raise InputError("the logs are too short to fit a model: record some 20 s of motion")
         weights = huber_weights(rows) if robust else [np.ones(len(r.residual)) for r in rows]
+        square = _squares(rows, weights)
+        waited = 0 if square < (1 - STALLED) * lowest else waited + 1
+        if square < lowest:
+            lowest, kept = square, (theta.copy(), rows, bounded)
+        if waited > PATIENCE:
+            theta, rows, bounded = kept
+            break
         step, bounded = solve_step(mechanism, rows, weights, theta, chosen, basis)
         theta[chosen] += step
-        arrived = _explains(rows, weights, step) < ARRIVED * _squares(rows, weights)
+        arrived = _explains(rows, weights, step) < ARRIVED * square
         if linear or arrived:
             rows = [replace(r, residual=r.residual - r.columns @ step) for r in rows]
         else:
@@ -186,10 +216,9 @@ def _weighted(rows: Rows, weight: Array) -> Rows:
     )
 
 
-def gauge_groups(mechanism: Mechanism, free: NDArray[np.bool_] | None = None) -> list[Indices]:
-    """Places among the free parameters of those that are relative to each other, by group."""
-    mask = mechanism.free if free is None else free
-    labels = [label for label, chosen in zip(mechanism.labels, mask, strict=True) if chosen]
+def gauge_groups(mechanism: Mechanism, free: Indices | None = None) -> list[Indices]:
+    """Places among the parameters ``free`` of those that are relative to each other, by group."""
+    labels = [mechanism.labels[k] for k in _chosen(mechanism, free)]
     groups = dict.fromkeys(label.group for label in labels if label.group)
     return [
         np.array([k for k, label in enumerate(labels) if label.group == group], dtype=np.intp)
@@ -197,13 +226,17 @@ def gauge_groups(mechanism: Mechanism, free: NDArray[np.bool_] | None = None) ->
     ]
 
 
-def gauge_basis(mechanism: Mechanism, free: NDArray[np.bool_] | None = None) -> Array:
-    """(F, Q) directions of the free parameters that data can see at all.
+def _chosen(mechanism: Mechanism, free: Indices | None) -> Indices:
+    return np.flatnonzero(mechanism.free) if free is None else free
+
+
+def gauge_basis(mechanism: Mechanism, free: Indices | None = None) -> Array:
+    """(F, Q) directions of the parameters ``free`` that data can see at all.
 
     Of values that are relative to each other (gains, extra frictions) only differences can be
     seen: their sum is held at zero.
     """
-    size = int((mechanism.free if free is None else free).sum())
+    size = len(_chosen(mechanism, free))
     groups = gauge_groups(mechanism, free)
     alone = np.setdiff1d(np.arange(size), np.concatenate([[], *groups]))
     columns = [np.eye(size)[:, alone]]

@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from identification.filters import block_mean, filter_samples, first_order, settled
 from identification.folds import BLOCKS
+from identification.regression import residual_and_columns
 from identification.residual_features import Group, Scales, groups
 from identification.shares import Part
 from identification.signals import Signals, signals_of, slowed
@@ -105,8 +106,6 @@ def _residual_and_signals(
 ) -> tuple[Array, Signals]:
     """Rows (n, A, 1 + P) of the residual and the model's columns; the signals of the log."""
     demand = mechanism.demand(theta, samples)
-    measured = mechanism.measured_force(samples)
-    residual = np.stack([measured[:-1], measured[1:]]) - demand.force
-    columns = demand.columns(np.flatnonzero(mechanism.free))
-    stacked = np.moveaxis(np.concatenate([residual[None], columns]), 0, -1)
-    return reduction.ends(stacked), signals_of(mechanism, samples, demand.force)
+    free = np.flatnonzero(mechanism.free)
+    rows = reduction.ends(residual_and_columns(mechanism, demand, samples, free))
+    return rows, signals_of(mechanism, samples, demand.force)

@@ -30,7 +30,8 @@ from identification.final import final_fit, joint_fit
 from identification.folds import Fold, block_sums
 from identification.logs import Log
 from identification.mechanism import Mechanism
-from identification.noise import white_noise
+from identification.observability import log_observability, refuse_blind
+from identification.parallel import side_by_side
 from identification.regression import Fit, residual_of
 from identification.segments import cut
 from identification.significance import family_p_values, score_blocks
@@ -110,9 +111,7 @@ class Search:
     ) -> None:
         self.mechanism = mechanism
         self.samples = [mechanism.samples(log) for log in logs]
-        self.noise = [
-            NoiseLevel(white_noise(log.velocity), white_noise(log.effort)) for log in logs
-        ]
+        self.noise = [NoiseLevel.of(samples) for samples in self.samples]
         self.seed, self.tick = seed, tick
 
     def fit(self, mechanism: Any, start: Array) -> Fitted:
@@ -120,15 +119,28 @@ class Search:
         result = joint_fit(mechanism, self.samples, start)
         return Fitted.at(mechanism, result.theta, self.samples, result.free)
 
+    def base(self, mechanism: Any, start: Array) -> Fitted:
+        """The fit of what the model holds already.
+
+        Raises
+        ------
+        InputError
+            If the logs cannot show its parameters: with the motion that would.
+        """
+        fitted = self.fit(mechanism, start)
+        refuse_blind(mechanism, log_observability(mechanism, fitted.rows))
+        return fitted
+
     def final(self, fitted: Fitted) -> Fit:
         """The last fit of a structure, with an honest covariance: see :func:`final_fit`."""
         return final_fit(fitted.mechanism, self.samples, self.noise, fitted.theta, self.seed)
 
-    def step(self, fitted: Fitted, effect: str | None) -> Step:
-        """Held-out force and velocity error of a structure."""
-        folds = fitted.held_out.folds
+    def step(self, fitted: Fitted, effect: str | None, folds: Sequence[Fold] | None = None) -> Step:
+        """Held-out force and velocity error of a structure; its own folds by default."""
+        judged = fitted.judged(folds) if folds else fitted.held_out
+        folds = judged.folds
         thetas = np.tile(fitted.theta, (len(folds), 1))
-        thetas[:, fitted.free] += fitted.held_out.steps
+        thetas[:, fitted.free] += judged.steps
         # What a fold cannot see well may leave its bounds, and some free runs with them.
         thetas = np.clip(thetas, *fitted.mechanism.bounds)
         force, velocity = [], []
@@ -149,22 +161,35 @@ class Search:
 
     def floor(self, fitted: Fitted) -> dict[str, float]:
         """What measurement noise alone would leave, at the fitted structure."""
-        force, velocity = [], []
+        velocity = []
         for samples, noise in zip(self.samples, self.noise, strict=True):
             args = (fitted.mechanism, fitted.theta, samples)
-            force.append(force_floor(*args, force_traces(*args), noise, self.seed))
             velocity.append(velocity_floor(*args, velocity_traces(*args), noise, self.seed))
-        return {"force_error": add_up(force).ratio, "velocity_error": add_up(velocity).ratio}
+        _, force = self._force_squares(fitted)
+        return {"force_error": force.ratio, "velocity_error": add_up(velocity).ratio}
+
+    def above_floor(self, fitted: Fitted) -> float:
+        """Force error of the fit on its own logs, over what noise alone would leave."""
+        left, floor = self._force_squares(fitted)
+        return left.ratio / floor.ratio
+
+    def _force_squares(self, fitted: Fitted) -> tuple[Squares, Squares]:
+        left, floor = [], []
+        for samples, noise in zip(self.samples, self.noise, strict=True):
+            args = (fitted.mechanism, fitted.theta, samples)
+            traces = force_traces(*args)
+            left.append(Squares.of(traces))
+            floor.append(force_floor(*args, traces, noise, self.seed))
+        return add_up(left), add_up(floor)
 
     def rank(self, fitted: Fitted, names: Sequence[str], rng: np.random.Generator) -> Ranking:
         """Try each candidate on top of a structure."""
         base = fitted.held_out
         if not names:
             return Ranking((), {}, (), None, base.square)
-        found = []
-        for name in names:
-            found.append(try_candidate(fitted, self.samples, name))
-            self.tick()
+        found = side_by_side(
+            lambda name: try_candidate(fitted, self.samples, name), names, self.tick
+        )
         found.sort(key=lambda item: item.square)
         found = self._refit(fitted, found, base.square)
         step = fitted.rows[0].step
@@ -182,20 +207,24 @@ class Search:
         if fall < 0.5 * MATERIAL * square:
             return found
         noise = base.noise_square(self.samples, self.noise, self.seed)
-        done = []
-        for item in found:
-            bent = item.name in item.mechanism.structure.nonlinear
-            enough = (BENT if bent else KEPT) * fall
-            if square - item.square > enough and len(done) < LEADERS:
-                joint = self.fit(item.mechanism, item.theta)
-                more = joint.noise_square(self.samples, self.noise, self.seed) - noise
-                result = joint.held_out
-                item = replace(
-                    item, theta=joint.theta, fitted=joint, result=result, extra_noise=more
-                )
-                self.tick()
-            done.append(item)
-        return sorted(done, key=lambda item: item.square)
+        leaders = [item for item in found[:LEADERS] if square - item.square > fall * _enough(item)]
+
+        def refitted(item: Candidate) -> Candidate:
+            joint = self.fit(item.mechanism, item.theta)
+            more = joint.noise_square(self.samples, self.noise, self.seed) - noise
+            result = joint.held_out
+            return replace(
+                item,
+                theta=joint.theta,
+                fitted=joint,
+                result=result,
+                extra_noise=more,
+                folding=base.compared(result.folds),
+            )
+
+        done = side_by_side(refitted, leaders, self.tick)
+        rest = [item for item in found if item not in leaders]
+        return sorted([*done, *rest], key=lambda item: item.square)
 
     def _idle(self, larger: Candidate, smaller: Candidate) -> bool:
         """Whether what a nested effect has beyond its simpler form is nothing, or made by noise.
@@ -204,10 +233,10 @@ class Search:
         that. The larger is fitted with the noise undone: what it predicts beyond the smaller's
         best must still matter.
         """
-        dearer = smaller.result.square - larger.result.square
-        if dearer < NESTED * smaller.result.square:
+        dearer = smaller.noisy_square - larger.noisy_square
+        if dearer < NESTED * smaller.noisy_square:
             return True
-        if dearer > BY_NOISE * smaller.result.square or not (larger.fitted and smaller.fitted):
+        if dearer > BY_NOISE * smaller.noisy_square or not (larger.fitted and smaller.fitted):
             return False
         undone = self.final(larger.fitted).theta
         beyond = [
@@ -217,7 +246,12 @@ class Search:
         columns = [row.columns.reshape(-1, row.columns.shape[-1]) for row in smaller.fitted.rows]
         target = np.concatenate([part.reshape(-1, 1) for part in beyond])
         left = unexplained(np.concatenate(columns), target)
-        return bool(left[0] < NESTED * smaller.result.square)
+        return bool(left[0] < NESTED * smaller.noisy_square)
+
+
+def _enough(item: Candidate) -> float:
+    """Share of the best candidate's fall from which on a candidate is fitted jointly."""
+    return BENT if item.name in item.mechanism.structure.nonlinear else KEPT
 
 
 def _choose(
@@ -253,8 +287,11 @@ def _worse_by(item: Candidate, leader: Candidate, step: float) -> float:
     if item is leader:
         return 0.0
     # Their folds may differ, but not the order of what was held out.
-    mine, others = (np.concatenate(one.result.residual) for one in (item, leader))
-    difference = block_sums((mine**2 - others**2).sum(axis=1), step)
+    mine, others = (
+        one.folding * (np.concatenate(one.result.residual) ** 2).sum(axis=1)
+        for one in (item, leader)
+    )
+    difference = block_sums(mine - others, step)
     spread = np.sqrt(len(difference)) * difference.std()
     worse = difference.sum() - (item.extra_noise - leader.extra_noise)
     return float(worse / max(spread, 1e-300))

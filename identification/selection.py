@@ -20,8 +20,8 @@ SIGNIFICANT = 0.01
 MOST = 4
 """Effects accepted at most."""
 
-AT_FLOOR = (0.98, 1.02)
-"""Held-out force error over the noise floor between which nothing material can be left: a fall by
+AT_FLOOR = (0.97, 1.02)
+"""Force error of the fit over the noise floor between which nothing material can be left: a fall by
 MATERIAL of the squares would end below the floor. A ratio below the first means that the floor
 itself is in doubt."""
 
@@ -60,12 +60,12 @@ def select(
     mechanism, start : the base structure, and its theta (P,) to start from
     names : of the candidates
     """
-    steps = [search.step(search.fit(mechanism, start), None)]
+    steps = [search.step(search.base(mechanism, start), None)]
     rankings: list[Ranking] = []
     first: Ranking | None = None
     while len(steps) <= MOST:
         fitted = steps[-1].fitted
-        if len(steps) > 1 and _at_floor(search, steps[-1]):
+        if len(steps) > 1 and _at_floor(search, fitted):
             break
         present = fitted.mechanism.structure.effects
         ranking = search.rank(fitted, [name for name in names if name not in present], rng)
@@ -80,13 +80,23 @@ def select(
         if len(steps) > 2:
             steps, rankings = _reconsidered(search, steps, rankings, rng)
     assert first is not None
-    return Selection(tuple(steps), tuple(rankings), first)
+    return Selection(tuple(_judged_alike(search, steps)), tuple(rankings), first)
 
 
-def _at_floor(search: Search, step: Step) -> bool:
-    floor = search.floor(step.fitted)["force_error"]
+def _judged_alike(search: Search, steps: Sequence[Step]) -> list[Step]:
+    """The steps with the last one's folds, so that their errors can be compared."""
+    folds = steps[-1].fitted.held_out.folds
+    return [
+        step
+        if step.fitted.held_out.folds == folds
+        else search.step(step.fitted, step.effect, folds)
+        for step in steps
+    ]
+
+
+def _at_floor(search: Search, fitted: Fitted) -> bool:
     low, high = AT_FLOOR
-    return low * floor <= step.force_error <= high * floor
+    return low <= search.above_floor(fitted) <= high
 
 
 def _reconsidered(

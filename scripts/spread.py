@@ -3,10 +3,13 @@
 from __future__ import annotations
 
 import multiprocessing
+import os
 import signal
 from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import ProcessPoolExecutor, as_completed
 from typing import TypeVar
+
+from identification.parallel import THREADS
 
 Item = TypeVar("Item")
 Result = TypeVar("Result")
@@ -29,7 +32,7 @@ def spread(
     # A fork would inherit the threads of compiled code, half alive.
     context = multiprocessing.get_context("spawn")
     others = multiprocessing.active_children()
-    pool = ProcessPoolExecutor(min(jobs, len(items) or 1), context, initializer=_leave_interrupts)
+    pool = ProcessPoolExecutor(min(jobs, len(items) or 1), context, initializer=_be_one_of_many)
     try:
         waiting = {pool.submit(function, item): item for item in items}
         for done in as_completed(waiting):
@@ -43,6 +46,10 @@ def spread(
         pool.shutdown(wait=True, cancel_futures=True)
 
 
-def _leave_interrupts() -> None:
-    """Ctrl-C reaches all processes of a terminal; the parent alone decides what it means."""
+def _be_one_of_many() -> None:
+    """Ctrl-C reaches all processes of a terminal; the parent alone decides what it means.
+
+    The processes share the cores already: none of them works in threads.
+    """
     signal.signal(signal.SIGINT, signal.SIG_IGN)
+    os.environ.setdefault(THREADS, "1")

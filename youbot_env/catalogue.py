@@ -296,7 +296,7 @@ _CYCLES = Parameter(
     lower=1.0,
     upper=40.0,
     grid=tuple(float(n) for n in range(1, 41)),
-    jumps=True,
+    whole=True,
 )
 
 
@@ -365,7 +365,12 @@ LIGHTEST = 0.01
 """Mass [kg] under which a payload's moments are not taken for those of a mass far out."""
 
 _TIME = Parameter(
-    "time", "s", default=30.0, lower=0.0, grid=tuple(float(t) for t in range(5, 125, 5)), jumps=True
+    "time",
+    "s",
+    default=30.0,
+    lower=0.0,
+    grid=tuple(float(t) for t in range(5, 125, 5)),
+    instant=True,
 )
 
 

@@ -136,8 +136,8 @@ class Parameter:
     relative_to : "mean" or "least" for values of which only differences can be seen; the common
         part belongs to ``absorbed_by``, a base parameter (None: it cannot be known)
     grid : values of a shape constant that a search should try
-    jumps : whether the force jumps with a shape constant (an instant, a count), so that a search
-        has the last word on it; others are fitted with the rest in the end
+    instant : whether a shape constant is a time in the log, so that a search goes to its end
+    whole : whether a shape constant counts something, so that nothing lies between two values
     """
 
     name: str
@@ -150,7 +150,8 @@ class Parameter:
     relative_to: str | None = None
     absorbed_by: str | None = None
     grid: tuple[float, ...] = ()
-    jumps: bool = False
+    instant: bool = False
+    whole: bool = False
 
     @property
     def names(self) -> tuple[str, ...]:
@@ -163,6 +164,14 @@ class Parameter:
     def is_shape(self) -> bool:
         """Whether it is a shape constant (it has a default) and is not identified linearly."""
         return self.default is not None
+
+    @property
+    def jumps(self) -> bool:
+        """Whether the force jumps with it, so that a search has the last word on its value.
+
+        Other shape constants are fitted with the rest in the end.
+        """
+        return self.instant or self.whole
 
 
 @dataclass(frozen=True)

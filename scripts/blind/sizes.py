@@ -10,9 +10,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from identification.errors import NoiseLevel, Squares, add_up, force_floor, force_traces
-from identification.logs import Log
 from identification.mecanum import Mecanum
-from identification.noise import white_noise
 from identification.regression import fit
 from youbot_env.model_file import load_model
 from youbot_scripts.blind.cases import draw_case, logs_of
@@ -53,14 +51,10 @@ def force_ratio(sizing: Sizing) -> float:
     theta = fit(mechanism, samples, model.theta).theta
     traces = [force_traces(mechanism, theta, item) for item in samples]
     floor = [
-        force_floor(mechanism, theta, item, trace, _noise(log), sizing.seed)
-        for log, item, trace in zip(logs, samples, traces, strict=True)
+        force_floor(mechanism, theta, item, trace, NoiseLevel.of(item), sizing.seed)
+        for item, trace in zip(samples, traces, strict=True)
     ]
     return add_up(map(Squares.of, traces)).ratio / add_up(floor).ratio
-
-
-def _noise(log: Log) -> NoiseLevel:
-    return NoiseLevel(white_noise(log.velocity), white_noise(log.effort))
 
 
 def size_table(found: Iterable[tuple[Sizing, float]]) -> dict[str, dict[str, Any]]:

@@ -8,7 +8,6 @@ import pytest
 from identification.errors import NoiseLevel
 from identification.final import final_fit, joint_fit
 from identification.mecanum import Mecanum
-from identification.noise import white_noise
 from identification.regression import fit
 from tests.identification.recordings import recording
 from youbot_env.dynamics import Structure
@@ -30,8 +29,8 @@ def at_hand(effects, seeds=(1, 2)):
         truth = truth.with_effect(name, **dict(values))
     mechanism = Mecanum(truth.geometry, Structure(tuple(name for name, _ in effects)))
     logs = [recording("calibration", effects, seed=seed) for seed in seeds]
-    noise = [NoiseLevel(white_noise(log.velocity), white_noise(log.effort)) for log in logs]
-    return mechanism, [mechanism.samples(log) for log in logs], noise, truth.theta
+    samples = [mechanism.samples(log) for log in logs]
+    return mechanism, samples, [NoiseLevel.of(item) for item in samples], truth.theta
 
 
 def off_by(found, truth, index):

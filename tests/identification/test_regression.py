@@ -7,6 +7,7 @@ from identification.filters import FILTER_RATE, block_mean, filter_samples, sett
 from identification.logs import read_log
 from identification.mecanum import Mecanum
 from identification.regression import (
+    MOST_STEPS,
     Rows,
     fit,
     gauge_basis,
@@ -158,6 +159,20 @@ def test_estimates_stay_inside_physical_bounds():
     found = fit(engine, [engine.samples(recording("III"))], start)
     lower, upper = engine.bounds
     assert (found.theta >= lower - 1e-12).all() and (found.theta <= upper + 1e-12).all()
+
+
+def test_a_fit_that_wanders_about_ends_early_with_the_best_it_has_passed():
+    """A load that is not there has no place: its step has no end to arrive at."""
+    engine = mechanism("payload_change")
+    samples = [engine.samples(recording())]
+    start = PAPER.with_effect("payload_change").theta
+    steps = []
+    found = fit(engine, samples, start, progress=lambda: steps.append(None))
+    assert len(steps) < MOST_STEPS
+    without = fit(mechanism(), samples, PAPER.theta)
+    assert found.square < 1.001 * without.square
+    again = regression_rows(engine, found.theta, samples[0], found.free)
+    np.testing.assert_allclose(again.residual, found.rows[0].residual, atol=1e-9)
 
 
 def test_too_short_a_log_is_refused_in_words():

@@ -5,10 +5,15 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from identification.adding import add_effect
+from identification.candidates import try_candidate
+from identification.diagnosis import diagnose
 from identification.mechanisms import mechanism_of
 from identification.search import Search
+from identification.segments import cut
 from identification.selection import AT_FLOOR, select
 from tests.identification.recordings import recording
+from youbot_env.errors import InputError
 from youbot_env.model_file import load_model
 
 NAMES = [
@@ -81,3 +86,44 @@ def test_the_only_candidate_may_be_accepted():
     quadratic = ("quadratic_friction", (("coefficient", 0.01),))
     _, found = chosen(quadratic, names=["quadratic_friction"])
     assert accepted(found) == ["quadratic_friction"]
+
+
+def test_finer_folds_are_no_merit_of_a_candidate():
+    """Two floors: a candidate that one log alone shows is held out in pieces of it."""
+
+    def floor(slope: float):
+        return (("floor_tilt", (("tilt_x", slope), ("tilt_y", 0.0))),)
+
+    logs = [
+        recording("calibration", floor(0.01)),
+        recording("calibration", floor(-0.01), seed=2),
+    ]
+    mechanism = mechanism_of(load_model("paper"))
+    search = Search(mechanism, logs, 0, lambda: None)
+    search.samples[1] = cut(search.samples[1], 0, 9000)
+    base = search.base(mechanism, load_model("paper").theta)
+    late = try_candidate(base, search.samples, "payload_change")
+    assert late.shapes["time"] > 90.0 and len(late.result.folds) > len(base.held_out.folds)
+    # Judged by other folds the structure itself does worse, here; that is not the load's.
+    assert late.result.square > 1.01 * base.held_out.square
+    assert late.square == pytest.approx(base.held_out.square, rel=1e-3)
+
+
+def test_steps_are_judged_by_the_same_folds():
+    late = (("payload_change", (("mass", 8.0), ("x", 0.1), ("y", -0.05), ("time", 76.0))),)
+    logs = [recording("calibration", late), recording("calibration", late, seed=2)]
+    mechanism = mechanism_of(load_model("paper"))
+    search = Search(mechanism, logs, 0, lambda: None)
+    search.samples[1] = cut(search.samples[1], 0, 7000)  # over before the load is put on
+    rng = np.random.default_rng(0)
+    found = select(search, mechanism, load_model("paper").theta, ["payload_change"], rng)
+    assert accepted(found) == ["payload_change"]
+    first, last = (len(step.fold_thetas) for step in found.steps)
+    assert first == last > 2
+
+
+def test_logs_that_lack_rank_are_refused_with_a_cure():
+    model, log = load_model("paper"), recording("III")
+    for command in (lambda: diagnose(model, [log]), lambda: add_effect(model, "floor_tilt", [log])):
+        with pytest.raises(InputError, match="these logs cannot show .*: record motion"):
+            command()

@@ -1,0 +1,64 @@
+"""Independent pieces of work side by side, in threads: numpy's loops let the others run."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Callable, Iterable
+from concurrent.futures import ThreadPoolExecutor
+from typing import TypeVar
+
+from youbot_env.errors import InputError
+
+Item = TypeVar("Item")
+Result = TypeVar("Result")
+
+MOST = 4
+"""Threads by default at most: beyond, memory is what all of them wait for."""
+
+
+THREADS = "YOUBOT_THREADS"
+"""Environment variable: how many threads a diagnosis takes, where the cores have other work."""
+
+
+def threads() -> int:
+    """Threads to use: as many as this process has cores, unless ``YOUBOT_THREADS`` says.
+
+    Raises
+    ------
+    InputError
+        If that variable is not a whole number of at least 1.
+    """
+    wanted = os.environ.get(THREADS)
+    if wanted:
+        if not (wanted.isascii() and wanted.isdigit() and int(wanted)):
+            raise InputError(f"{THREADS}: {wanted!r} is not a whole number of at least 1")
+        return int(wanted)
+    if hasattr(os, "sched_getaffinity"):
+        return min(MOST, len(os.sched_getaffinity(0)))
+    return min(MOST, os.cpu_count() or 1)
+
+
+def side_by_side(
+    work: Callable[[Item], Result],
+    items: Iterable[Item],
+    progress: Callable[[], None] = lambda: None,
+) -> list[Result]:
+    """``work(item)`` of each item, in their order; the same results as one after another.
+
+    An interruption waits for the pieces that have begun, and begins no other.
+
+    Parameters
+    ----------
+    progress : called from this thread, after each piece
+    """
+    with ThreadPoolExecutor(threads()) as pool:
+        futures = [pool.submit(work, item) for item in items]
+        try:
+            found = []
+            for future in futures:
+                found.append(future.result())
+                progress()
+        except BaseException:
+            pool.shutdown(cancel_futures=True)
+            raise
+    return found
