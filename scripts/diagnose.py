@@ -63,7 +63,8 @@ def main(
     """Rank the catalogue's effects by held-out error and name what is missing, or say it cannot.
 
     MODEL's structure is the start; its parameters are fitted again. Each log in turn is held out
-    (one log alone: five blocks). Prints the error as it falls, beside the noise floor.
+    (one log alone: five blocks). Prints the error as it falls, beside the noise floor. Works in a
+    thread a core, four at most; the environment variable YOUBOT_THREADS says otherwise.
     """
     from identification.diagnosis import diagnose
     from identification.logs import read_logs
