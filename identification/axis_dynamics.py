@@ -13,14 +13,18 @@ from typing import Any
 
 from identification import axis_catalogue
 from identification.axis_catalogue import AXIS_BASE, AXIS_CATALOGUE, Base, Joint
-from youbot_env import backends, codegen, effects
+from youbot_env import backends, codegen, composition, effects
 from youbot_env.backends import floats
 from youbot_env.codegen import System
-from youbot_env.effects import ACTUATOR, CLOCK, Actuator, Clock, Effect
+from youbot_env.composition import Composition
+from youbot_env.effects import ACTUATOR, CLOCK, Actuator, Clock
 from youbot_env.errors import InputError
 
 STATE = ("speed", "position", "time")
-"""Components of an axis' state; a drive adds the force that acts."""
+"""Components of an axis' state, before that of its drive."""
+
+DRIVE_STATE = ("force",)
+"""The state that an actuator effect adds: the force that acts."""
 
 
 @dataclass(frozen=True)
@@ -38,64 +42,20 @@ class Instant:
 
 
 @dataclass(frozen=True)
-class AxisStructure:
-    """Which effects a model of an axis holds beside the base: fixes the order of theta."""
+class AxisStructure(Composition):
+    """Which effects a model of an axis holds beside the base."""
 
-    effects: tuple[str, ...] = ()
-
-    def __post_init__(self) -> None:
-        if len(set(self.effects)) < len(self.effects):
-            raise InputError(f"an effect is named twice: {', '.join(self.effects)}")
-        if sum(item.acts_at is ACTUATOR for item in self.components) > 1:
-            raise InputError("a model holds one actuator effect at most")
-
-    @cached_property
-    def components(self) -> tuple[Effect, ...]:
-        """The base model's components, then the added effects."""
-        return (*AXIS_BASE, *(AXIS_CATALOGUE[name] for name in self.effects))
-
-    @cached_property
-    def parameter_names(self) -> tuple[str, ...]:
-        """Order of theta; parameters of effects as ``effect.parameter``."""
-        names = [name for item in AXIS_BASE for name in item.parameter_names]
-        for item in self.components[len(AXIS_BASE) :]:
-            names += [f"{item.name}.{name}" for name in item.parameter_names]
-        return tuple(names)
-
-    @cached_property
-    def slices(self) -> tuple[tuple[Effect, slice], ...]:
-        """Each component with its place in theta."""
-        found, start = [], 0
-        for item in self.components:
-            found.append((item, slice(start, start + len(item.parameter_names))))
-            start = found[-1][1].stop
-        return tuple(found)
-
-    def of_kind(self, kind: str) -> list[tuple[Effect, slice]]:
-        """Components that are a "wrench", an "actuator" or a "shift"."""
-        return [row for row in self.slices if row[0].acts_at.kind == kind]
-
-    @cached_property
-    def has_actuator(self) -> bool:
-        """Whether the force that acts is a state of its own."""
-        return bool(self.of_kind("actuator"))
-
-    @cached_property
-    def has_clock(self) -> bool:
-        """Whether the log's efforts act at other times than it says."""
-        return any(item.acts_at is CLOCK for item in self.components)
-
-    @cached_property
-    def state_names(self) -> tuple[str, ...]:
-        """Components of the state."""
-        return STATE + (("force",) if self.has_actuator else ())
+    base = AXIS_BASE
+    catalogue = AXIS_CATALOGUE
+    motion_state = STATE
+    drive_state = DRIVE_STATE
 
     def _probe(self, force: float, base: float) -> list[Any]:
         """Values of the added effects at some instant, for some acting force and base."""
         joint = Joint(0.7, 0.6, 0.5, force, 0.4, Base(base, base, base, 0.3, base))
         return [
             item.evaluate(floats, joint, [0.5] * (where.stop - where.start))
-            for item, where in self.of_kind("wrench")[len(AXIS_BASE) :]
+            for item, where in self.wrenches[len(AXIS_BASE) :]
         ]
 
     @cached_property
@@ -107,13 +67,13 @@ class AxisStructure:
     def is_linear(self) -> bool:
         """Whether the logged effort is linear in the parameters, shape constants apart."""
         reads_base = self._probe(0.3, 1.0) != self._probe(0.3, 1.9)
-        wrenches_only = not self.has_actuator and not self.has_clock
-        return wrenches_only and not reads_base and not self.depends_on_load
+        only_wrenches = self.wrenches == self.slices
+        return only_wrenches and not reads_base and not self.depends_on_load
 
     @cached_property
     def nonlinear(self) -> frozenset[str]:
         """Names of the effects in whose own parameters the effort is not linear: shifts in time."""
-        return frozenset(item.name for item, _ in self.of_kind("shift"))
+        return frozenset(item.name for item, _ in self.at(CLOCK))
 
 
 def _joint(theta: Any, at: Instant) -> Joint:
@@ -124,9 +84,7 @@ def _joint(theta: Any, at: Instant) -> Joint:
 def demanded_force(xp: Any, structure: AxisStructure, theta: Any, at: Instant) -> Any:
     """Force that a motion demands while ``at.force`` acts."""
     joint = _joint(theta, at)
-    return sum(
-        item.evaluate(xp, joint, theta[where]) for item, where in structure.of_kind("wrench")
-    )
+    return sum(item.evaluate(xp, joint, theta[where]) for item, where in structure.wrenches)
 
 
 def acting_force(xp: Any, structure: AxisStructure, theta: Any, at: Instant) -> Any:
@@ -151,17 +109,15 @@ def acting_force(xp: Any, structure: AxisStructure, theta: Any, at: Instant) -> 
 
 def drive_command(xp: Any, structure: AxisStructure, theta: Any, drive: Actuator) -> Any:
     """Effort behind a drive that the acting force and its rate demand."""
-    for item, where in structure.of_kind("actuator"):
+    for item, where in structure.at(ACTUATOR):
         return item.evaluate(xp, drive, theta[where])
     return drive.torque
 
 
 def delay(structure: AxisStructure, theta: Any) -> float:
     """How much later [s] than logged the efforts act."""
-    found = [
-        item.evaluate(floats, Clock(), theta[where]) for item, where in structure.of_kind("shift")
-    ]
-    return float(sum(found))
+    shifts = structure.at(CLOCK)
+    return float(sum(item.evaluate(floats, Clock(), theta[where]) for item, where in shifts))
 
 
 def acceleration(xp: Any, structure: AxisStructure, theta: Any, at: Instant) -> Any:
@@ -187,7 +143,12 @@ def state_derivative(
     return (*moved, (command - zero) / (one - zero))
 
 
-_SOURCES = (backends.__name__, codegen.__name__, effects.__name__, axis_catalogue.__name__)
+_SOURCES = (axis_catalogue, backends, codegen, composition, effects)
 
-SYSTEM = System(state_derivative, inputs=1, lengths=(), sources=(__name__, *_SOURCES))
+SYSTEM = System(
+    state_derivative,
+    inputs=1,
+    lengths=(),
+    sources=(__name__, *(module.__name__ for module in _SOURCES)),
+)
 """What the compiled stepper is generated from."""

@@ -51,7 +51,7 @@ def equation(effects: Sequence[str] = (), form: Form = "text") -> str:
     structure = AxisStructure(tuple(effects))
     terms = [
         item.function(symbols(), _JOINT, *_real(item.parameter_names))
-        for item, _ in structure.of_kind("wrench")
+        for item, _ in structure.wrenches
     ]
     others = [item for item in structure.components if item.acts_at.kind != "wrench"]
     return "\n".join([_sum(FORCE, terms, form), *(formula(item, form) for item in others)])

@@ -41,7 +41,8 @@ MECANUM = System(
     inputs=4,
     lengths=("l", "h", "R", "r"),
     sources=tuple(
-        f"youbot_env.{name}" for name in ("backends", "codegen", "dynamics", "effects", "geometry")
+        f"youbot_env.{name}"
+        for name in ("backends", "codegen", "composition", "dynamics", "effects", "geometry")
     ),
 )
 """The platform."""

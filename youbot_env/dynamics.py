@@ -16,6 +16,7 @@ from typing import Any, NamedTuple
 
 import youbot_env.catalogue  # noqa: F401 - fills the registries
 from youbot_env.backends import floats
+from youbot_env.composition import Composition
 from youbot_env.effects import (
     ACTUATOR,
     BASE,
@@ -30,7 +31,6 @@ from youbot_env.effects import (
     Channel,
     Clock,
     Effect,
-    Place,
     Roller,
     Wheel,
     World,
@@ -82,42 +82,13 @@ class Instant:
 
 
 @dataclass(frozen=True)
-class Structure:
-    """Which effects a model holds beside the base: fixes the order of its parameters."""
+class Structure(Composition):
+    """Which effects a model of a platform holds beside the paper's base model."""
 
-    effects: tuple[str, ...] = ()
-
-    def __post_init__(self) -> None:
-        if len(set(self.effects)) < len(self.effects):
-            raise InputError(f"an effect is named twice: {', '.join(self.effects)}")
-        if sum(item.acts_at is ACTUATOR for item in self.components) > 1:
-            raise InputError("a model holds one actuator effect at most")
-
-    def __getstate__(self) -> dict[str, Any]:
-        return {"effects": self.effects}  # the effects themselves are found again by name
-
-    @cached_property
-    def components(self) -> tuple[Effect, ...]:
-        """Base components, then the effects by name."""
-        return (*BASE, *(CATALOGUE[name] for name in self.effects))
-
-    @cached_property
-    def parameter_names(self) -> tuple[str, ...]:
-        """Order of ``theta``: the base parameters, then ``effect.parameter``."""
-        names = [name for item in BASE for name in item.parameter_names]
-        for effect in self.components[len(BASE) :]:
-            names += [f"{effect.name}.{name}" for name in effect.parameter_names]
-        return tuple(names)
-
-    @cached_property
-    def state_names(self) -> tuple[str, ...]:
-        """Components of the state of a platform with these effects."""
-        return STATE + (DRIVE_STATE if self.has_actuator else ())
-
-    @cached_property
-    def has_actuator(self) -> bool:
-        """Whether the torques that act are a state of their own."""
-        return any(item.acts_at is ACTUATOR for item in self.components)
+    base = BASE
+    catalogue = CATALOGUE
+    motion_state = STATE
+    drive_state = DRIVE_STATE
 
     @cached_property
     def load_readers(self) -> tuple[tuple[Effect, slice], ...]:
@@ -175,27 +146,9 @@ class Structure:
         )
 
     @cached_property
-    def slices(self) -> tuple[tuple[Effect, slice], ...]:
-        """Each component with its place in ``theta``."""
-        found, start = [], 0
-        for item in self.components:
-            found.append((item, slice(start, start + len(item.parameter_names))))
-            start = found[-1][1].stop
-        return tuple(found)
-
-    @cached_property
-    def wrenches(self) -> tuple[tuple[Effect, slice], ...]:
-        """The components that demand a generalised force."""
-        return tuple(row for row in self.slices if row[0].acts_at.kind == "wrench")
-
-    @cached_property
     def carriers(self) -> tuple[tuple[Effect, slice], ...]:
         """The loads: components that others reckon with beside the base parameters."""
         return tuple(row for row in self.slices if row[0].carries is not None)
-
-    def at(self, place: Place) -> list[tuple[Effect, slice]]:
-        """The components that act at a place."""
-        return [(item, where) for item, where in self.slices if item.acts_at is place]
 
 
 def _reads_base(item: Effect, count: int) -> bool:

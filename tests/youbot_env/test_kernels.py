@@ -16,7 +16,6 @@ from youbot_env import kernels
 from youbot_env.catalogue import wheel_coulomb_friction
 from youbot_env.dynamics import Structure
 from youbot_env.effects import CATALOGUE
-from youbot_env.errors import InputError
 from youbot_env.model_file import load_model
 
 BASE = Structure()
@@ -223,10 +222,3 @@ def test_comments_and_values_leave_the_key(monkeypatch: pytest.MonkeyPatch):
         return torque * xp.tanh(wheel.rate / smoothing)
 
     assert key_with(monkeypatch, documented) == key_with(monkeypatch, bare)
-
-
-def test_structures_refuse_what_cannot_be():
-    with pytest.raises(InputError, match="named twice"):
-        Structure(("floor_tilt", "floor_tilt"))
-    with pytest.raises(InputError, match="unknown effect 'nothing'"):
-        Structure(("nothing",))
