@@ -8,9 +8,9 @@ import numpy as np
 
 from controllers.interface import Array, Loop
 from youbot_env import dynamics
-from youbot_env.dynamics import Instant
 from youbot_env.errors import InputError
 from youbot_env.model import Model
+from youbot_env.points import Instant
 
 TRUSTED = 0.7
 """Largest disturbance that is believed, as a share of the acceleration that the limit allows."""

@@ -15,10 +15,10 @@ from numpy.typing import ArrayLike, NDArray
 from scipy.linalg import expm
 
 from controllers.interface import Array, Loop
-from youbot_env.dynamics import DRIVE_STATE, STATE
 from youbot_env.errors import InputError
 from youbot_env.model import Model
 from youbot_env.simulate import initial_state
+from youbot_env.structure import DRIVE_STATE, STATE
 
 Complex = NDArray[np.complex128]
 

@@ -21,10 +21,11 @@ from identification.mechanism import Label, Mechanism
 from identification.noise import white_noise
 from identification.resampling import RATE_SMOOTHING, moved, smoothed
 from youbot_env import dynamics
-from youbot_env.dynamics import Instant, Points, Structure, component_wrench
 from youbot_env.effects import BASE, CATALOGUE, CHANNEL, Effect, Parameter
 from youbot_env.errors import InputError
-from youbot_env.geometry import WHEELS, Geometry
+from youbot_env.geometry import WHEELS, Geometry, Triple, allocate, body_force
+from youbot_env.points import Instant, Points, component_wrench
+from youbot_env.structure import Structure
 
 Array = NDArray[np.float64]
 
@@ -371,7 +372,7 @@ class Demand:
     def _component(self, item: Effect, values: Array, points: Points) -> Array:
         return self._scaled(component_wrench(np, item, values, points))
 
-    def _scaled(self, force: dynamics.Triple) -> Array:
+    def _scaled(self, force: Triple) -> Array:
         shape = (2, len(self.samples) - 1)
         scale = self.mechanism.force_scale
         out = np.empty((*shape, 3))
@@ -379,7 +380,7 @@ class Demand:
             np.multiply(force[i], scale[i], out=out[..., i])
         return out
 
-    def _unscaled(self, force: Array) -> dynamics.Triple:
+    def _unscaled(self, force: Array) -> Triple:
         """(F_X, F_Y, M_W) [N, N, N m] of a scaled force (..., 3)."""
         return tuple(np.moveaxis(force / self.mechanism.force_scale, -1, 0))  # type: ignore
 
@@ -393,7 +394,7 @@ class Demand:
         if not structure.depends_on_load:
             return None
         slopes = [self._loss_by(wheel) for wheel in range(4)]
-        units = [dynamics.allocate(geometry, tuple(unit)) for unit in np.eye(3)]  # type: ignore
+        units = [allocate(geometry, tuple(unit)) for unit in np.eye(3)]  # type: ignore
         # What a unit of each force asks of the four wheels, times what they lose by it.
         lost = [sum(share * slope for share, slope in zip(u, slopes, strict=True)) for u in units]
         identity = np.eye(3)
@@ -431,12 +432,12 @@ class Demand:
         structure, geometry = self.mechanism.structure, self.mechanism.geometry
         if structure.only_wrenches:
             return force
-        torque = dynamics.allocate(geometry, self._unscaled(force))
+        torque = allocate(geometry, self._unscaled(force))
         at = replace(self.instant, torque=torque, torque_rate=self._rates(torque))
         logged = dynamics.interface_torque(np, structure, theta, at)
         if structure.at(CHANNEL):
             logged = self._with_internal(logged, theta, at)
-        return self._scaled(dynamics.body_force(geometry, logged))
+        return self._scaled(body_force(geometry, logged))
 
     def _with_internal(
         self, logged: tuple[Array, ...], theta: Array, at: Instant

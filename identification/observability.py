@@ -11,10 +11,10 @@ from numpy.typing import NDArray
 from identification.mecanum import PAPER_ORDER, Mecanum
 from identification.mechanism import Mechanism
 from identification.regression import Indices, Rows, gauge_groups, hac_covariance
-from youbot_env.dynamics import Structure
 from youbot_env.errors import InputError
 from youbot_env.geometry import Geometry
 from youbot_env.motions import Motion
+from youbot_env.structure import Structure
 
 Array = NDArray[np.float64]
 
@@ -181,7 +181,8 @@ def motion_observability(
 
 def ideal_columns(mechanism: Mecanum, twist: Array, acceleration: Array) -> Array:
     """Regressor columns (n, 3, 7) of x1 ... x7 for a known motion, unfiltered."""
-    from youbot_env.dynamics import Instant, wrench
+    from youbot_env.dynamics import wrench
+    from youbot_env.points import Instant
 
     at = Instant(tuple(twist.T), tuple(acceleration.T))
     columns = []

@@ -123,8 +123,8 @@ def shown(mechanism: str) -> Shown:
 
         formula, equation = axis_printing.formula, axis_printing.equation
         return Shown(AXIS_CATALOGUE, formula, equation, lambda unit: TYPICAL[unit], TYPICAL_NOTE)
-    from youbot_env.dynamics import Structure
     from youbot_env.effects import CATALOGUE
+    from youbot_env.structure import Structure
     from youbot_env.symbolic import equation, formula
 
     return Shown(

@@ -38,7 +38,6 @@ if TYPE_CHECKING:
 __version__ = "0.1.0"
 
 _HOMES = {
-    "youbot_env.dynamics": ("CATALOGUE",),  # it fills the catalogue
     "youbot_env.effects": (
         *("ACTUATOR", "BODY", "CHANNEL", "CLOCK", "ROLLER", "WHEEL", "WORLD"),
         *("Parameter", "Public", "effect"),
@@ -56,6 +55,7 @@ _HOMES = {
     "youbot_env.motions": ("multisine",),
     "youbot_env.plant": ("Plant",),
     "youbot_env.simulate": ("initial_state",),
+    "youbot_env.structure": ("CATALOGUE",),  # it fills the catalogue
 }
 _HOME = {name: module for module, names in _HOMES.items() for name in names}
 

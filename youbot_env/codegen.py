@@ -42,7 +42,10 @@ MECANUM = System(
     lengths=("l", "h", "R", "r"),
     sources=tuple(
         f"youbot_env.{name}"
-        for name in ("backends", "codegen", "composition", "dynamics", "effects", "geometry")
+        for name in (
+            *("backends", "codegen", "composition", "dynamics", "effects", "geometry"),
+            *("points", "structure"),
+        )
     ),
 )
 """The platform."""

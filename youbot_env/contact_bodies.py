@@ -11,12 +11,12 @@ from numpy.typing import NDArray
 
 from youbot_env.contact import Contact
 from youbot_env.delay import DelayLine
-from youbot_env.dynamics import STATE
 from youbot_env.errors import InputError
 from youbot_env.geometry import COS_ROLLER, SIGN_X, WHEELS
 from youbot_env.mjcf import mjcf
 from youbot_env.model import Model
 from youbot_env.plant import DRIVES, POSE, TWIST, WHEEL_ANGLE
+from youbot_env.structure import STATE
 
 Array = NDArray[np.float64]
 

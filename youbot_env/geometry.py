@@ -1,8 +1,14 @@
-"""Geometry of a four-wheel mecanum platform and its no-slip kinematics."""
+"""Geometry of a four-wheel mecanum platform and its no-slip kinematics.
+
+`Geometry` maps arrays; the functions below it map components (numbers, arrays of one shape,
+symbols) for any object with l, h, R, r, so that equations of motion are traced through them.
+"""
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, fields
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -23,6 +29,10 @@ SIGN_LATERAL = (-1.0, +1.0, +1.0, -1.0)
 
 COS_ROLLER = float(np.sqrt(0.5))
 """Cosine of the 45 degree angle between a roller's axis and X."""
+
+
+Triple = tuple[Any, Any, Any]
+"""Components of a twist, its acceleration, a pose or a generalised force."""
 
 
 @dataclass(frozen=True)
@@ -97,3 +107,45 @@ class Geometry:
         """Least-norm wheel torques (..., 4) [N m] that exert the body force (..., 3)."""
         jacobian = self.wheel_jacobian
         return np.asarray(body_force, float) @ (jacobian / (jacobian**2).sum(axis=0)).T
+
+
+def wheel_rates(geometry: Any, twist: Triple) -> tuple[Any, ...]:
+    """No slip: the four wheel rates [rad/s] of a body twist."""
+    vx, vy, wz = twist
+    lever = geometry.l + geometry.h
+    return tuple(
+        (vx + SIGN_LATERAL[i] * vy - SIGN_Y[i] * lever * wz) / geometry.R for i in range(4)
+    )
+
+
+def roller_rates(geometry: Any, twist: Triple) -> tuple[Any, ...]:
+    """No slip: rates [rad/s] of the four rollers on the floor."""
+    _, vy, wz = twist
+    return tuple(-(vy + SIGN_X[i] * geometry.h * wz) / (geometry.r * COS_ROLLER) for i in range(4))
+
+
+def body_force(geometry: Any, torque: Sequence[Any]) -> Triple:
+    """Generalised force (F_X, F_Y, M_W) of four wheel torques: the transpose of the rates."""
+    t1, t2, t3, t4 = torque
+    lever = geometry.l + geometry.h
+    return (
+        (t1 + t2 + t3 + t4) / geometry.R,
+        (-t1 + t2 + t3 - t4) / geometry.R,
+        lever * (-t1 + t2 - t3 + t4) / geometry.R,
+    )
+
+
+def allocate(geometry: Any, force: Triple) -> tuple[Any, ...]:
+    """Least-norm wheel torques [N m] that exert a generalised force."""
+    fx, fy, mz = force
+    lever = geometry.l + geometry.h
+    return tuple(
+        geometry.R / 4 * (fx + SIGN_LATERAL[i] * fy - SIGN_Y[i] * mz / lever) for i in range(4)
+    )
+
+
+def roller_force(geometry: Any, torque: Sequence[Any]) -> Triple:
+    """Generalised force (F_X, F_Y, M_W) of torques [N m] at the four rollers' axles."""
+    scaled = [-value / (geometry.r * COS_ROLLER) for value in torque]
+    yaw = sum(SIGN_X[i] * geometry.h * scaled[i] for i in range(4))
+    return 0.0, sum(scaled), yaw

@@ -12,7 +12,8 @@ from typing import Any, ClassVar
 from youbot_env import dynamics
 from youbot_env.backends import symbols
 from youbot_env.codegen import HEADER, MECANUM, function_source, real_symbols
-from youbot_env.dynamics import Instant
+from youbot_env.geometry import allocate
+from youbot_env.points import Instant
 
 MOTION = (
     *("vx", "vy", "wz", "ax", "ay", "alpha", "x", "y", "yaw"),
@@ -71,7 +72,7 @@ def _demand(structure: Any) -> str:
     )
     force = dynamics.wrench(symbols(), structure, geometry, theta, at)
     arguments = [str(symbol) for symbol in (*motion, *torque, *lengths, *theta)]
-    return function_source("demand", arguments, dynamics.allocate(geometry, force))
+    return function_source("demand", arguments, allocate(geometry, force))
 
 
 def _command(structure: Any) -> str:

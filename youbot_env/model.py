@@ -11,11 +11,12 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from youbot_env import dynamics
-from youbot_env.dynamics import Instant, Structure
 from youbot_env.effects import CATALOGUE
 from youbot_env.errors import InputError
 from youbot_env.geometry import Geometry
+from youbot_env.points import Instant
 from youbot_env.public_form import to_public, to_theta
+from youbot_env.structure import Structure
 
 Array = NDArray[np.float64]
 

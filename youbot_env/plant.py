@@ -13,7 +13,6 @@ from numpy.typing import ArrayLike, NDArray
 
 from youbot_env import dynamics
 from youbot_env.delay import DelayLine
-from youbot_env.dynamics import DRIVE_STATE, STATE
 from youbot_env.effects import ACTUATOR, CATALOGUE, CHANNEL, CLOCK
 from youbot_env.errors import InputError
 from youbot_env.geometry import Geometry
@@ -21,11 +20,12 @@ from youbot_env.kernels import kernel
 from youbot_env.model import Model
 from youbot_env.model_file import load_model
 from youbot_env.simulate import initial_state, substeps
+from youbot_env.structure import DRIVE_STATE, STATE
 
 Array = NDArray[np.float64]
 
 TWIST, POSE, WHEEL_ANGLE = slice(0, 3), slice(3, 6), slice(6, 10)
-"""Where they stand in a state (see ``dynamics.STATE``)."""
+"""Where they stand in a state (see ``STATE``)."""
 
 DRIVES = slice(len(STATE), len(STATE) + len(DRIVE_STATE))
 """Where the acting torques stand in the state of a model with an actuator."""

@@ -12,9 +12,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from youbot_env.dynamics import Structure
 from youbot_env.effects import BASE, Effect, Parameter
 from youbot_env.geometry import Geometry
+from youbot_env.structure import Structure
 
 Array = NDArray[np.float64]
 

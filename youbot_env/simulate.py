@@ -8,12 +8,13 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from youbot_env import dynamics
-from youbot_env.dynamics import Instant, Structure
 from youbot_env.errors import InputError
-from youbot_env.geometry import Geometry
+from youbot_env.geometry import Geometry, wheel_rates
 from youbot_env.hardware import MAX_BODY_SPEED, MAX_WHEEL_TORQUE
 from youbot_env.kernels import rollout
 from youbot_env.model import Model
+from youbot_env.points import Instant
+from youbot_env.structure import Structure
 
 Array = NDArray[np.float64]
 
@@ -98,7 +99,7 @@ def ripple_rate(structure: Structure, geometry: Geometry, theta: Array) -> float
     if swing <= 1e-9 * np.abs(force).max():
         return 0.0
     bend = np.abs(np.diff(force, 2, axis=1)).max() / step**2
-    fastest = np.abs(dynamics.wheel_rates(geometry, FULL_SPEED)).max()
+    fastest = np.abs(wheel_rates(geometry, FULL_SPEED)).max()
     return float(np.sqrt(bend / swing) * fastest)
 
 

@@ -14,9 +14,7 @@ from typing import Any, Literal
 
 import sympy
 
-from youbot_env import dynamics
 from youbot_env.backends import floats, symbols
-from youbot_env.dynamics import Instant, Points, Structure
 from youbot_env.effects import (
     ACTUATOR,
     BASE,
@@ -37,9 +35,11 @@ from youbot_env.effects import (
     World,
 )
 from youbot_env.errors import InputError
-from youbot_env.geometry import Geometry
+from youbot_env.geometry import Geometry, body_force, roller_rates, wheel_rates
 from youbot_env.model import Model
+from youbot_env.points import Base, Instant, Points, component_wrench
 from youbot_env.printing import Group, collected, join, latex, text, tidy, with_values
+from youbot_env.structure import Structure
 
 Form = Literal["text", "latex", "numeric"]
 
@@ -186,7 +186,7 @@ _SPACED = {"m_aX": "m aX", "m_aY": "m aY"}
 _LENGTHS = SimpleNamespace(**{name: _real(name)[0] for name in ("l", "h", "R", "r", "m1")})
 """The geometry of a public form, as symbols."""
 
-_BASE = dynamics.Base(*_real(["m0", "I0", "m aX", "m aY", "I1", "mu1", "mu2"]))
+_BASE = Base(*_real(["m0", "I0", "m aX", "m aY", "I1", "mu1", "mu2"]))
 _TWIST, _ACCELERATION = _real("VX VY W"), _real("VX' VY' W'")
 _POSE, _TIME = _real("x y psi"), _real("t")[0]
 
@@ -248,16 +248,16 @@ class Equations:
         """Wheel and roller rates and accelerations in terms of the twist."""
         g, p = self.geometry, self.points
         rows = [
-            *zip((w.rate for w in p.wheels), dynamics.wheel_rates(g, p.at.twist), strict=True),
-            *zip((r.rate for r in p.rollers), dynamics.roller_rates(g, p.at.twist), strict=True),
+            *zip((w.rate for w in p.wheels), wheel_rates(g, p.at.twist), strict=True),
+            *zip((r.rate for r in p.rollers), roller_rates(g, p.at.twist), strict=True),
             *zip(
                 (w.acceleration for w in p.wheels),
-                dynamics.wheel_rates(g, p.at.acceleration),
+                wheel_rates(g, p.at.acceleration),
                 strict=True,
             ),
             *zip(
                 (r.acceleration for r in p.rollers),
-                dynamics.roller_rates(g, p.at.acceleration),
+                roller_rates(g, p.at.acceleration),
                 strict=True,
             ),
         ]
@@ -268,7 +268,7 @@ class Equations:
         """Demanded F_X, F_Y, M_W."""
         totals = [sympy.Integer(0)] * 3
         for item, where in self.structure.wrenches:
-            force = dynamics.component_wrench(symbols(), item, self.theta[where], self.points)
+            force = component_wrench(symbols(), item, self.theta[where], self.points)
             for axis in range(3):
                 totals[axis] += self._readable(tidy(sympy.sympify(force[axis])))
         return tuple(sympy.expand(total) for total in totals)  # type: ignore[return-value]
@@ -313,7 +313,7 @@ class Equations:
     def legend(self, show: Any, values: dict[sympy.Symbol, float]) -> list[str]:
         """What the forces are, what drives and channels do, and which rates stand in a line."""
         torque = [wheel.torque for wheel in self.points.wheels]
-        force = dynamics.body_force(self.geometry, torque)
+        force = body_force(self.geometry, torque)
         lines = [
             f"{show(sympy.Symbol(side))} = {show(with_values(tidy(value), values))}"
             for side, value in zip(SIDES, force, strict=True)

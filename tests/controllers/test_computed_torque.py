@@ -25,9 +25,9 @@ from tests.controllers.driving import (
 from tests.youbot_env.structures import CASES, EVERYTHING
 from tests.youbot_env.structures import model as structure
 from youbot_env import dynamics
-from youbot_env.dynamics import Instant
 from youbot_env.errors import InputError
 from youbot_env.model import BASE_UNITS, Model
+from youbot_env.points import Instant
 
 CONDITIONS = {"one sample": ONE_SAMPLE, "late": LATE, "1 kHz": Condition(1000.0, 2)}
 

@@ -10,8 +10,8 @@ from identification.final import final_fit, joint_fit
 from identification.mecanum import Mecanum
 from identification.regression import fit
 from tests.identification.recordings import recording
-from youbot_env.dynamics import Structure
 from youbot_env.model_file import load_model
+from youbot_env.structure import Structure
 
 COULOMB = (("wheel_coulomb_friction", (("torque", 0.3),)),)
 STRIBECK = (

@@ -11,9 +11,9 @@ from identification.physical import fitted_model
 from identification.regression import fit
 from tests.identification.recordings import recording
 from tests.identification.shared_data import DATA, needs_data, theta, truth
-from youbot_env.dynamics import Structure
 from youbot_env.geometry import Geometry
 from youbot_env.model_file import load_model, model_from_dict, model_to_dict
+from youbot_env.structure import Structure
 
 PAPER = load_model("paper")
 

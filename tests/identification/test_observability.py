@@ -16,11 +16,11 @@ from identification.observability import (
 from identification.regression import Rows, regression_rows
 from identification.segments import parts_of
 from tests.identification.recordings import recording
-from youbot_env.dynamics import Structure
 from youbot_env.errors import InputError
 from youbot_env.geometry import Geometry
 from youbot_env.model_file import load_model
 from youbot_env.motions import motion_i, motion_ii, motion_iii, motion_iv
+from youbot_env.structure import Structure
 
 PAPER = load_model("paper")
 ENGINE = Mecanum(Geometry(), Structure())

@@ -4,9 +4,9 @@ from identification.mecanum import Mecanum
 from identification.recursive import RecursiveLeastSquares, recursive_course
 from identification.regression import fit
 from tests.identification.recordings import recording
-from youbot_env.dynamics import Structure
 from youbot_env.geometry import Geometry
 from youbot_env.model_file import load_model
+from youbot_env.structure import Structure
 
 PAPER = load_model("paper")
 

@@ -17,11 +17,13 @@ from identification.regression import (
 )
 from tests.identification.recordings import recording
 from tests.identification.shared_data import DATA, needs_data, theta, truth
-from youbot_env.dynamics import Instant, Structure, wrench
+from youbot_env.dynamics import wrench
 from youbot_env.effects import CATALOGUE
 from youbot_env.errors import InputError
 from youbot_env.geometry import Geometry
 from youbot_env.model_file import load_model
+from youbot_env.points import Instant
+from youbot_env.structure import Structure
 
 PAPER = load_model("paper")
 

@@ -10,8 +10,8 @@ import sympy
 
 from identification.axis_catalogue import AXIS_CATALOGUE, UNITS, Scales
 from tests.youbot_env.test_plugins import DRAG, HEAD
-from youbot_env.dynamics import Structure
 from youbot_env.effects import CATALOGUE
+from youbot_env.structure import Structure
 from youbot_env.symbolic import equation
 from youbot_scripts import cli
 

@@ -12,10 +12,11 @@ import pytest
 from tests.youbot_env.structures import CASES, model, random_instant, state_of
 from youbot_env import dynamics, effects
 from youbot_env.backends import floats, symbols, tensors
-from youbot_env.dynamics import Instant, Structure
 from youbot_env.effects import CATALOGUE, WHEEL, Parameter, effect
 from youbot_env.kernels import kernel
 from youbot_env.model import Model
+from youbot_env.points import Instant
+from youbot_env.structure import Structure
 
 COUNT = 7
 

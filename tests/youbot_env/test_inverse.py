@@ -9,10 +9,10 @@ import numpy as np
 import pytest
 
 from tests.youbot_env.structures import CASES, EVERYTHING, model, random_instant
-from youbot_env.dynamics import Instant
 from youbot_env.inverse import INVERSE, MOTION
 from youbot_env.kernels import inverse_kernel
 from youbot_env.model import Model
+from youbot_env.points import Instant
 
 
 def plain(found: Model) -> Any:

@@ -14,9 +14,9 @@ import pytest
 
 from youbot_env import kernels
 from youbot_env.catalogue import wheel_coulomb_friction
-from youbot_env.dynamics import Structure
 from youbot_env.effects import CATALOGUE
 from youbot_env.model_file import load_model
+from youbot_env.structure import Structure
 
 BASE = Structure()
 

@@ -21,11 +21,19 @@ from tests.youbot_env.structures import (
 )
 from youbot_env import dynamics
 from youbot_env.backends import floats
-from youbot_env.dynamics import Instant, Points, Structure, component_wrench
 from youbot_env.effects import BASE, CATALOGUE, Channel
 from youbot_env.errors import InputError
-from youbot_env.geometry import SIGN_LATERAL, Geometry
+from youbot_env.geometry import (
+    SIGN_LATERAL,
+    Geometry,
+    allocate,
+    body_force,
+    roller_rates,
+    wheel_rates,
+)
 from youbot_env.model import BASE_UNITS, Estimate, Model
+from youbot_env.points import Instant, Points, component_wrench
+from youbot_env.structure import Structure
 
 SEEDS = range(20)
 
@@ -51,7 +59,7 @@ def test_inverse_after_forward_is_the_identity_on_what_drives_the_body(case: str
     at = random_instant(np.random.default_rng(1))
     at = replace(at, acceleration=dynamics.forward_dynamics(floats, *where, at))
     demanded = dynamics.wrench(floats, *where, at)
-    driving = dynamics.body_force(m.geometry, at.torque)
+    driving = body_force(m.geometry, at.torque)
     np.testing.assert_allclose(demanded, driving, rtol=1e-12, atol=1e-12)
 
 
@@ -255,7 +263,7 @@ def test_wheel_rates_obey_the_four_wheel_identity():
     """phi_1' + phi_2' - phi_3' - phi_4' = 0, and each rate as the paper writes it."""
     g = Geometry(l=0.2, h=0.3, R=0.06, r=0.011)
     vx, vy, w = twist = np.random.default_rng(0).normal(size=(3, 100))
-    rates = np.array(dynamics.wheel_rates(g, tuple(twist)))
+    rates = np.array(wheel_rates(g, tuple(twist)))
     lw = (g.l + g.h) * w
     explicit = np.array([vx - vy - lw, vx + vy + lw, vx + vy - lw, vx - vy + lw]) / g.R
     np.testing.assert_allclose(rates, explicit, rtol=0, atol=1e-13)
@@ -270,7 +278,7 @@ def test_roller_rates_are_as_the_paper_writes_them():
     x = np.array([g.h, g.h, -g.h, -g.h])
     d = np.arctan(SIGN_LATERAL)
     explicit = -(twist[1] + np.outer(x, twist[2])) / (g.r * np.cos(d))[:, None]
-    rates = np.array(dynamics.roller_rates(g, tuple(twist)))
+    rates = np.array(roller_rates(g, tuple(twist)))
     np.testing.assert_allclose(rates, explicit, rtol=1e-13)
     np.testing.assert_allclose(rates.T, twist.T @ g.roller_jacobian.T, rtol=1e-12)
 
@@ -280,15 +288,13 @@ def test_force_and_speed_maps_are_transposes():
     g = Geometry()
     rng = np.random.default_rng(0)
     torque, twist = rng.normal(size=(4, 50)), rng.normal(size=(3, 50))
-    force = np.array(dynamics.body_force(g, list(torque)))
-    rates = np.array(dynamics.wheel_rates(g, tuple(twist)))
+    force = np.array(body_force(g, list(torque)))
+    rates = np.array(wheel_rates(g, tuple(twist)))
     np.testing.assert_allclose((torque * rates).sum(0), (force * twist).sum(0), rtol=1e-11)
     np.testing.assert_allclose(force.T, g.body_force(torque.T), rtol=1e-12)
-    back = dynamics.body_force(g, dynamics.allocate(g, tuple(force)))
+    back = body_force(g, allocate(g, tuple(force)))
     np.testing.assert_allclose(back, force, rtol=1e-12)
-    np.testing.assert_allclose(
-        np.array(dynamics.allocate(g, tuple(force))).T, g.wheel_torque(force.T)
-    )
+    np.testing.assert_allclose(np.array(allocate(g, tuple(force))).T, g.wheel_torque(force.T))
 
 
 # --- friction --------------------------------------------------------------------------------

@@ -9,11 +9,11 @@ import pytest
 
 from tests.youbot_env.structures import BASE_ONLY, CASES, model, random_instant
 from youbot_env import dynamics
-from youbot_env.dynamics import Instant
 from youbot_env.effects import BODY, ROLLER, WHEEL, WORLD, Effect
 from youbot_env.geometry import Geometry
 from youbot_env.kernels import kernel
 from youbot_env.model import BASE_UNITS, Estimate, Model
+from youbot_env.points import Instant, Points
 from youbot_env.simulate import initial_state
 
 PLATFORM = {
@@ -140,7 +140,7 @@ def _add_effects(
     m: Model, at: Instant, rates: np.ndarray, mass: np.ndarray, force: np.ndarray
 ) -> None:
     """Each effect at the coordinate on which it acts; what it demands per acceleration is mass."""
-    points = dynamics.Points(np, m.geometry, m.theta, at, m.structure.carriers)
+    points = Points(np, m.geometry, m.theta, at, m.structure.carriers)
     base = points.base
     for item, where in m.structure.wrenches:
         values = m.theta[where]
@@ -164,7 +164,7 @@ def _add_effects(
 
 
 def _add_body_effect(
-    item: Effect, values: np.ndarray, points: dynamics.Points, mass: np.ndarray, force: np.ndarray
+    item: Effect, values: np.ndarray, points: Points, mass: np.ndarray, force: np.ndarray
 ) -> None:
     at, yaw = points.at, points.at.pose[2]
     c, s = np.cos(yaw), np.sin(yaw)

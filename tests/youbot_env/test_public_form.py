@@ -7,13 +7,13 @@ import pytest
 
 from tests.youbot_env.structures import CASES, EFFECTS, catalogue_values, model
 from youbot_env.backends import floats
-from youbot_env.dynamics import Structure
 from youbot_env.effects import BASE, BODY, CATALOGUE, Parameter, Public, effect
 from youbot_env.errors import InputError
 from youbot_env.geometry import Geometry
 from youbot_env.model_file import load_model, save_model
 from youbot_env.plugins import load_effects
 from youbot_env.public_form import jacobian, public_parameters, to_public, to_theta
+from youbot_env.structure import Structure
 
 FORMED = [name for name in EFFECTS if CATALOGUE[name].public is not None]
 OTHER = Geometry(l=0.2, h=0.3, R=0.06, r=0.011, m1=1.1)

@@ -12,10 +12,11 @@ from tests.youbot_env.structures import CASES, drive, model, random_instant
 from youbot_env import dynamics
 from youbot_env.backends import floats
 from youbot_env.catalogue import GRAVITY
-from youbot_env.dynamics import Instant, Points, component_wrench
 from youbot_env.errors import InputError
+from youbot_env.geometry import Triple, body_force, wheel_rates
 from youbot_env.kernels import kernel
 from youbot_env.model import Model
+from youbot_env.points import Instant, Points, component_wrench
 from youbot_env.simulate import FULL_SPEED, initial_state, ripple_rate, simulate, substeps
 
 LATE = 40.0
@@ -54,7 +55,7 @@ def instants(m: Model, states: np.ndarray, torque: np.ndarray) -> Instant:
     return replace(at, torque=true)
 
 
-def power(force: dynamics.Triple, at: Instant) -> np.ndarray:
+def power(force: Triple, at: Instant) -> np.ndarray:
     return sum((f * v for f, v in zip(force, at.twist, strict=True)), np.zeros(len(at.time)))
 
 
@@ -67,7 +68,7 @@ def run(request: pytest.FixtureRequest) -> tuple[Model, np.ndarray, Instant]:
     torque = drive(time, 2.0)
     states = simulate(m, time, torque, moving(m))
     at = instants(m, states, torque)
-    rates = np.array(dynamics.wheel_rates(m.geometry, at.twist))
+    rates = np.array(wheel_rates(m.geometry, at.twist))
     assert (rates.min(axis=1) < -1).all() and (rates.max(axis=1) > 1).all()
     return m, states, at
 
@@ -83,7 +84,7 @@ def test_energy_balance_closes(run: tuple[Model, np.ndarray, Instant]):
         np, m.structure, m.geometry, m.theta, Instant((0.0, 0.0, 0.0), time=LATE)
     )
     kinetic = 0.5 * np.einsum("ni,ij,nj->n", states[:, :3], matrix, states[:, :3])
-    driving = power(dynamics.body_force(m.geometry, at.torque), at)
+    driving = power(body_force(m.geometry, at.torque), at)
     points = Points(np, m.geometry, m.theta, at, m.structure.carriers)
     taken = {
         item.name: power(component_wrench(np, item, m.theta[where], points), at)
@@ -309,5 +310,5 @@ def test_a_diverging_run_ends_in_numbers_that_are_not():
 def test_random_instants_move_every_wheel():
     """The laws are tested on motions that mean something."""
     at = random_instant(np.random.default_rng(0), 100)
-    rates = np.array(dynamics.wheel_rates(model("base").geometry, at.twist))
+    rates = np.array(wheel_rates(model("base").geometry, at.twist))
     assert (np.abs(rates).max(axis=1) > 5).all()

@@ -10,10 +10,10 @@ import pytest
 from identification.axis_dynamics import SYSTEM, AxisStructure
 from youbot_env.codegen import MECANUM, System
 from youbot_env.composition import Composition
-from youbot_env.dynamics import Structure
 from youbot_env.effects import CATALOGUE
 from youbot_env.errors import InputError
 from youbot_env.inverse import INVERSE
+from youbot_env.structure import Structure
 
 CASES = [
     pytest.param(Structure, ("wheel_coulomb_friction", "actuator_lag"), id="platform"),

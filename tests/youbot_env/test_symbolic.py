@@ -15,11 +15,13 @@ from sympy.parsing.sympy_parser import (
 
 from tests.youbot_env.structures import CASES, EFFECTS, model, random_instant
 from youbot_env import dynamics
-from youbot_env.dynamics import Instant, Structure
 from youbot_env.effects import BASE, CATALOGUE
 from youbot_env.errors import InputError
+from youbot_env.geometry import body_force, roller_rates, wheel_rates
 from youbot_env.model import Model
+from youbot_env.points import Instant
 from youbot_env.printing import collected, join, text, tidy
+from youbot_env.structure import Structure
 from youbot_env.symbolic import SIDES, Equations, equation, formula
 
 AS_IN_THE_PAPER = """\
@@ -60,11 +62,11 @@ def numbers(m: Model, at: Instant) -> dict[str, float]:
     found |= dict(zip(("x", "y", "psi"), at.pose, strict=True))
     rows = {
         "phi{}": at.wheel_angle,
-        "phi{}_dot": dynamics.wheel_rates(g, at.twist),
-        "phi{}_ddot": dynamics.wheel_rates(g, at.acceleration),
+        "phi{}_dot": wheel_rates(g, at.twist),
+        "phi{}_ddot": wheel_rates(g, at.acceleration),
         "M{}": at.torque,
-        "gamma{}_dot": dynamics.roller_rates(g, at.twist),
-        "gamma{}_ddot": dynamics.roller_rates(g, at.acceleration),
+        "gamma{}_dot": roller_rates(g, at.twist),
+        "gamma{}_ddot": roller_rates(g, at.acceleration),
     }
     for name, values in rows.items():
         found |= {name.format(i + 1): value for i, value in enumerate(values)}
@@ -90,7 +92,7 @@ def test_what_is_printed_evaluates_to_the_wrench(case: str):
         left, right = line.split(" = ")
         assert right == side
         assert evaluated(left, known) == pytest.approx(expected, rel=1e-11)
-    force = dict(zip(SIDES, dynamics.body_force(m.geometry, at.torque), strict=True))
+    force = dict(zip(SIDES, body_force(m.geometry, at.torque), strict=True))
     for line in lines[3:]:
         left, right = line.split(" = ")
         if left in force:

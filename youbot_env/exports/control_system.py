@@ -12,7 +12,6 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from youbot_env import dynamics
-from youbot_env.dynamics import DRIVE_STATE, STATE
 from youbot_env.effects import WORLD
 from youbot_env.errors import InputError
 from youbot_env.exports.steps import refuse_delay
@@ -22,6 +21,7 @@ from youbot_env.model import Model
 from youbot_env.model_file import load_model
 from youbot_env.public_form import to_theta
 from youbot_env.simulate import initial_state
+from youbot_env.structure import DRIVE_STATE, STATE
 
 Array = NDArray[np.float64]
 

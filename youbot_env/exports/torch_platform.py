@@ -16,6 +16,7 @@ from youbot_env.exports.steps import refuse_delay
 from youbot_env.exports.tracing import XP, traced_derivative
 from youbot_env.model import Model
 from youbot_env.plant import plant_substeps
+from youbot_env.points import Instant
 from youbot_env.public_form import internal_values
 
 
@@ -96,7 +97,7 @@ class TorchPlatform(nn.Module):
         Linear in most parameters, and so what to fit where accelerations are known.
         """
         parts = {key: v if key == "time" else v.unbind(-1) for key, v in at.items()}
-        instant = dynamics.Instant(twist.unbind(-1), acceleration.unbind(-1), **parts)  # type: ignore[arg-type]
+        instant = Instant(twist.unbind(-1), acceleration.unbind(-1), **parts)  # type: ignore[arg-type]
         where = (self.model.structure, self.model.geometry, self.theta())
         return _stacked(dynamics.wrench(XP, *where, instant), twist)
 

@@ -16,7 +16,7 @@ from torch.fx.proxy import GraphAppendingTracer
 
 from youbot_env import dynamics
 from youbot_env.backends import floats, tensors
-from youbot_env.dynamics import Structure
+from youbot_env.structure import Structure
 
 XP = tensors()
 """What the traced operations call. One for all traces, so that torch.compile knows it again."""
