@@ -67,14 +67,8 @@ class AxisModel:
         for name, label in zip(self.structure.parameter_names, self.axis.labels, strict=True):
             if name not in self.values:
                 raise InputError(f"model {self.name}: parameter {name!r} is missing")
-            known, value = label.parameter, self.values[name]
-            # A fit that ends at a bound may lie outside it by its rounding.
-            slack = 1e-9 * known.size
-            if not (np.isfinite(value) and known.lower - slack <= value <= known.upper + slack):
-                raise InputError(
-                    f"model {self.name}: {name} = {value:g} {known.unit} is outside "
-                    f"[{known.lower:g}, {known.upper:g}]"
-                )
+            if fault := label.parameter.fault(self.values[name]):
+                raise InputError(f"model {self.name}: {name} = {fault}")
         if self.values["inertia"] <= 0:
             raise InputError(f"model {self.name}: inertia must be positive")
         strangers = [name for name in self.covariance_names if name not in self.values]

@@ -30,6 +30,7 @@ import inspect
 from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
+from math import isfinite
 from typing import Any, NamedTuple
 
 from youbot_env.errors import InputError
@@ -172,6 +173,14 @@ class Parameter:
         Other shape constants are fitted with the rest in the end.
         """
         return self.instant or self.whole
+
+    def fault(self, value: float) -> str:
+        """What is wrong with a value, as "3 kg is outside [0, 2]"; "" within the bounds."""
+        # A fit that ends at a bound may lie outside it by its rounding.
+        slack = 1e-9 * self.size
+        if isfinite(value) and self.lower - slack <= value <= self.upper + slack:
+            return ""
+        return f"{value:g} {self.unit} is outside [{self.lower:g}, {self.upper:g}]"
 
 
 @dataclass(frozen=True)

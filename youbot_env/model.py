@@ -86,14 +86,8 @@ class Model:
         for effect in self.effects:
             for key in CATALOGUE[effect].public_names:
                 known = CATALOGUE[effect].public_parameter(key)
-                value = self.values[f"{effect}.{key}"]
-                # A fit that ends at a bound may lie outside it by its rounding.
-                slack = 1e-9 * known.size
-                if not known.lower - slack <= value <= known.upper + slack:
-                    raise InputError(
-                        f"model {self.name}: effect {effect}: {key} = {value:g} {known.unit} is "
-                        f"outside [{known.lower:g}, {known.upper:g}]"
-                    )
+                if fault := known.fault(self.values[f"{effect}.{key}"]):
+                    raise InputError(f"model {self.name}: effect {effect}: {key} = {fault}")
 
     def _check_physical(self) -> None:
         value = {name: self.parameters[name].value for name in BASE_UNITS}
