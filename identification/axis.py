@@ -266,7 +266,7 @@ class AxisDemand:
         return np.stack([self._column(int(i)) for i in indices])[..., None]
 
     def _column(self, index: int) -> Array:
-        step = 1e-3 * self.mechanism.labels[index].parameter.size
+        step = self.mechanism.labels[index].parameter.difference
         # Not beyond the bounds: a period at its least would be tried at zero.
         room = self.theta[index] - self.mechanism.bounds[0][index]
         back = float(np.clip(room, 0.0, step))

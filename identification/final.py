@@ -52,7 +52,7 @@ def joint_fit(mechanism: Mechanism, samples: Sequence[Any], start: Array) -> Fit
     """Fit of the free parameters, then of those and the smooth shape constants together."""
     found = fit(mechanism, samples, start)
     smooth = np.array(
-        [bool(label.parameter.grid) and not label.parameter.jumps for label in mechanism.labels]
+        [bool(label.parameter.grid) and not label.parameter.whole for label in mechanism.labels]
     )
     if not smooth.any():
         return found

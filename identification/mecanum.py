@@ -485,7 +485,7 @@ class Demand:
     def _column(self, index: int) -> Array:
         structure = self.mechanism.structure
         item, where = next(row for row in structure.slices if index < row[1].stop)
-        step = 1e-3 * item.parameter(item.parameter_names[index - where.start]).size
+        step = self.mechanism.labels[index].parameter.difference
         if item.acts_at.kind != "wrench":
             theta = np.tile(self.theta, (2, 1))
             theta[:, index] += (step, -step)

@@ -123,6 +123,11 @@ CHANNEL = Place("log channel", "channel", Channel, True)
 CLOCK = Place("log clock", "shift", Clock, False)
 
 
+INSTANT_STEP = 0.25
+"""Half the step [s] over which the slope in an instant is taken: some samples of any log, and what
+a search over instants leaves unsettled."""
+
+
 @dataclass(frozen=True)
 class Parameter:
     """One parameter of an effect.
@@ -138,7 +143,8 @@ class Parameter:
         part belongs to ``absorbed_by``, a base parameter (None: it cannot be known)
     grid : values of a shape constant that a search should try
     instant : whether a shape constant is a time in the log, so that a search goes to its end
-    whole : whether a shape constant counts something, so that nothing lies between two values
+    whole : whether a shape constant counts something, so that nothing lies between two values and
+        a search has the last word; others are fitted with the rest in the end
     """
 
     name: str
@@ -167,12 +173,12 @@ class Parameter:
         return self.default is not None
 
     @property
-    def jumps(self) -> bool:
-        """Whether the force jumps with it, so that a search has the last word on its value.
+    def difference(self) -> float:
+        """Half the step over which the force's slope in it is taken.
 
-        Other shape constants are fitted with the rest in the end.
+        An instant moves a jump of the force from sample to sample: its slope shows over many.
         """
-        return self.instant or self.whole
+        return INSTANT_STEP if self.instant else 1e-3 * self.size
 
     def fault(self, value: float) -> str:
         """What is wrong with a value, as "3 kg is outside [0, 2]"; "" within the bounds."""

@@ -68,6 +68,17 @@ def test_the_last_fit_is_the_same_each_time():
     assert np.array_equal(first.covariance, again.covariance)
 
 
+def test_the_instant_of_a_load_comes_back_with_its_uncertainty():
+    load = (("payload_change", (("mass", 8.0), ("x", 0.1), ("y", -0.05), ("time", 27.3))),)
+    mechanism, samples, noise, truth = at_hand(load, seeds=(1,))
+    time = list(mechanism.parameter_names).index("payload_change.time")
+    start = truth.copy()
+    start[time] += 0.3  # what a search over instants leaves
+    found = final_fit(mechanism, samples, noise, start, seed=0)
+    assert off_by(found, truth, time) < 3.0
+    assert found.std[list(found.free).index(time)] < 0.1
+
+
 def test_gains_come_back_though_torques_cancel_on_the_way():
     gains = {"gain_fl": 0.08, "gain_fr": 0.08, "gain_bl": 0.08, "gain_br": -0.24}
     effects = (("torque_gain_error", tuple(gains.items())),)
