@@ -61,8 +61,8 @@ class Samples:
 
     @cached_property
     def internal(self) -> Array:
-        """(N,) how much of ``INTERNAL`` the logged torques hold, smoothed [N m]."""
-        return smoothed(self.torque @ INTERNAL / 4.0, INTERNAL_SMOOTHING / self.dt)
+        """(N,) how much of ``INTERNAL`` the logged torques hold [N m]."""
+        return internal_of(self.torque, self.dt)
 
 
 INTERNAL = np.array([1.0, 1.0, -1.0, -1.0])
@@ -70,6 +70,12 @@ INTERNAL = np.array([1.0, 1.0, -1.0, -1.0])
 
 INTERNAL_SMOOTHING = 0.05
 """Window [s] over which the internal torque is averaged: its noise would enter the columns."""
+
+
+def internal_of(torque: Array, dt: float) -> Array:
+    """(N,) how much of ``INTERNAL`` torques (N, 4) hold, smoothed [N m]."""
+    return smoothed(torque @ INTERNAL / 4.0, INTERNAL_SMOOTHING / dt)
+
 
 SLIPPING = 4.0
 """Deviations of the random walk that noise on a wheel's speed makes; beyond them it slips."""
@@ -337,7 +343,7 @@ class Demand:
         if mechanism.structure.depends_on_load:
             torque = dynamics.acting_torque(
                 *(np, mechanism.structure, mechanism.geometry, theta, self.instant),
-                internal=tuple(part * self._internal for part in INTERNAL),
+                internal=tuple(part * self._acting_internal(theta) for part in INTERNAL),
                 tolerance=1e-10,
             )
             self.instant = replace(self.instant, torque=torque)
@@ -393,12 +399,16 @@ class Demand:
         structure, geometry = self.mechanism.structure, self.mechanism.geometry
         if not structure.depends_on_load:
             return None
-        slopes = [self._loss_by(wheel) for wheel in range(4)]
+        slopes = self._loss_slopes
         units = [allocate(geometry, tuple(unit)) for unit in np.eye(3)]  # type: ignore
         # What a unit of each force asks of the four wheels, times what they lose by it.
         lost = [sum(share * slope for share, slope in zip(u, slopes, strict=True)) for u in units]
         identity = np.eye(3)
         return [[identity[i, j] - np.asarray(lost[j])[i] for j in range(3)] for i in range(3)]
+
+    @cached_property
+    def _loss_slopes(self) -> list[Array]:
+        return [self._loss_by(wheel) for wheel in range(4)]
 
     def _loss_by(self, wheel: int) -> Array:
         """(3, 2, N - 1): by how much the force lost grows with one wheel's torque."""
@@ -458,8 +468,15 @@ class Demand:
     @cached_property
     def _internal(self) -> Array:
         """(2, N - 1) of the logged torques, at both ends of each interval [N m]."""
-        internal = self.samples.internal
-        return np.stack([internal[:-1], internal[1:]])
+        return _ends(self.samples.internal[:, None])[0]
+
+    def _acting_internal(self, theta: Array) -> Array:
+        """The same of the torques behind the channels: what acts there loads the wheels."""
+        s, structure = self.samples, self.mechanism.structure
+        if not structure.at(CHANNEL):
+            return self._internal
+        true = dynamics.channel_torque(np, structure, theta, tuple(s.torque.T), s.time)
+        return _ends(internal_of(np.stack(true, axis=1), s.dt)[:, None])[0]
 
     def _rates(self, torque: tuple[Array, ...]) -> tuple[Array, ...]:
         """Rates of the acting torques: differences between smoothed samples."""
@@ -489,13 +506,28 @@ class Demand:
         if item.acts_at.kind != "wrench":
             theta = np.tile(self.theta, (2, 1))
             theta[:, index] += (step, -step)
-            ahead, behind = (self._finish(self._body_force, values) for values in theta)
+            more = 0.5 * self._lost_between(*theta)
+            ahead = self._finish(self._body_force + more, theta[0])
+            behind = self._finish(self._body_force - more, theta[1])
             return (ahead - behind) / (2 * step)
         slope = self._responding(self._slope(item, where, index, step))
         if structure.only_wrenches:
             return self._finish(slope, self.theta)
         # From force to interface all is affine, or a drive of somebody's own: a small step does.
         return (self._finish(self._body_force + step * slope, self.theta) - self.force) / step
+
+    def _lost_between(self, ahead: Array, behind: Array) -> Array | float:
+        """By how much the force lost under load differs between two theta of drives and channels.
+
+        What acts behind the channels loads the wheels, internal torques with the rest.
+        """
+        structure = self.mechanism.structure
+        if not (structure.depends_on_load and structure.at(CHANNEL)):
+            return 0.0
+        moved = self._acting_internal(ahead) - self._acting_internal(behind)
+        parts = zip(INTERNAL, self._loss_slopes, strict=True)
+        lost = sum((part * slope for part, slope in parts), start=np.zeros((3, 1, 1)))
+        return self._responding(self._scaled(tuple(lost * moved)))
 
     def _slope(self, owner: Effect, where: slice, index: int, step: float) -> Array:
         """d (body force) / d theta[index], from the components alone that the parameter enters."""
