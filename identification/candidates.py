@@ -51,6 +51,11 @@ class Fitted:
         return [row.residual for row in self.rows]
 
     @property
+    def square(self) -> float:
+        """Sum of the squared residuals of all rows."""
+        return sum(float((row.residual**2).sum()) for row in self.rows)
+
+    @property
     def columns(self) -> list[Array]:
         """Per log (n, A, F)."""
         return [row.columns for row in self.rows]
@@ -95,6 +100,8 @@ class Candidate:
         structure's: a drive's lag differentiates the noise, and must not lose by that alone
     folding : the structure's held-out squares over those with the candidate's folds: finer ones
         hold less out, and are no merit of the candidate
+    unkept : squares whose fall the held-out steps promise and the joint fit does not keep: they
+        know no bounds, and may well need a negative inertia
     """
 
     name: str
@@ -108,11 +115,12 @@ class Candidate:
     fitted: Fitted | None = None
     extra_noise: float = 0.0
     folding: float = 1.0
+    unkept: float = 0.0
 
     @property
     def square(self) -> float:
         """Sum of squared held-out residuals, at the structure's own noise and folds."""
-        return self.noisy_square - self.extra_noise
+        return self.noisy_square - self.extra_noise + self.unkept
 
     @property
     def noisy_square(self) -> float:
@@ -216,13 +224,29 @@ def contains(larger: Candidate, smaller: Candidate, base: Fitted, enough: float 
     """Whether the larger candidate's columns can imitate the smaller one's (a nested effect)."""
     if larger.parameters <= smaller.parameters:
         return False
-    target = np.concatenate([c.reshape(-1, c.shape[-1]) for c in smaller.columns])
-    nuisance = np.concatenate([c.reshape(-1, c.shape[-1]) for c in base.columns])
-    both = np.concatenate(
-        [nuisance, np.concatenate([c.reshape(-1, c.shape[-1]) for c in larger.columns])], axis=1
-    )
+    return _imitates(_flat(larger.columns), _flat(smaller.columns), _flat(base.columns), enough)
+
+
+def extends(item: Candidate, base: Fitted, enough: float = 0.995) -> bool:
+    """Whether a candidate's columns can imitate those of an effect that the structure holds."""
+    columns = _flat(base.columns)
+    for effect in base.mechanism.structure.effects:
+        its = np.array([base.mechanism.labels[k].component == effect for k in base.free])
+        fewer = its.any() and its.sum() < item.parameters
+        if fewer and _imitates(_flat(item.columns), columns[:, its], columns[:, ~its], enough):
+            return True
+    return False
+
+
+def _flat(columns: Sequence[Array]) -> Array:
+    """Columns (n, A, F) of all logs, in one (N, F)."""
+    return np.concatenate([part.reshape(-1, part.shape[-1]) for part in columns])
+
+
+def _imitates(columns: Array, target: Array, nuisance: Array, enough: float) -> bool:
+    """Whether columns explain all but ``1 - enough`` of what others leave of the targets."""
     left_base = unexplained(nuisance, target)
-    left_both = unexplained(both, target)
+    left_both = unexplained(np.concatenate([nuisance, columns], axis=1), target)
     return bool((left_both < (1 - enough) * left_base).all())
 
 

@@ -34,8 +34,11 @@ thousandths of a standard deviation."""
 MOST_STEPS, PATIENCE, STALLED = 30, 4, 1e-5
 """Gauss-Newton steps at most, and without a fall of the squares by more than a share of STALLED.
 
-It has no step control: where the data hardly show a parameter (a breakaway peak that is not there,
-the place of a load without mass) it wanders about, and the best that it has passed is kept."""
+Where the data hardly show a parameter (a breakaway peak that is not there, the place of a load
+without mass) it wanders about, and the best that it has passed is kept."""
+
+BLOWN_UP = 100.0
+"""Squares over the least so far from which on a step has gone too far: it is halved."""
 
 HUBER = 1.345
 """Huber's threshold in robust standard deviations: 95 % efficient on clean Gaussian residuals."""
@@ -175,14 +178,17 @@ def fit(
         progress()
         if sum(len(row.residual) for row in rows) < 2 * len(chosen):
             raise InputError("the logs are too short to fit a model: record some 20 s of motion")
-        weights = huber_weights(rows) if robust else [np.ones(len(r.residual)) for r in rows]
+        weights = _weights(rows, robust)
         square = _squares(rows, weights)
         waited = 0 if square < (1 - STALLED) * lowest else waited + 1
         if square < lowest:
             lowest, kept = square, (theta.copy(), rows, bounded)
         if waited > PATIENCE:
-            theta, rows, bounded = kept
             break
+        if not square < BLOWN_UP * lowest:
+            theta = 0.5 * (theta + kept[0])
+            rows = [regression_rows(mechanism, theta, samples, chosen) for samples in logs]
+            continue
         step, bounded = solve_step(mechanism, rows, weights, theta, chosen, basis)
         theta[chosen] += step
         arrived = _explains(rows, weights, step) < ARRIVED * square
@@ -191,11 +197,18 @@ def fit(
         else:
             rows = [regression_rows(mechanism, theta, samples, chosen) for samples in logs]
         if arrived or (linear and not robust):
+            kept = theta, rows, bounded
             break
+    theta, rows, bounded = kept
+    weights = _weights(rows, robust)
     # A robust fit's rows are weighted, so that its covariance is that of the weighted estimate.
     weighted = [_weighted(row, weight) for row, weight in zip(rows, weights, strict=True)]
     covariance = hac_covariance(weighted, basis, mechanism.scale[chosen])
     return Fit(theta, chosen, covariance, tuple(rows), bounded)
+
+
+def _weights(rows: Sequence[Rows], robust: bool) -> list[Array]:
+    return huber_weights(rows) if robust else [np.ones(len(row.residual)) for row in rows]
 
 
 def _explains(rows: Sequence[Rows], weights: Sequence[Array], step: Array) -> float:

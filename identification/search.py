@@ -14,12 +14,14 @@ from identification.candidates import (
     Candidate,
     Fitted,
     contains,
+    extends,
     try_candidate,
     unexplained,
 )
 from identification.errors import (
     NoiseLevel,
     Squares,
+    Traces,
     add_up,
     force_floor,
     force_traces,
@@ -35,11 +37,16 @@ from identification.parallel import side_by_side
 from identification.regression import Fit, residual_of
 from identification.segments import cut
 from identification.significance import family_p_values, score_blocks
+from youbot_env.errors import InputError
 
 Array = NDArray[np.float64]
 
 MATERIAL = 0.05
 """Least share of the held-out squared residual that an effect must take away to be accepted."""
+
+CRUMB = 0.2
+"""The same of the squares' excess over the noise floor: an effect that takes less of it away is a
+crumb of something else, and nothing true is found by collecting them."""
 
 NESTED = 0.05
 """Share of a simpler effect's squares by which its extension must be better to take its place."""
@@ -85,6 +92,7 @@ class Ranking:
     """All candidates on top of one structure, best first, with those that tie with the best.
 
     square : held-out squares of the structure itself
+    needed : least share of them that an effect must take away to be accepted
     """
 
     candidates: tuple[Candidate, ...]
@@ -92,6 +100,12 @@ class Ranking:
     tied: tuple[str, ...]
     best: Candidate | None
     square: float
+    needed: float = MATERIAL
+
+    @property
+    def is_material(self) -> bool:
+        """Whether the best candidate takes away what is needed."""
+        return self.fall >= self.needed
 
     @property
     def fall(self) -> float:
@@ -147,7 +161,7 @@ class Search:
         for fold, theta in zip(folds, thetas, strict=True):
             part = self.stretch(fold)
             force.append(Squares.of(force_traces(fitted.mechanism, theta, part)))
-            velocity.append(Squares.of(velocity_traces(fitted.mechanism, theta, part)))
+            velocity.append(Squares.of(_free_run(fitted.mechanism, theta, part)))
             self.tick()
         return Step(effect, add_up(force).ratio, add_up(velocity).ratio, fitted, thetas)
 
@@ -164,9 +178,18 @@ class Search:
         velocity = []
         for samples, noise in zip(self.samples, self.noise, strict=True):
             args = (fitted.mechanism, fitted.theta, samples)
-            velocity.append(velocity_floor(*args, velocity_traces(*args), noise, self.seed))
+            run = _free_run(*args)
+            if np.isfinite(run.predicted).all():
+                velocity.append(velocity_floor(*args, run, noise, self.seed))
+            else:
+                velocity.append(Squares.of(run))
         _, force = self._force_squares(fitted)
         return {"force_error": force.ratio, "velocity_error": add_up(velocity).ratio}
+
+    def needed(self, fitted: Fitted) -> float:
+        """Share of a structure's squares that an effect must take away to be accepted."""
+        excess = 1.0 - 1.0 / self.above_floor(fitted) ** 2
+        return max(MATERIAL, CRUMB * excess)
 
     def above_floor(self, fitted: Fitted) -> float:
         """Force error of the fit on its own logs, over what noise alone would leave."""
@@ -185,26 +208,34 @@ class Search:
     def rank(self, fitted: Fitted, names: Sequence[str], rng: np.random.Generator) -> Ranking:
         """Try each candidate on top of a structure."""
         base = fitted.held_out
+        needed = self.needed(fitted)
         if not names:
-            return Ranking((), {}, (), None, base.square)
+            return Ranking((), {}, (), None, base.square, needed)
         found = side_by_side(
             lambda name: try_candidate(fitted, self.samples, name), names, self.tick
         )
         found.sort(key=lambda item: item.square)
-        found = self._refit(fitted, found, base.square)
+        found = self._refit(fitted, found, base.square, needed)
         step = fitted.rows[0].step
         scores = {
             item.name: score_blocks(fitted.residual, fitted.columns, item.columns, step)
             for item in found
         }
         p_values = family_p_values(scores, rng)
-        best, tied = _choose(found, base.square, fitted, step, self._idle)
-        return Ranking(tuple(found), p_values, tied, best, base.square)
+        rivals = list(found)
+        best, tied = _choose(rivals, base.square, fitted, step, self._idle)
+        while best and extends(best, fitted) and self._idle(best, fitted, base.square):
+            # More of what is there already, by nothing or by noise: no finding.
+            rivals.remove(best)
+            best, tied = _choose(rivals, base.square, fitted, step, self._idle)
+        return Ranking(tuple(found), p_values, tied, best, base.square, needed)
 
-    def _refit(self, base: Fitted, found: list[Candidate], square: float) -> list[Candidate]:
+    def _refit(
+        self, base: Fitted, found: list[Candidate], square: float, needed: float
+    ) -> list[Candidate]:
         """Joint fits of the candidates in the lead: some are linear only near zero strength."""
         fall = square - found[0].square if found else 0.0
-        if fall < 0.5 * MATERIAL * square:
+        if fall < 0.5 * needed * square:
             return found
         noise = base.noise_square(self.samples, self.noise, self.seed)
         leaders = [item for item in found[:LEADERS] if square - item.square > fall * _enough(item)]
@@ -213,7 +244,7 @@ class Search:
             joint = self.fit(item.mechanism, item.theta)
             more = joint.noise_square(self.samples, self.noise, self.seed) - noise
             result = joint.held_out
-            return replace(
+            new = replace(
                 item,
                 theta=joint.theta,
                 fitted=joint,
@@ -221,32 +252,39 @@ class Search:
                 extra_noise=more,
                 folding=base.compared(result.folds),
             )
+            fall = (base.square - joint.square + more) * square / base.square
+            broken = fall < KEPT * (square - new.square)
+            return replace(new, unkept=square - fall - new.square) if broken else new
 
         done = side_by_side(refitted, leaders, self.tick)
         rest = [item for item in found if item not in leaders]
         return sorted([*done, *rest], key=lambda item: item.square)
 
-    def _idle(self, larger: Candidate, smaller: Candidate) -> bool:
+    def _idle(self, larger: Candidate, smaller: Fitted, square: float) -> bool:
         """Whether what a nested effect has beyond its simpler form is nothing, or made by noise.
 
         Noise on the speeds rounds the kink of a dry friction, and a breakaway peak can imitate
         that. The larger is fitted with the noise undone: what it predicts beyond the smaller's
         best must still matter.
+
+        Parameters
+        ----------
+        smaller : the structure with the simpler form; square : its held-out squares
         """
-        dearer = smaller.noisy_square - larger.noisy_square
-        if dearer < NESTED * smaller.noisy_square:
+        dearer = square - larger.noisy_square
+        if dearer < NESTED * square:
             return True
-        if dearer > BY_NOISE * smaller.noisy_square or not (larger.fitted and smaller.fitted):
+        if dearer > BY_NOISE * square or not larger.fitted:
             return False
         undone = self.final(larger.fitted).theta
         beyond = [
             row.residual - residual_of(larger.mechanism, undone, samples, RATE)
-            for row, samples in zip(smaller.fitted.rows, self.samples, strict=True)
+            for row, samples in zip(smaller.rows, self.samples, strict=True)
         ]
-        columns = [row.columns.reshape(-1, row.columns.shape[-1]) for row in smaller.fitted.rows]
+        columns = [row.columns.reshape(-1, row.columns.shape[-1]) for row in smaller.rows]
         target = np.concatenate([part.reshape(-1, 1) for part in beyond])
         left = unexplained(np.concatenate(columns), target)
-        return bool(left[0] < NESTED * smaller.noisy_square)
+        return bool(left[0] < NESTED * square)
 
 
 def _enough(item: Candidate) -> float:
@@ -259,7 +297,7 @@ def _choose(
     square: float,
     base: Fitted,
     step: float,
-    idle: Callable[[Candidate, Candidate], bool],
+    idle: Callable[[Candidate, Fitted, float], bool],
 ) -> tuple[Candidate | None, tuple[str, ...]]:
     """The best candidate, a simpler one in its place if it does as well, and those that tie."""
     if not found or found[0].square >= square:
@@ -270,7 +308,7 @@ def _choose(
     best = leader
     for item in near:
         # A nested effect gives way to its simpler form unless it is materially better.
-        if contains(best, item, base) and idle(best, item):
+        if contains(best, item, base) and _gives_way(best, item, idle):
             best = item
     tied = [
         item.name
@@ -280,6 +318,14 @@ def _choose(
         and not contains(item, best, base)
     ]
     return best, tuple(tied)
+
+
+def _gives_way(
+    larger: Candidate, smaller: Candidate, idle: Callable[[Candidate, Fitted, float], bool]
+) -> bool:
+    if smaller.fitted:
+        return idle(larger, smaller.fitted, smaller.noisy_square)
+    return smaller.noisy_square - larger.noisy_square < NESTED * smaller.noisy_square
 
 
 def _worse_by(item: Candidate, leader: Candidate, step: float) -> float:
@@ -302,3 +348,12 @@ def given_errors(mechanism: Mechanism, theta: Array, samples: Sequence[Any]) -> 
     force = [Squares.of(force_traces(mechanism, theta, item)) for item in samples]
     velocity = [Squares.of(velocity_traces(mechanism, theta, item)) for item in samples]
     return {"force_error": add_up(force).ratio, "velocity_error": add_up(velocity).ratio}
+
+
+def _free_run(mechanism: Any, theta: Array, samples: Any) -> Traces:
+    """Velocity traces, with NaN predicted where the parameters are too stiff to simulate."""
+    try:
+        return velocity_traces(mechanism, theta, samples)
+    except InputError:
+        measured = mechanism.measured_speed(samples)
+        return Traces(samples.time, measured, np.full_like(measured, np.nan))

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from identification.candidates import Fitted
 from identification.mechanism import Mechanism
-from identification.search import KEPT, MATERIAL, Ranking, Search, Step
+from identification.search import KEPT, Ranking, Search, Step
 
 Array = NDArray[np.float64]
 
@@ -74,7 +74,7 @@ def select(
         best = ranking.best
         if best is None or best.fitted is None:
             break
-        if ranking.p_values[best.name] > SIGNIFICANT or ranking.fall < MATERIAL:
+        if ranking.p_values[best.name] > SIGNIFICANT or not ranking.is_material:
             break
         steps.append(search.step(best.fitted, best.name))
         if len(steps) > 2:
@@ -118,7 +118,7 @@ def _reconsidered(
             mechanism = full.mechanism.with_effects((*given, *others))
             base = search.fit(mechanism, _shared(full, mechanism))
             again = search.rank(base, rivals, rng)
-            if again.fall < MATERIAL or again.best is None or again.best.fitted is None:
+            if again.best is None or again.best.fitted is None or not again.is_material:
                 del names[index], won[index]
                 full = base
                 break

@@ -127,3 +127,34 @@ def test_logs_that_lack_rank_are_refused_with_a_cure():
     for command in (lambda: diagnose(model, [log]), lambda: add_effect(model, "floor_tilt", [log])):
         with pytest.raises(InputError, match="these logs cannot show .*: record motion"):
             command()
+
+
+def test_dry_friction_of_wheels_and_rollers_is_not_called_stribeck():
+    """Noise rounds the kinks, and a breakaway peak beside dry friction can imitate that."""
+    wheels = ("wheel_coulomb_friction", (("torque", 0.32),))
+    rollers = ("roller_coulomb_friction", (("torque", 0.04),))
+    names = ["wheel_coulomb_friction", "wheel_stribeck_friction", "roller_coulomb_friction"]
+    _, found = chosen(wheels, rollers, logs=2, names=names)
+    assert sorted(accepted(found)) == ["roller_coulomb_friction", "wheel_coulomb_friction"]
+
+
+def test_load_behind_unequal_gains_is_that_of_the_torques_that_act():
+    gains = {"gain_fl": 0.05, "gain_fr": 0.25, "gain_bl": -0.15, "gain_br": -0.15}
+    load = ("load_dependent_friction", (("share", 0.4),))
+    search, found = chosen(
+        ("torque_gain_error", tuple(gains.items())),
+        load,
+        names=["torque_gain_error", "load_dependent_friction", "wheel_coulomb_friction"],
+    )
+    assert sorted(accepted(found)) == ["load_dependent_friction", "torque_gain_error"]
+    assert search.above_floor(found.steps[-1].fitted) < 1.05
+
+
+def test_what_explains_a_crumb_of_the_unknown_is_not_accepted():
+    """A friction that no candidate can be, and candidates that each catch a little of it."""
+    slope = ("floor_tilt", (("tilt_x", 0.02), ("tilt_y", 0.01)))
+    wear = ("quadratic_friction", (("coefficient", 0.0012),))
+    search, found = chosen(slope, wear, names=["quadratic_friction", "friction_warmup"])
+    first = found.first
+    assert first.fall_of(first.candidates[0]) < first.needed and first.needed > 0.1
+    assert accepted(found) == []
