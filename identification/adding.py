@@ -10,7 +10,8 @@ import numpy as np
 
 from identification.logs import Log
 from identification.mechanisms import AnyModel, mechanism_of
-from identification.search import MATERIAL, Search, Step
+from identification.ranking import MATERIAL, rank
+from identification.search import Search, Step
 from identification.selection import SIGNIFICANT
 from identification.words import describe
 from youbot_env.errors import InputError
@@ -91,7 +92,7 @@ def add_effect(
         raise InputError(f"the model holds {effect} already; identify fits it again")
     search = Search(mechanism, logs, seed, progress)
     base = search.base(mechanism, model.theta)
-    ranking = search.rank(base, [effect], np.random.default_rng(seed))
+    ranking = rank(search, base, [effect], np.random.default_rng(seed))
     candidate = ranking.candidates[0]
     fitted = candidate.fitted or search.fit(candidate.mechanism, candidate.theta)
     after = search.step(fitted, effect)

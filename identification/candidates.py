@@ -13,14 +13,8 @@ from numpy.typing import NDArray
 
 from identification.errors import NoiseLevel
 from identification.folds import Fold, HeldOut, held_out, make_folds
-from identification.regression import (
-    Indices,
-    Rows,
-    gauge_basis,
-    reduce,
-    regression_rows,
-    residual_of,
-)
+from identification.regression import gauge_basis
+from identification.rows import Indices, Rows, reduce, regression_rows, residual_of
 from youbot_env.effects import Parameter
 
 Array = NDArray[np.float64]
@@ -90,7 +84,7 @@ def _directions(mechanism: Any, free: Indices) -> Array:
     return gauge_basis(mechanism, free) / mechanism.scale[free][:, None]
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Candidate:
     """One effect, at one choice of its shape constants, on top of a fitted structure.
 

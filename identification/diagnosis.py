@@ -15,9 +15,10 @@ from identification.logs import Log
 from identification.mechanism import Mechanism
 from identification.mechanisms import AnyModel, mechanism_of
 from identification.parallel import side_by_side
+from identification.ranking import Ranking
 from identification.regression import Fit, fit
 from identification.residual_map import ResidualMap, residual_map
-from identification.search import Ranking, Search, Step, given_errors
+from identification.search import Search, Step, given_errors
 from identification.selection import select
 from identification.words import describe
 from youbot_env.errors import InputError

@@ -12,8 +12,10 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.signal import bilinear, lfilter
 
-from identification.mecanum import Mecanum, Samples
-from identification.regression import gauge_basis, regression_rows
+from identification.mecanum import Mecanum
+from identification.platform_samples import Samples
+from identification.regression import gauge_basis
+from identification.rows import regression_rows
 from youbot_env.hardware import STOCK_INTEGRAL, STOCK_PROPORTIONAL
 from youbot_env.motions import CALIBRATION, Motion, multisine, steps
 

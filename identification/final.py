@@ -11,7 +11,8 @@ from numpy.typing import NDArray
 
 from identification.errors import NoiseLevel
 from identification.mechanism import Mechanism
-from identification.regression import Fit, fit, gauge_basis, regression_rows, solve_step
+from identification.regression import Fit, fit, gauge_basis, solve_step
+from identification.rows import regression_rows
 
 Array = NDArray[np.float64]
 

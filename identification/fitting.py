@@ -27,7 +27,8 @@ from identification.observability import (
     refuse_blind,
 )
 from identification.recursive import Course, recursive_course
-from identification.regression import Fit, Rows, fit, regression_rows
+from identification.regression import Fit, fit
+from identification.rows import Rows, regression_rows
 from identification.segments import Part
 from youbot_env.errors import InputError
 from youbot_env.geometry import Geometry

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from identification.regression import Rows
+from identification.rows import Rows
 
 Array = NDArray[np.float64]
 

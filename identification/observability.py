@@ -8,9 +8,11 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from identification.covariance import hac_covariance
 from identification.mecanum import PAPER_ORDER, Mecanum
 from identification.mechanism import Mechanism
-from identification.regression import Indices, Rows, gauge_groups, hac_covariance
+from identification.regression import gauge_groups
+from identification.rows import Indices, Rows
 from youbot_env.errors import InputError
 from youbot_env.geometry import Geometry
 from youbot_env.motions import Motion

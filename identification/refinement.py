@@ -7,17 +7,11 @@ from collections.abc import Callable, Sequence
 import numpy as np
 from numpy.typing import NDArray
 
+from identification.covariance import hac_covariance
 from identification.filters import block_mean
 from identification.mechanism import Mechanism, Samples
-from identification.regression import (
-    Fit,
-    Indices,
-    Rows,
-    gauge_basis,
-    hac_covariance,
-    solve_step,
-    stride,
-)
+from identification.regression import Fit, gauge_basis, solve_step
+from identification.rows import Indices, Rows, stride
 from youbot_env.errors import InputError
 
 Array = NDArray[np.float64]

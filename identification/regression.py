@@ -8,24 +8,12 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from identification.filters import (
-    FILTER_RATE,
-    accumulate,
-    block_mean,
-    first_order,
-    settled,
-)
-from identification.mechanism import Demand, Mechanism, Samples
+from identification.covariance import hac_covariance
+from identification.mechanism import Mechanism, Samples
+from identification.rows import Indices, Rows, regression_rows
 from youbot_env.errors import InputError
 
 Array = NDArray[np.float64]
-Indices = NDArray[np.intp]
-
-ROW_RATE = 20.0
-"""Rows a second [Hz] that a fit sees: 2 a_f; the filter leaves little above."""
-
-CORRELATION_TIME = 0.5
-"""Least window [s] over which scores may be correlated beyond the residual's AR(1) memory."""
 
 ARRIVED = 1e-9
 """Squares that the last Gauss-Newton step moves, over the residual's: with 10^4 rows that is some
@@ -42,30 +30,6 @@ BLOWN_UP = 100.0
 
 HUBER = 1.345
 """Huber's threshold in robust standard deviations: 95 % efficient on clean Gaussian residuals."""
-
-
-@dataclass(frozen=True)
-class Rows:
-    """Filtered regression rows of one log at one theta.
-
-    time (n,): end of each row [s], from the log's start; step: from one row to the next [s];
-    residual (n, A): measured less demanded force; columns (n, A, F): of the free parameters.
-    """
-
-    time: Array
-    step: float
-    residual: Array
-    columns: Array
-
-    def between(self, start: float, end: float) -> Rows:
-        """The rows that lie in a stretch of time [s]."""
-        inside = (self.time - self.step >= start) & (self.time <= end)
-        return replace(
-            self,
-            time=self.time[inside],
-            residual=self.residual[inside],
-            columns=self.columns[inside],
-        )
 
 
 @dataclass(frozen=True)
@@ -92,52 +56,6 @@ class Fit:
     def square(self) -> float:
         """Sum of the squared residuals of all rows."""
         return float(sum((row.residual**2).sum() for row in self.rows))
-
-
-def stride(dt: float, rate: float = ROW_RATE) -> int:
-    """Samples in one regression row, for ``rate`` rows a second."""
-    return max(1, round(1.0 / (rate * dt)))
-
-
-def regression_rows(
-    mechanism: Mechanism, theta: Array, samples: Samples, free: Indices, rate: float = ROW_RATE
-) -> Rows:
-    """Filtered residual and columns of one log, ``rate`` rows a second."""
-    band = mechanism.filter_rate
-    ends = residual_and_columns(mechanism, mechanism.demand(theta, samples), samples, free)
-    filtered = reduce(ends, samples.dt, rate, band)
-    step = stride(samples.dt, rate) * samples.dt
-    first = samples.time[0] + (settled(band, samples.dt) - 1) * samples.dt
-    time = first + step * np.arange(1, len(filtered) + 1)
-    return Rows(time, step, filtered[..., 0], filtered[..., 1:])
-
-
-def residual_of(mechanism: Mechanism, theta: Array, samples: Samples, rate: float) -> Array:
-    """The filtered residual (n, A) of :func:`regression_rows` alone."""
-    residual = residual_ends(mechanism, mechanism.demand(theta, samples), samples)
-    return reduce(residual, samples.dt, rate, mechanism.filter_rate)
-
-
-def residual_ends(mechanism: Mechanism, demand: Demand, samples: Samples) -> Array:
-    """Measured less demanded force (2, N - 1, A) at both ends of each interval."""
-    measured = mechanism.measured_force(samples)
-    return np.stack([measured[:-1], measured[1:]]) - demand.force
-
-
-def residual_and_columns(
-    mechanism: Mechanism, demand: Demand, samples: Samples, free: Indices
-) -> Array:
-    """The same with the columns of the parameters ``free`` behind: (2, N - 1, A, 1 + F)."""
-    residual = residual_ends(mechanism, demand, samples)
-    return np.moveaxis(np.concatenate([residual[None], demand.columns(free)]), 0, -1)
-
-
-def reduce(
-    ends: Array, dt: float, rate: float = ROW_RATE, filter_rate: float = FILTER_RATE
-) -> Array:
-    """Filter interval ends (2, N - 1, ...) and average into regression rows (n, ...)."""
-    filtered = first_order(ends[0], ends[1], filter_rate, dt)
-    return block_mean(filtered[settled(filter_rate, dt) :], stride(dt, rate))
 
 
 def fit(
@@ -306,63 +224,3 @@ def huber_weights(rows: Sequence[Rows]) -> list[Array]:
     # 0.888: median of the root mean square of three unit normals, so that sigma is theirs.
     sigma = np.median(np.concatenate(size)) / 0.888
     return [np.minimum(1.0, HUBER * sigma / np.maximum(s, 1e-300)) for s in size]
-
-
-def hac_covariance(rows: Sequence[Rows], basis: Array, scale: Array) -> Array:
-    """Covariance (F, F) of a least-squares estimate whose residuals are correlated in time.
-
-    Newey and West (Econometrica 55(3), 1987): the scores' long-run covariance by Bartlett weights,
-    between the inverses of the information matrix; prewhitened, since the filter's memory alone
-    would cost a plain window a tenth of the standard deviation.
-    """
-    directions = scale[:, None] * basis
-    directions = directions / np.linalg.norm(directions, axis=0)
-    size = directions.shape[1]
-    information, middle = np.zeros((size, size)), np.zeros((size, size))
-    count = 0
-    for row in rows:
-        columns = (row.columns / scale) @ directions
-        information += np.einsum("nap,naq->pq", columns, columns)
-        scores = innovation_scores(row.residual, columns)
-        lags = max(automatic_lags(scores), round(CORRELATION_TIME / row.step))
-        middle += long_run(scores, lags)
-        count += row.residual.size
-    inverse = np.linalg.pinv(information, rcond=1e-13, hermitian=True)
-    covariance = inverse @ middle @ inverse * count / max(count - size, 1)
-    to_theta = directions / scale[:, None]
-    return to_theta @ covariance @ to_theta.T
-
-
-def innovation_scores(residual: Array, columns: Array) -> Array:
-    """Scores (n, P) that sum up as residual * column does, without the residual's AR(1) memory.
-
-    residual (n, A), columns (n, A, P). Prewhitening of Andrews and Monahan (Econometrica 60(4),
-    1992), moved to the columns: with the innovations e = A r, X' r = (A^-T X)' e.
-    """
-    total = np.zeros((len(columns), columns.shape[2]))
-    for axis in range(residual.shape[1]):
-        r = residual[:, axis]
-        memory = float(np.clip(r[1:] @ r[:-1] / max(r @ r, 1e-300), 0.0, 0.97))
-        innovation = r - memory * np.concatenate([[0.0], r[:-1]])
-        carried = accumulate(columns[::-1, axis], memory)[:0:-1]
-        total += innovation[:, None] * carried
-    return total
-
-
-def automatic_lags(scores: Array) -> int:
-    """Bartlett bandwidth [rows] by Andrews' AR(1) plug-in (Econometrica 59(3), 1991, eq. 6.4)."""
-    power = np.maximum((scores**2).sum(axis=0), 1e-300)
-    memory = np.clip((scores[1:] * scores[:-1]).sum(axis=0) / power, -0.95, 0.95)
-    noise = ((scores[1:] - memory * scores[:-1]) ** 2).mean(axis=0)
-    bend = (4 * memory**2 * noise**2 / ((1 - memory) ** 6 * (1 + memory) ** 2)).sum()
-    level = (noise**2 / (1 - memory) ** 4).sum()
-    return max(1, int(np.ceil(1.1447 * (bend / max(level, 1e-300) * len(scores)) ** (1 / 3))))
-
-
-def long_run(scores: Array, lags: int) -> Array:
-    """Sum (P, P) of the scores' (n, P) autocovariances under Bartlett weights."""
-    total = scores.T @ scores
-    for lag in range(1, min(lags, len(scores) - 1)):
-        cross = scores[lag:].T @ scores[:-lag]
-        total += (1.0 - lag / lags) * (cross + cross.T)
-    return total

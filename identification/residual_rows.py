@@ -11,8 +11,8 @@ from numpy.typing import NDArray
 
 from identification.filters import block_mean, filter_samples, first_order, settled
 from identification.folds import BLOCKS
-from identification.regression import residual_and_columns
 from identification.residual_features import Group, Scales, groups
+from identification.rows import residual_and_columns
 from identification.shares import Part
 from identification.signals import Signals, signals_of, slowed
 

@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from identification.mecanum import Samples
+from identification.platform_samples import Samples
 
 WINDOW = 5.0
 """Seconds that are judged at once: about one period of a calibration motion."""

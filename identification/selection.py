@@ -10,7 +10,8 @@ from numpy.typing import NDArray
 
 from identification.candidates import Fitted
 from identification.mechanism import Mechanism
-from identification.search import KEPT, Ranking, Search, Step
+from identification.ranking import KEPT, Ranking, rank
+from identification.search import Search, Step
 
 Array = NDArray[np.float64]
 
@@ -68,7 +69,7 @@ def select(
         if len(steps) > 1 and _at_floor(search, fitted):
             break
         present = fitted.mechanism.structure.effects
-        ranking = search.rank(fitted, [name for name in names if name not in present], rng)
+        ranking = rank(search, fitted, [name for name in names if name not in present], rng)
         first = first or ranking
         rankings.append(ranking)
         best = ranking.best
@@ -117,7 +118,7 @@ def _reconsidered(
                 continue  # its ranking is the one that it has just won
             mechanism = full.mechanism.with_effects((*given, *others))
             base = search.fit(mechanism, _shared(full, mechanism))
-            again = search.rank(base, rivals, rng)
+            again = rank(search, base, rivals, rng)
             if again.best is None or again.best.fitted is None or not again.is_material:
                 del names[index], won[index]
                 full = base

@@ -9,7 +9,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from identification.filters import block_mean, filter_samples
-from identification.mecanum import Mecanum, Samples
+from identification.mecanum import Mecanum
+from identification.platform_samples import Samples
 from youbot_env.geometry import WHEELS
 
 if TYPE_CHECKING:

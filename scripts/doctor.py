@@ -117,7 +117,7 @@ def _shows(log: Log, start: Any, geometry: Geometry | None) -> dict[str, Any]:
     from identification.mecanum import Mecanum
     from identification.mechanisms import mechanism_of
     from identification.observability import log_observability, motion_that_shows
-    from identification.regression import regression_rows
+    from identification.rows import regression_rows
 
     mechanism = mechanism_of(start, geometry)
     samples = mechanism.samples(log)

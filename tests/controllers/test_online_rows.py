@@ -11,7 +11,8 @@ from controllers.error_feedback import TORQUE, WIDTH
 from controllers.interface import Loop
 from controllers.online_rows import BASE_COUNT, ROW_TIME, OnlineRows
 from identification.filters import FILTER_RATE, block_mean, first_order, settled
-from identification.mecanum import Mecanum, Samples
+from identification.mecanum import Mecanum
+from identification.platform_samples import Samples
 from tests.youbot_env.structures import model as structure
 from youbot_env.model import Model
 from youbot_env.motions import multisine

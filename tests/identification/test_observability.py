@@ -13,7 +13,7 @@ from identification.observability import (
     motion_that_shows,
     observability,
 )
-from identification.regression import Rows, regression_rows
+from identification.rows import Rows, regression_rows
 from identification.segments import parts_of
 from tests.identification.recordings import recording
 from youbot_env.errors import InputError

@@ -3,18 +3,12 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from identification.covariance import hac_covariance
 from identification.filters import FILTER_RATE, block_mean, filter_samples, settled
 from identification.logs import read_log
 from identification.mecanum import Mecanum
-from identification.regression import (
-    MOST_STEPS,
-    Rows,
-    fit,
-    gauge_basis,
-    hac_covariance,
-    regression_rows,
-    stride,
-)
+from identification.regression import MOST_STEPS, fit, gauge_basis
+from identification.rows import Rows, regression_rows, stride
 from tests.identification.recordings import recording
 from tests.identification.shared_data import DATA, needs_data, theta, truth
 from youbot_env.dynamics import wrench

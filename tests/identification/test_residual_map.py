@@ -15,7 +15,8 @@ import pytest
 
 from identification.fitting import identify
 from identification.logs import read_log
-from identification.mecanum import Mecanum, Samples
+from identification.mecanum import Mecanum
+from identification.platform_samples import Samples
 from identification.residual_map import LEAST, ResidualMap, residual_map
 from identification.segments import cut
 from identification.slip import slip_of

@@ -2,7 +2,7 @@ import numpy as np
 import pytest
 
 from identification.folds import held_out, make_folds
-from identification.regression import Rows
+from identification.rows import Rows
 from identification.significance import family_p_values, score_blocks
 
 
