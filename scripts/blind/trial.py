@@ -48,7 +48,7 @@ def velocity_error(model: Model, logs: Sequence[Log]) -> float:
 
 def stated_sizes(found: Any, report: dict[str, Any]) -> dict[str, dict[str, float]]:
     """Value and std of the accepted effects' parameters, by ``effect.parameter``."""
-    model = getattr(found, "model", None)
+    model = getattr(found, "fitted_model", None)  # none where the base is not physical
     if isinstance(model, Model):
         effects = {
             name: {key: (estimate.value, estimate.std) for key, estimate in values.items()}

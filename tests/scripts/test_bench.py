@@ -5,6 +5,9 @@ from __future__ import annotations
 import ast
 import json
 import math
+import subprocess
+import sys
+import time
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -337,6 +340,60 @@ def test_a_crash_is_a_record_and_no_end():
     assert [record["error"] for record in found] == ["ZeroDivisionError: a bug"] * 2
     assert scores.score(found)["kinds"]["none"]["false_alarm"]["count"] == 1
     assert len(trials.errors_of(found)) == 2
+
+
+def test_a_verdict_without_a_model_has_the_sizes_of_its_report():
+    """Where the refitted base is not physical there is no model, and the trial goes on."""
+
+    class Found:
+        fitted_model = None
+
+        @property
+        def model(self):
+            raise InputError("no model")
+
+    stated = {"effect": "floor_tilt", "parameters": {"tilt_x": {"value": 0.02, "std": 0.001}}}
+    report = {"missing": ["floor_tilt"], "candidates": [stated]}
+    assert trial.stated_sizes(Found(), report) == {
+        "floor_tilt.tilt_x": {"value": 0.02, "std": 0.001}
+    }
+
+
+@pytest.mark.skipif(not Path("/proc").is_dir(), reason="reads /proc")
+def test_workers_end_with_a_parent_that_is_killed(tmp_path):
+    script = tmp_path / "parent.py"
+    script.write_text(
+        "import os, sys, time\n"
+        "from youbot_scripts.spread import spread\n"
+        "def work(item):\n"
+        "    open(os.path.join(sys.argv[1], str(os.getpid())), 'w').close()\n"
+        "    time.sleep(60)\n"
+        "if __name__ == '__main__':\n"
+        "    list(spread(work, [1, 2], 2))\n"
+    )
+    folder = tmp_path / "pids"
+    folder.mkdir()
+    parent = subprocess.Popen([sys.executable, str(script), str(folder)])
+    wait_for(lambda: len(list(folder.iterdir())) == 2)
+    parent.kill()
+    parent.wait()
+    for worker in folder.iterdir():
+        wait_for(lambda worker=worker: not is_alive(int(worker.name)))
+
+
+def wait_for(what, seconds=30.0):
+    end = time.monotonic() + seconds
+    while not what():
+        assert time.monotonic() < end
+        time.sleep(0.05)
+
+
+def is_alive(process: int) -> bool:
+    try:
+        # A zombie that nobody waits for has ended too.
+        return "Z" not in Path(f"/proc/{process}/stat").read_text().rpartition(")")[2].split()[0]
+    except OSError:
+        return False
 
 
 def test_spread_over_processes_gives_what_one_process_gives():
