@@ -140,9 +140,11 @@ class Axis(Mechanism):
             effort=samples.effort + effort[0] * rng.standard_normal(shape),
         )
 
-    def demand(self, theta: Array, samples: AxisSamples) -> AxisDemand:
+    def demand(
+        self, theta: Array, samples: AxisSamples, like: AxisDemand | None = None
+    ) -> AxisDemand:
         """Force that the logged motion demands at parameters theta (P,)."""
-        return AxisDemand(self, np.asarray(theta, float), samples)
+        return AxisDemand(self, np.asarray(theta, float), samples, like)
 
     def fitted_model(self, fit: Any, **about: Any) -> Any:
         """See :func:`identification.axis_model.fitted_axis_model`."""
@@ -228,9 +230,19 @@ class AxisDemand:
     The acceleration's mean over an interval is the difference of the speed.
     """
 
-    def __init__(self, mechanism: Axis, theta: Array, samples: AxisSamples) -> None:
+    def __init__(
+        self,
+        mechanism: Axis,
+        theta: Array,
+        samples: AxisSamples,
+        like: AxisDemand | None = None,
+    ) -> None:
         self.mechanism, self.theta, self.samples = mechanism, theta, samples
-        self.instant = Instant(
+        self.instant = like.instant if like else self._instant()
+
+    def _instant(self) -> Instant:
+        samples = self.samples
+        return Instant(
             rate=_ends(samples.velocity),
             acceleration=slope_ends(samples.velocity, samples.dt),
             position=_ends(samples.position),

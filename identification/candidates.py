@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 
 from identification.errors import NoiseLevel
 from identification.folds import Fold, HeldOut, held_out, make_folds
+from identification.mechanism import Demand
 from identification.regression import gauge_basis
 from identification.rows import Indices, Rows, reduce, regression_rows, residual_of
 from youbot_env.effects import Parameter
@@ -32,12 +33,18 @@ class Fitted:
     rows: tuple[Rows, ...]
     free: Indices
     basis: Array
+    samples: tuple[Any, ...]
 
     @classmethod
     def at(cls, mechanism: Any, theta: Array, samples: Sequence[Any], free: Indices) -> Fitted:
         """Rows of all logs at theta; ``free``: indices of the parameters that were fitted."""
         rows = tuple(regression_rows(mechanism, theta, item, free, RATE) for item in samples)
-        return cls(mechanism, theta, rows, free, _directions(mechanism, free))
+        return cls(mechanism, theta, rows, free, _directions(mechanism, free), tuple(samples))
+
+    @cached_property
+    def demands(self) -> tuple[Demand, ...]:
+        """Of each log: what candidates on top of the structure need not find out again."""
+        return tuple(self.mechanism.demand(self.theta, item) for item in self.samples)
 
     @property
     def residual(self) -> list[Array]:
@@ -54,11 +61,11 @@ class Fitted:
         """Per log (n, A, F)."""
         return [row.columns for row in self.rows]
 
-    def noise_square(self, samples: Sequence[Any], noise: Sequence[NoiseLevel], seed: int) -> float:
+    def noise_square(self, noise: Sequence[NoiseLevel], seed: int) -> float:
         """Squares that noise on the speeds leaves in the residual, by putting it on once more."""
         rng = np.random.default_rng(seed)
         total = 0.0
-        for item, of, row in zip(samples, noise, self.rows, strict=True):
+        for item, of, row in zip(self.samples, noise, self.rows, strict=True):
             noisy = self.mechanism.noisy(item, of.speed, 0.0 * of.torque, rng)
             again = residual_of(self.mechanism, self.theta, noisy, RATE)
             total += float(((again - row.residual) ** 2).sum())
@@ -131,15 +138,15 @@ REFINEMENTS = 3
 """Halvings of a grid's step around its best value."""
 
 
-def try_candidate(base: Fitted, samples: Sequence[Any], name: str) -> Candidate:
+def try_candidate(base: Fitted, name: str) -> Candidate:
     """The effect at its best shape, judged by held-out squares: on the grid, then between."""
     mechanism = base.mechanism.extended(name)
-    longest = max(float(item.time[-1]) for item in samples)
+    longest = max(float(item.time[-1]) for item in base.samples)
     grids = {p.name: _grid(p, longest) for p in mechanism.catalogue[name].parameters if p.grid}
 
     def judge(values: tuple[float, ...]) -> Candidate:
         shapes = dict(zip(grids, values, strict=True))
-        return _try_shape(base, mechanism, samples, name, shapes)
+        return _try_shape(base, mechanism, name, shapes)
 
     best = min(map(judge, itertools.product(*grids.values())), key=_square)
     if best.square > PROMISING * base.held_out.square:
@@ -188,14 +195,16 @@ def _between(grid: Sequence[float], here: float, halving: int, parameter: Parame
 def _try_shape(
     base: Fitted,
     mechanism: Any,
-    samples: Sequence[Any],
     name: str,
     shapes: dict[str, float],
 ) -> Candidate:
     theta = mechanism.extend_theta(base.theta, name, shapes)
     own = np.arange(len(base.theta), len(theta), dtype=np.intp)
     new = own[mechanism.free[own]]
-    columns = tuple(_columns(mechanism, theta, item, new) for item in samples)
+    columns = tuple(
+        _columns(mechanism, mechanism.demand(theta, item, known), item, new)
+        for item, known in zip(base.samples, base.demands, strict=True)
+    )
     joined = [np.concatenate([a, b], axis=-1) for a, b in zip(base.columns, columns, strict=True)]
     free = np.concatenate([base.free, new])
     basis = _directions(mechanism, free)
@@ -209,8 +218,8 @@ def _try_shape(
     )
 
 
-def _columns(mechanism: Any, theta: Array, samples: Any, new: Indices) -> Array:
-    ends = np.moveaxis(mechanism.demand(theta, samples).columns(new), 0, -1)
+def _columns(mechanism: Any, demand: Demand, samples: Any, new: Indices) -> Array:
+    ends = np.moveaxis(demand.columns(new), 0, -1)
     return reduce(ends, samples.dt, RATE, mechanism.filter_rate)
 
 

@@ -196,6 +196,6 @@ class Mecanum(Mechanism):
         )
         return states[:, :3] * self.speed_scale
 
-    def demand(self, theta: Array, samples: Samples) -> Demand:
+    def demand(self, theta: Array, samples: Samples, like: Demand | None = None) -> Demand:
         """Generalised force that the logged motion demands at parameters theta (P,)."""
-        return Demand(self, np.asarray(theta, float), samples)
+        return Demand(self, np.asarray(theta, float), samples, like)

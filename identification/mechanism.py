@@ -145,8 +145,12 @@ class Mechanism(Protocol):
         """(N, A) measured speed."""
         ...
 
-    def demand(self, theta: Array, samples: Any, /) -> Demand:
-        """Force that the logged motion demands at parameters theta."""
+    def demand(self, theta: Array, samples: Any, /, like: Any = None) -> Demand:
+        """Force that the logged motion demands at parameters theta.
+
+        ``like``: the demand of the same samples at a structure that this one extends by what has
+        no strength at theta; it may take over what that one has found out.
+        """
         ...
 
     def free_run(self, theta: Array, samples: Any, /) -> Array:

@@ -43,10 +43,13 @@ class Demand:
     holds the paper's filtered derivative a_f (s - s_f).
     """
 
-    def __init__(self, mechanism: Mecanum, theta: Array, samples: Samples) -> None:
+    def __init__(
+        self, mechanism: Mecanum, theta: Array, samples: Samples, like: Demand | None = None
+    ) -> None:
         self.mechanism, self.theta, self.samples = mechanism, theta, samples
-        self.instant = self._instant()
-        if mechanism.structure.depends_on_load:
+        self.instant = like.instant if like else self._instant()
+        known = like is not None and like.mechanism.structure.depends_on_load
+        if mechanism.structure.depends_on_load and not known:
             torque = dynamics.acting_torque(
                 *(np, mechanism.structure, mechanism.geometry, theta, self.instant),
                 internal=tuple(part * self._acting_internal(theta) for part in INTERNAL),

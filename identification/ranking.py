@@ -95,9 +95,8 @@ def rank(search: Search, fitted: Fitted, names: Sequence[str], rng: np.random.Ge
     needed = least_share(search, fitted)
     if not names:
         return Ranking((), {}, (), None, base.square, needed)
-    found = side_by_side(
-        lambda name: try_candidate(fitted, search.samples, name), names, search.tick
-    )
+    _ = fitted.demands  # found once, not in each thread
+    found = side_by_side(partial(try_candidate, fitted), names, search.tick)
     found.sort(key=lambda item: item.square)
     found = _refit(search, fitted, found, base.square, needed)
     step = fitted.rows[0].step
@@ -122,12 +121,12 @@ def _refit(
     fall = square - found[0].square if found else 0.0
     if fall < 0.5 * needed * square:
         return found
-    noise = base.noise_square(search.samples, search.noise, search.seed)
+    noise = base.noise_square(search.noise, search.seed)
     leaders = [item for item in found[:LEADERS] if square - item.square > fall * _enough(item)]
 
     def refitted(item: Candidate) -> Candidate:
         joint = search.fit(item.mechanism, item.theta)
-        more = joint.noise_square(search.samples, search.noise, search.seed) - noise
+        more = joint.noise_square(search.noise, search.seed) - noise
         result = joint.held_out
         new = replace(
             item,
