@@ -94,11 +94,15 @@ def said_unknown(record: Record) -> bool:
 
 
 def carrier_rank(record: Record, key: str = "where") -> int | None:
-    """Place (from 1) of the first carrying variable among those beyond the twist."""
+    """Place (from 1) of the first carrying variable among those beyond the twist.
+
+    ``remaining`` is the map after the accepted effects; where none was accepted, the first one.
+    """
     carriers = record["carriers"]
     if not carriers or "found" not in record:
         return None
-    rows = sorted(record["found"].get(key) or [], key=lambda row: -row["share"])
+    found = record["found"]
+    rows = sorted(found.get(key) or found.get("where") or [], key=lambda row: -row["share"])
     order = [row["variable"] for row in rows if row["variable"] != TWIST]
     places = [order.index(name) + 1 for name in carriers if name in order]
     return min(places, default=len(order) + 1)

@@ -514,7 +514,9 @@ def test_the_carrier_is_ranked_among_what_lies_beyond_the_twist():
     ]
     row = record("bump", {"where": where}, kind="unknown", carriers=["position_x", "position_y"])
     assert scores.carrier_rank(row) == 2
-    assert scores.carrier_rank(row, "remaining") == 1 + len([])
+    assert scores.carrier_rank(row, "remaining") == 2, "nothing was accepted: the first map stands"
+    row["found"]["remaining"] = [{**where[0], "variable": "time"}, where[2]]
+    assert scores.carrier_rank(row, "remaining") == 3
     assert scores.carrier_rank(record("sideways_drift", {"where": where})) is None
 
 
