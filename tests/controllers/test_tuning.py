@@ -150,7 +150,7 @@ def test_tuned_gains_stay_stable_on_another_platform(tuned, name: str, factor: f
 @pytest.mark.parametrize(
     ("make", "message"),
     [
-        (lambda: Requirements(gain_margin=-1.0), "gain_margin: must be at least 0"),
+        (lambda: Requirements(gain_margin=-1.0), "gain_margin: -1 must be at least 0"),
         (lambda: Requirements(torque_rate=0.0), "torque_rate: 0.0 must be positive"),
         (
             lambda: trial(loop=Loop(0.01, measurement_delay=0.0034)),
