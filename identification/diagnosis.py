@@ -327,12 +327,14 @@ def _sentences(
 
 
 def _candidate_list(ranking: Ranking, steps: Sequence[Step], model: Any) -> list[dict[str, Any]]:
-    """First-step candidates, best first; an accepted one with its parameters in the final fit."""
+    """First-step candidates, best first; an accepted one with its parameters in the final fit.
+
+    Their errors are at the base's own noise and folds, by which they are ranked.
+    """
     base = steps[0].fitted
-    square = sum(float((r**2).sum()) for r in base.residual)
     found = []
     for item in ranking.candidates:
-        ratio = np.sqrt(item.result.square / max(square, 1e-300))
+        ratio = np.sqrt(max(item.square, 0.0) / max(ranking.square, 1e-300))
         found.append(
             {
                 "effect": item.name,
