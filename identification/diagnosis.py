@@ -275,12 +275,7 @@ def _named(item: Candidate) -> tuple[str, Any, Array]:
 def _warnings(
     logs: Sequence[Log], given: dict[str, float], steps: Sequence[Step], unphysical: str
 ) -> list[str]:
-    found = [
-        f"{log.name}: {finding.message}"
-        for log in logs
-        for finding in log.findings
-        if finding.level in ("warning", "repaired")
-    ]
+    found = [line for log in logs for line in log.warnings]
     if given["force_error"] > CHANGED * steps[0].force_error:
         found.append(
             f"the given model's own parameters no longer fit (force error "

@@ -58,7 +58,7 @@ def joint_fit(mechanism: Mechanism, samples: Sequence[Any], start: Array) -> Fit
     if not smooth.any():
         return found
     more = fit(mechanism, samples, found.theta, free=mechanism.free | smooth)
-    # Gauss-Newton has no step control; a search that was good enough is better than a divergence.
+    # Where shapes and strengths trade off the fit may go astray: the search was good enough then.
     astray = more.square > WORSE * found.square or not np.isfinite(more.theta).all()
     return found if astray else more
 

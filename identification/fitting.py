@@ -210,7 +210,8 @@ def identify(
         errors=_errors(mechanism, final, samples, seed, output_error),
         provenance=provenance,
     )
-    warnings = (*_data_warnings(logs), *_fit_warnings(mechanism, final), *mechanism.warnings(model))
+    told = (line for log in logs for line in log.warnings)
+    warnings = (*told, *_fit_warnings(mechanism, final), *mechanism.warnings(model))
     return Identification(model, final, force, mechanism, samples, parts, total, course, warnings)
 
 
@@ -245,15 +246,6 @@ def _errors(
         speed = [Squares.of(velocity_traces(mechanism, final.theta, item)) for item in samples]
         found["velocity_error"] = add_up(speed).ratio
     return found
-
-
-def _data_warnings(logs: Sequence[Log]) -> list[str]:
-    return [
-        f"{log.name}: {finding.message}"
-        for log in logs
-        for finding in log.findings
-        if finding.level in ("warning", "repaired")
-    ]
 
 
 def _fit_warnings(mechanism: Mechanism, fitted: Fit) -> list[str]:

@@ -121,6 +121,12 @@ class Log:
         return white_noise(self.velocity, self.valid)
 
     @property
+    def warnings(self) -> list[str]:
+        """What was repaired or looks wrong, a sentence each."""
+        told = (f for f in self.findings if f.level in ("warning", "repaired"))
+        return [f"{self.name}: {finding.message}" for finding in told]
+
+    @property
     def reference(self) -> dict[str, str]:
         """How a model names the log that it was fitted on."""
         return {"name": self.name, "sha256": self.sha256}

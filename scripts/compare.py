@@ -175,9 +175,7 @@ def _warnings(result: Comparison) -> Iterator[str]:
     for item in result.logs:
         if item.slip is not None and item.slip.exceeds_noise:
             yield f"{item.log.name}: the wheels slip, or one is not what the geometry says."
-        for finding in item.log.findings:
-            if finding.level in ("warning", "repaired"):
-                yield f"{item.log.name}: {finding.message}"
+        yield from item.log.warnings
 
 
 def _write_predictions(out: Console, result: Comparison, folder: Path) -> None:
