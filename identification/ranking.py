@@ -83,16 +83,24 @@ class Ranking:
         return 1.0 - item.square / self.square
 
 
-def least_share(search: Search, fitted: Fitted) -> float:
-    """Share of a structure's squares that an effect must take away to be accepted."""
-    excess = 1.0 - 1.0 / search.above_floor(fitted) ** 2
-    return max(MATERIAL, CRUMB * excess)
+def least_share(above_floor: float) -> float:
+    """Share of a structure's squares that an effect must take away to be accepted.
+
+    ``above_floor``: see :meth:`Search.above_floor`.
+    """
+    return max(MATERIAL, CRUMB * (1.0 - 1.0 / above_floor**2))
 
 
-def rank(search: Search, fitted: Fitted, names: Sequence[str], rng: np.random.Generator) -> Ranking:
-    """Try each candidate on top of a structure."""
+def rank(
+    search: Search,
+    fitted: Fitted,
+    names: Sequence[str],
+    rng: np.random.Generator,
+    above_floor: float | None = None,
+) -> Ranking:
+    """Try each candidate on top of a structure; ``above_floor`` of it, where it is known."""
     base = fitted.held_out
-    needed = least_share(search, fitted)
+    needed = least_share(above_floor or search.above_floor(fitted))
     if not names:
         return Ranking((), {}, (), None, base.square, needed)
     _ = fitted.demands  # found once, not in each thread

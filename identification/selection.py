@@ -66,10 +66,12 @@ def select(
     first: Ranking | None = None
     while len(steps) <= MOST:
         fitted = steps[-1].fitted
-        if len(steps) > 1 and _at_floor(search, fitted):
+        above = search.above_floor(fitted)
+        if len(steps) > 1 and AT_FLOOR[0] <= above <= AT_FLOOR[1]:
             break
         present = fitted.mechanism.structure.effects
-        ranking = rank(search, fitted, [name for name in names if name not in present], rng)
+        left = [name for name in names if name not in present]
+        ranking = rank(search, fitted, left, rng, above)
         first = first or ranking
         rankings.append(ranking)
         best = ranking.best
@@ -93,11 +95,6 @@ def _judged_alike(search: Search, steps: Sequence[Step]) -> list[Step]:
         else search.step(step.fitted, step.effect, folds)
         for step in steps
     ]
-
-
-def _at_floor(search: Search, fitted: Fitted) -> bool:
-    low, high = AT_FLOOR
-    return low <= search.above_floor(fitted) <= high
 
 
 def _reconsidered(
