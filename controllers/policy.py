@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-import os
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any
@@ -12,11 +11,10 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
-from controllers.interface import Array, Controller, Loop, Observation, Reference
+from controllers.interface import Array, Controller, Observation, Reference
 from controllers.policy_inputs import CUT, Layout
 from youbot_env.errors import InputError
 from youbot_env.hardware import MAX_WHEEL_TORQUE
-from youbot_env.model import Model
 
 Weights = NDArray[np.float32]
 
@@ -218,37 +216,3 @@ def compose(action: Array, base: Array | None, bound: float = 1.0) -> Array:
 def alone(observation: Observation) -> Observation:
     """What a controller beneath is shown: no torques, since they are not its own alone."""
     return observation._replace(wheel_torque=None)
-
-
-def build_policy(source: str | os.PathLike[str], model: Model, loop: Loop) -> Policy:
-    """A policy file, or a shipped policy by name, ready to drive.
-
-    Parameters
-    ----------
-    model : what the controller beneath believes; a policy that drives alone knows no model
-    loop : must have the control rate that the policy was trained at
-
-    Raises
-    ------
-    InputError
-        If the file is no valid policy, or the loop is not what it was trained for.
-    """
-    from controllers.policy_file import load_policy
-
-    network, description = load_policy(source)
-    if abs(loop.sample_time * description.control_rate - 1.0) > RATE_TOLERANCE:
-        raise InputError(
-            f"policy {description.name}: was trained at {description.control_rate:g} Hz, the loop "
-            f"runs at {1.0 / loop.sample_time:g} Hz; train one for it"
-        )
-    base = None
-    if description.base is not None:
-        from controllers.registry import CONTROLLERS, build
-
-        if description.base not in CONTROLLERS:
-            raise InputError(
-                f"policy {description.name}: sits on {description.base!r}, which is none of "
-                f"{', '.join(CONTROLLERS)}"
-            )
-        base = build(description.base, model, loop)
-    return Policy(network, description, base, loop.torque_limit)

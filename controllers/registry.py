@@ -5,6 +5,7 @@ from __future__ import annotations
 import difflib
 import hashlib
 import importlib.util
+import os
 from collections.abc import Callable, Mapping
 from dataclasses import asdict, dataclass
 from functools import partial
@@ -13,7 +14,7 @@ from typing import Any
 
 from controllers.gains_file import is_gains_file, load_gains
 from controllers.interface import Controller, Loop
-from controllers.policy import build_policy
+from controllers.policy import RATE_TOLERANCE, Policy
 from controllers.policy_file import load_policy, shipped_policies
 from youbot_env.errors import InputError
 from youbot_env.model import Model
@@ -212,3 +213,33 @@ def build(name: str, model: Model, loop: Loop, **settings: Any) -> Controller:
     if found.design is not None and not settings:
         settings = dict(found.design(model, loop))
     return found.build(model, loop, **settings)
+
+
+def build_policy(source: str | os.PathLike[str], model: Model, loop: Loop) -> Policy:
+    """A policy file, or a shipped policy by name, ready to drive.
+
+    Parameters
+    ----------
+    model : what the controller beneath believes; a policy that drives alone knows no model
+    loop : must have the control rate that the policy was trained at
+
+    Raises
+    ------
+    InputError
+        If the file is no valid policy, or the loop is not what it was trained for.
+    """
+    network, description = load_policy(source)
+    if abs(loop.sample_time * description.control_rate - 1.0) > RATE_TOLERANCE:
+        raise InputError(
+            f"policy {description.name}: was trained at {description.control_rate:g} Hz, the loop "
+            f"runs at {1.0 / loop.sample_time:g} Hz; train one for it"
+        )
+    base = None
+    if description.base is not None:
+        if description.base not in CONTROLLERS:
+            raise InputError(
+                f"policy {description.name}: sits on {description.base!r}, which is none of "
+                f"{', '.join(CONTROLLERS)}"
+            )
+        base = build(description.base, model, loop)
+    return Policy(network, description, base, loop.torque_limit)

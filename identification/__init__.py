@@ -13,7 +13,8 @@ if TYPE_CHECKING:
     from identification.comparison import Comparison, compare
     from identification.diagnosis import Diagnosis, diagnose
     from identification.fitting import Identification, identify
-    from identification.logs import Log, read_log, read_logs, write_log
+    from identification.log import Log
+    from identification.logs import read_log, read_logs, write_log
     from identification.observability import Observability, motion_observability
     from identification.recursive import RecursiveLeastSquares
 
@@ -26,7 +27,7 @@ _HOMES = {
     "compare": "comparison",
     "Identification": "fitting",
     "identify": "fitting",
-    "Log": "logs",
+    "Log": "log",
     "read_log": "logs",
     "read_logs": "logs",
     "write_log": "logs",

@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from identification.logs import Log
+from identification.log import Log
 from identification.mechanisms import AnyModel, mechanism_of
 from identification.ranking import MATERIAL, rank
 from identification.search import Search, Step

@@ -18,7 +18,7 @@ from identification.axis_catalogue import AXIS_CATALOGUE, TURNING, Scales, fitte
 from identification.axis_dynamics import SYSTEM, AxisStructure, Instant
 from identification.axis_samples import AxisSamples, axis_samples
 from identification.filters import slope_ends
-from identification.logs import AXIS, Log
+from identification.log import AXIS, Log
 from identification.mechanism import Label, Mechanism
 from identification.resampling import RATE_SMOOTHING, moved, smoothed
 from identification.segments import Part

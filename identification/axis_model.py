@@ -16,7 +16,7 @@ from identification.axis_catalogue import AXIS_BASE, AXIS_CATALOGUE, Scales, fit
 from identification.axis_dynamics import AxisStructure
 from identification.axis_samples import typical
 from identification.filters import FILTER_RATE
-from identification.logs import Log
+from identification.log import Log
 from identification.regression import Fit
 from youbot_env import model_parts as parts
 from youbot_env.effects import Effect

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from identification.axis_catalogue import Scales
 from identification.filters import FILTER_RATE, block_mean
-from identification.logs import AXIS, Log
+from identification.log import AXIS, Log
 from identification.noise import white_noise
 from youbot_env.errors import InputError
 

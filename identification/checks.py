@@ -7,7 +7,6 @@ What the file or its time column can have wrong is found while reading (`parsing
 from __future__ import annotations
 
 from collections.abc import Iterator
-from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
@@ -16,12 +15,10 @@ from identification import wheel_checks
 from identification.columns import joint_columns
 from identification.findings import Finding, Level
 from identification.interpolation import runs_of
+from identification.log import Log
 from identification.noise import thinned, white_noise
 from identification.wheel_checks import WRONG_POWER, Limits, power_share
 from youbot_env.geometry import WHEELS, Geometry
-
-if TYPE_CHECKING:
-    from identification.logs import Log
 
 __all__ = ["Finding", "Limits", "check", "limits_for", "noise_estimate"]
 

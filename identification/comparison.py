@@ -21,7 +21,7 @@ from identification.errors import (
     velocity_floor,
     velocity_traces,
 )
-from identification.logs import Log
+from identification.log import Log
 from identification.mechanism import Mechanism
 from identification.mechanisms import AnyModel, mechanism_of
 from identification.residual_map import ResidualMap, residual_map

@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from identification.candidates import Candidate, Fitted
-from identification.logs import Log
+from identification.log import Log
 from identification.mechanism import Mechanism
 from identification.mechanisms import AnyModel, mechanism_of
 from identification.parallel import side_by_side

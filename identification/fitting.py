@@ -17,7 +17,7 @@ from identification.errors import (
     force_traces,
     velocity_traces,
 )
-from identification.logs import Log
+from identification.log import Log
 from identification.mechanism import Mechanism, Samples
 from identification.mechanisms import AnyModel, mechanism_of
 from identification.observability import (

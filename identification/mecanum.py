@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from identification.filters import FILTER_RATE
-from identification.logs import Log
+from identification.log import Log
 from identification.mechanism import Label, Mechanism
 from identification.platform_demand import Demand
 from identification.platform_samples import Samples, integral_of, samples_of

@@ -13,7 +13,7 @@ from typing import Any, NamedTuple, Protocol, Self
 import numpy as np
 from numpy.typing import NDArray
 
-from identification.logs import Log
+from identification.log import Log
 from youbot_env.effects import Parameter, Registry
 
 Array = NDArray[np.float64]

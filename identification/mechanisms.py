@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from functools import cache
 from typing import TYPE_CHECKING, Any
 
-from identification.logs import AXIS, Log
+from identification.log import AXIS, Log
 from identification.mecanum import Mecanum
 from identification.mechanism import Mechanism
 from identification.quantities import Quantities, of_axis, of_platform

@@ -8,7 +8,7 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
-from identification.logs import Log
+from identification.log import Log
 from identification.noise import white_noise
 from identification.resampling import smoothed
 from youbot_env.errors import InputError

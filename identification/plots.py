@@ -14,7 +14,7 @@ from identification.comparison import Comparison, LogComparison, stretches_of
 from identification.diagnosis import Diagnosis
 from identification.errors import NoiseLevel, force_floor, force_traces
 from identification.fitting import Identification
-from identification.logs import Log
+from identification.log import Log
 from identification.mechanism import Label
 from identification.mechanisms import AnyModel, quantities_of
 from identification.plot_style import percent, write_figures

@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 from pathlib import Path
 
-from identification.logs import Log
+from identification.log import Log
 from youbot_env.errors import InputError
 from youbot_env.motions import Motion, motion_from_dict
 

@@ -24,7 +24,7 @@ from identification.errors import (
 )
 from identification.final import final_fit, joint_fit
 from identification.folds import Fold
-from identification.logs import Log
+from identification.log import Log
 from identification.mechanism import Mechanism
 from identification.observability import log_observability, refuse_blind
 from identification.regression import Fit

@@ -6,7 +6,7 @@ from dataclasses import asdict, dataclass
 
 import numpy as np
 
-from identification.logs import Log
+from identification.log import Log
 from identification.wheel_checks import slip_ratio
 from youbot_env.geometry import WHEELS
 

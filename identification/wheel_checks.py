@@ -5,16 +5,13 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from itertools import product
-from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
 
 from identification.findings import Finding
+from identification.log import Log
 from youbot_env.geometry import WHEELS, Geometry
-
-if TYPE_CHECKING:
-    from identification.logs import Log
 
 
 @dataclass(frozen=True)

@@ -32,7 +32,7 @@ if TYPE_CHECKING:
     from rich.console import Console
 
     from identification.diagnosis import Diagnosis
-    from identification.logs import Log
+    from identification.log import Log
     from youbot_scripts.report_page import Part
 
 EXAMPLES = (

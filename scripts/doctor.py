@@ -22,7 +22,7 @@ from youbot_scripts.tables import Table, show
 if TYPE_CHECKING:
     from rich.console import Console
 
-    from identification.logs import Log
+    from identification.log import Log
     from identification.mechanisms import Kind
     from youbot_env.geometry import Geometry
 

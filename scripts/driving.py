@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from controllers.interface import Controller, Observation, Reference
-from identification.logs import Log
+from identification.log import Log
 from youbot_env.errors import InputError
 from youbot_env.geometry import WHEELS
 from youbot_env.model import Model

@@ -23,7 +23,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 if TYPE_CHECKING:
-    from identification.logs import Log
+    from identification.log import Log
 
 Array = NDArray[np.float64]
 
@@ -98,7 +98,7 @@ def read_run(path: str | Path) -> Run:
 
 def log_of(run: Run, name: str) -> Log:
     """The run as a log of one axis: m, m/s, N."""
-    from identification.logs import AXIS, Log
+    from identification.log import AXIS, Log
 
     position, speed, _ = run.motion()
     velocity, effort, position = (x[run.inside, None] for x in (speed, run.force, position))

@@ -34,7 +34,7 @@ if TYPE_CHECKING:
     from rich.console import Console
 
     from identification.fitting import Identification
-    from identification.logs import Log
+    from identification.log import Log
     from youbot_scripts.report_page import Part
 
 EXAMPLES = (

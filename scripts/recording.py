@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from controllers.kinematic import KinematicControl
-from identification.logs import Log
+from identification.log import Log
 from youbot_env.model import Model
 from youbot_env.motions import Motion
 from youbot_env.plant import Platforms

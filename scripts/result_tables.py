@@ -10,7 +10,7 @@ from youbot_scripts.common import number, percent, to_digit_of, with_std
 from youbot_scripts.tables import Table
 
 if TYPE_CHECKING:
-    from identification.logs import Log
+    from identification.log import Log
 
 FITS = 1.25
 """Force error over the noise floor up to which a model is said to fit: as `diagnose` has it."""

@@ -11,7 +11,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from identification.logs import Log, write_log
+from identification.log import Log
+from identification.logs import write_log
 from youbot_env.errors import InputError
 from youbot_scripts.blind import motions, plant
 from youbot_scripts.blind.effects import CATALOGUE, OUTSIDE, Planted, draw, pairs, planted_physics

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from identification.errors import Squares, add_up, velocity_traces
-from identification.logs import Log
+from identification.log import Log
 from identification.mecanum import Mecanum
 from youbot_env.effects import CATALOGUE as REGISTERED
 from youbot_env.errors import InputError

@@ -8,7 +8,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 
-from identification.logs import Log
+from identification.log import Log
 from youbot_env.effects import CATALOGUE
 from youbot_env.errors import InputError
 from youbot_env.model import Model

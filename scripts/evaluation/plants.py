@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Any
 
-from identification.logs import Log
+from identification.log import Log
 from youbot_env.env import YouBotTrackingEnv
 from youbot_env.model import Model
 from youbot_env.motions import Motion

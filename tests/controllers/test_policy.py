@@ -18,9 +18,10 @@ import pytest
 
 from controllers.interface import Controller, Loop, Observation, Reference
 from controllers.kinematic import KinematicControl
-from controllers.policy import Description, Network, Policy, build_policy
+from controllers.policy import Description, Network, Policy
 from controllers.policy_file import MAX_WEIGHTS, load_policy, save_policy
 from controllers.policy_inputs import WHEEL_MIX, Layout, plain_features, tracking_features
+from controllers.registry import build_policy
 from youbot_env.env import YouBotTrackingEnv
 from youbot_env.errors import InputError
 from youbot_env.geometry import Geometry
@@ -345,7 +346,7 @@ def test_plays_where_neither_torch_nor_stable_baselines3_is(saved):
         "for name in ('torch', 'stable_baselines3', 'gymnasium'): sys.modules[name] = None\n"
         "import numpy as np\n"
         "from controllers.interface import Loop, Observation, Reference\n"
-        "from controllers.policy import build_policy\n"
+        "from controllers.registry import build_policy\n"
         "from youbot_env import load_model\n"
         f"p = build_policy({str(saved[0])!r}, load_model('paper'), Loop())\n"
         "o = Observation(0.0, np.zeros(4), np.array([0.1, 0.0, 0.2]))\n"

@@ -11,9 +11,8 @@ import pytest
 
 from controllers.interface import Controller, Loop, Observation, Reference
 from controllers.kinematic import KinematicControl
-from controllers.policy import build_policy
 from controllers.policy_file import load_policy, shipped_policies
-from controllers.registry import build
+from controllers.registry import build, build_policy
 from youbot_env.env import YouBotTrackingEnv
 from youbot_env.model import Model
 from youbot_env.model_file import load_model

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from identification.logs import Log
+from identification.log import Log
 from youbot_env.geometry import WHEELS, Geometry
 
 SPEED_NOISE, EFFORT_NOISE = 0.01, 0.03

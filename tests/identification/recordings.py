@@ -2,7 +2,7 @@
 
 from functools import cache
 
-from identification.logs import Log
+from identification.log import Log
 from youbot_env.model_file import load_model
 from youbot_env.motions import calibration, motion_i, motion_iii
 from youbot_scripts.record import record

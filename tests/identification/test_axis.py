@@ -26,7 +26,8 @@ from identification.axis_samples import typical
 from identification.comparison import compare, write_predictions
 from identification.errors import Squares, force_traces, velocity_traces
 from identification.fitting import identify
-from identification.logs import AXIS, Log, read_log, write_log
+from identification.log import AXIS, Log
+from identification.logs import read_log, write_log
 from identification.mechanisms import load_any_model, mechanism_of
 from identification.regression import fit
 from identification.segments import cut

@@ -18,7 +18,7 @@ import pytest
 from numpy.typing import NDArray
 
 from controllers.kinematic import KinematicControl
-from identification.logs import Log
+from identification.log import Log
 from identification.mecanum import Mecanum
 from identification.regression import Fit, fit
 from youbot_env.geometry import Geometry

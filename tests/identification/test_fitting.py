@@ -9,7 +9,8 @@ import identification
 from identification.comparison import compare, write_predictions
 from identification.errors import Squares, force_traces, velocity_traces
 from identification.fitting import identify
-from identification.logs import Log, read_log
+from identification.log import Log
+from identification.logs import read_log
 from identification.mecanum import Mecanum
 from tests.identification.recordings import recording
 from tests.identification.shared_data import DATA, needs_data, theta, truth

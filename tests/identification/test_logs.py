@@ -12,7 +12,8 @@ import pytest
 
 from identification.checks import noise_estimate
 from identification.interpolation import bridge, interpolate_at
-from identification.logs import AXIS, Log, log_name, log_table, read_log, read_logs, write_log
+from identification.log import AXIS, Log
+from identification.logs import log_name, log_table, read_log, read_logs, write_log
 from identification.parsing import _parse_cells, _parse_regular
 from identification.repair import find_outliers
 from tests.identification.healthy import EFFORT_NOISE, SPEED_NOISE, healthy_log

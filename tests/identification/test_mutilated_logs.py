@@ -12,7 +12,8 @@ import numpy as np
 import pytest
 
 from identification.findings import LogError
-from identification.logs import Log, read_log
+from identification.log import Log
+from identification.logs import read_log
 from tests.identification.mutilations import (  # noqa: F401 - each registers its cases
     of_channels,
     of_file,

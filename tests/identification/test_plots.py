@@ -21,7 +21,8 @@ from identification.axis_model import base_axis_model
 from identification.comparison import Comparison, compare, stretches_of
 from identification.errors import NoiseLevel, Squares, Traces, force_floor, force_traces
 from identification.fitting import Identification, identify
-from identification.logs import Log, read_log, write_log
+from identification.log import Log
+from identification.logs import read_log, write_log
 from identification.noise import white_noise
 from identification.quantities import of_platform
 from identification.recursive import Course

@@ -14,7 +14,8 @@ from typing import Any
 import numpy as np
 import pytest
 
-from identification.logs import AXIS, Log, read_log, write_log
+from identification.log import AXIS, Log
+from identification.logs import read_log, write_log
 from tests.identification.recordings import recording
 from tests.identification.test_axis import STAGE, log_of, planted
 from youbot_env.model import BASE_UNITS

@@ -14,7 +14,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from identification.logs import Log, read_log
+from identification.log import Log
+from identification.logs import read_log
 from youbot_env.errors import InputError
 from youbot_env.model_file import load_model, model_from_dict, model_to_dict, save_model
 from youbot_env.motions import motion_i, motion_iii

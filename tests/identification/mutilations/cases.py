@@ -8,7 +8,8 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass
 
-from identification.logs import Log, log_table
+from identification.log import Log
+from identification.logs import log_table
 from tests.identification.healthy import healthy_log
 
 HEALTHY = healthy_log()
