@@ -10,7 +10,7 @@ import numpy as np
 from numba import njit
 from numpy.typing import ArrayLike, NDArray
 
-from youbot_env.geometry import Geometry
+from youbot_env.physics.geometry import Geometry
 
 Array = NDArray[np.float64]
 

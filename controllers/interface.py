@@ -8,8 +8,8 @@ from typing import NamedTuple, Protocol, runtime_checkable
 import numpy as np
 from numpy.typing import NDArray
 
-from youbot_env.hardware import MAX_WHEEL_TORQUE
-from youbot_env.validation import finite
+from youbot_env.errors import finite
+from youbot_env.physics.hardware import MAX_WHEEL_TORQUE
 
 Array = NDArray[np.float64]
 

@@ -8,10 +8,9 @@ from dataclasses import dataclass, fields
 import numpy as np
 
 from controllers.interface import Array, Observation, Reference
-from youbot_env.errors import InputError
-from youbot_env.geometry import Geometry
-from youbot_env.hardware import MAX_WHEEL_TORQUE, STOCK_INTEGRAL, STOCK_PROPORTIONAL
-from youbot_env.validation import finite
+from youbot_env.errors import InputError, finite
+from youbot_env.physics.geometry import Geometry
+from youbot_env.physics.hardware import MAX_WHEEL_TORQUE, STOCK_INTEGRAL, STOCK_PROPORTIONAL
 
 
 @dataclass(frozen=True)

@@ -12,12 +12,12 @@ from functools import partial
 from itertools import chain
 from typing import Any
 
-from controllers.gains_file import is_gains_file, load_gains
 from controllers.interface import Controller, Loop
-from controllers.policy import RATE_TOLERANCE, Policy
-from controllers.policy_file import load_policy, shipped_policies
+from controllers.policy.policy import RATE_TOLERANCE, Policy
+from controllers.policy.policy_file import load_policy, shipped_policies
+from controllers.tuning.gains_file import is_gains_file, load_gains
 from youbot_env.errors import InputError
-from youbot_env.model import Model
+from youbot_env.model.model import Model
 
 Settings = Mapping[str, Any]
 """Numbers and texts by name, JSON-able, that a factory takes beside model and loop."""
@@ -50,63 +50,63 @@ def _kinematic(model: Model, loop: Loop, **settings: Any) -> Controller:
 
 def _gains(model: Model, loop: Loop) -> Settings:
     """The best gains within the margins and the torque rate that ``tuning`` asks for."""
-    from controllers.tuning import tuned_kinematic
+    from controllers.tuning.tuning import tuned_kinematic
 
     return asdict(tuned_kinematic(model, loop))
 
 
 def _free_gains(model: Model, loop: Loop) -> Settings:
     """The best gains that are stable at all."""
-    from controllers.structures import KinematicStructure
-    from controllers.trials import Trial, references
-    from controllers.tuning import Bench
+    from controllers.tuning.trials import Trial, references
+    from controllers.tuning.tunable_laws import KinematicStructure
+    from controllers.tuning.tuning import Bench
 
     bench = Bench(KinematicStructure(model, loop), Trial(model, loop, references(model)))
     return bench.best(None).point
 
 
 def _computed_torque(model: Model, loop: Loop, **settings: Any) -> Controller:
-    from controllers.computed_torque import ComputedTorque
+    from controllers.computed_torque.computed_torque import ComputedTorque
 
     return ComputedTorque(model, loop, **settings)
 
 
 def _adaptive(model: Model, loop: Loop, **settings: Any) -> Controller:
-    from controllers.adaptive import AdaptiveComputedTorque
+    from controllers.computed_torque.adaptive import AdaptiveComputedTorque
 
     return AdaptiveComputedTorque(model, loop, **settings)
 
 
 def _poles(model: Model, loop: Loop) -> Settings:
     """The fastest poles within the margins that ``pid_design`` asks for."""
-    from controllers.pid_design import design
+    from controllers.pid.design import design
 
     return asdict(design(model, loop))
 
 
 def _pid(model: Model, loop: Loop, **settings: Any) -> Controller:
-    from controllers.pid import PID, PIDGains
+    from controllers.pid.pid import PID, PIDGains
 
     return PID(model, loop, PIDGains(**settings))
 
 
 def _weights(model: Model, loop: Loop) -> Settings:
     """The fastest weights within the margins that ``lqi_design`` asks for."""
-    from controllers.lqi_design import fastest
+    from controllers.lqi.design import fastest
 
     return asdict(fastest(model, loop))
 
 
 def _lqi(model: Model, loop: Loop, **settings: Any) -> Controller:
-    from controllers.lqi import LQI
-    from controllers.lqi_design import Weights
+    from controllers.lqi.design import Weights
+    from controllers.lqi.lqi import LQI
 
     return LQI(model, loop, Weights(**settings))
 
 
 def _of_gains_file(path: str, model: Model, loop: Loop) -> Controller:
     from controllers.kinematic import Gains, KinematicControl
-    from controllers.pid import PID
+    from controllers.pid.pid import PID
 
     gains = load_gains(path)
     if isinstance(gains, Gains):

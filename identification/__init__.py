@@ -9,14 +9,14 @@ import importlib
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
-    from identification.adding import Addition, add_effect
     from identification.comparison import Comparison, compare
-    from identification.diagnosis import Diagnosis, diagnose
-    from identification.fitting import Identification, identify
-    from identification.log import Log
-    from identification.logs import read_log, read_logs, write_log
-    from identification.observability import Observability, motion_observability
-    from identification.recursive import RecursiveLeastSquares
+    from identification.diagnosis.add_effect import Addition, add_effect
+    from identification.diagnosis.diagnose import Diagnosis, diagnose
+    from identification.fitting.identify import Identification, identify
+    from identification.fitting.observability import Observability, motion_observability
+    from identification.fitting.recursive import RecursiveLeastSquares
+    from identification.logs.log import Log
+    from identification.logs.reading import read_log, read_logs, write_log
 
 _HOMES = {
     "Addition": "adding",

@@ -10,8 +10,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from identification.columns import joint_columns
-from identification.errors import (
+from identification.fitting.errors import (
     NoiseLevel,
     Squares,
     Traces,
@@ -21,14 +20,15 @@ from identification.errors import (
     velocity_floor,
     velocity_traces,
 )
-from identification.log import Log
-from identification.mechanism import Mechanism
-from identification.mechanisms import AnyModel, mechanism_of
-from identification.residual_map import ResidualMap, residual_map
-from identification.slip import Slip, slip_of
+from identification.logs.columns import joint_columns
+from identification.logs.log import Log
+from identification.logs.wheel_checks import Slip, slip_of
+from identification.mechanisms.mechanism import Mechanism
+from identification.mechanisms.registry import AnyModel, mechanism_of
+from identification.residual_map.residual_map import ResidualMap, residual_map
 from youbot_env.errors import InputError
 from youbot_env.files import write_atomically
-from youbot_env.geometry import Geometry
+from youbot_env.physics.geometry import Geometry
 
 Array = NDArray[np.float64]
 

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from youbot_scripts.cli import run_script
-from youbot_scripts.common import (
+from youbot_scripts.shared.options import (
     JsonOption,
     LogsArgument,
     MechanismOption,
@@ -27,7 +27,7 @@ from youbot_scripts.common import (
 if TYPE_CHECKING:
     from rich.console import Console
 
-    from identification.adding import Addition
+    from identification.diagnosis.add_effect import Addition
 
 EXAMPLES = ("youbot add model.json floor_tilt runs/*.csv -o better.json",)
 
@@ -52,9 +52,14 @@ def main(
     Says when it was not worth it (no material or significant fall, implausible sign or size), and
     does what was asked all the same.
     """
-    from identification.adding import add_effect
-    from identification.logs import read_logs
-    from identification.mechanisms import check_mechanism, kind_of, load_any_model, save_any_model
+    from identification.diagnosis.add_effect import add_effect
+    from identification.logs.reading import read_logs
+    from identification.mechanisms.registry import (
+        check_mechanism,
+        kind_of,
+        load_any_model,
+        save_any_model,
+    )
     from youbot_env.plugins import load_effects
 
     if effects:

@@ -9,15 +9,14 @@ from typing import Annotated, Any
 import typer
 
 from youbot_env.errors import InputError
-from youbot_scripts import common
-from youbot_scripts.blind.cases import KINDS, write_case
-from youbot_scripts.blind.report import show, show_sizes
-from youbot_scripts.blind.scores import score
-from youbot_scripts.blind.sizes import force_ratio, size_table, sizings
-from youbot_scripts.blind.trial import Record
-from youbot_scripts.blind.trials import Spec, plan, run_trials
+from youbot_scripts.blind_bench.cases import KINDS, write_case
+from youbot_scripts.blind_bench.effect_sizes import force_ratio, size_table, sizings
+from youbot_scripts.blind_bench.report import show, show_sizes
+from youbot_scripts.blind_bench.scores import score
+from youbot_scripts.blind_bench.trials import Record, Spec, plan, run_trials
 from youbot_scripts.cli import run_script
-from youbot_scripts.spread import spread
+from youbot_scripts.shared import options as common
+from youbot_scripts.shared.results_folder import spread
 
 EXAMPLES = (
     "youbot bench --cases 200 --kinds none --resume bench/",
@@ -94,7 +93,7 @@ def bench(
     specs: list[Spec], *, jobs: int = 1, folder: Path | None = None, follow_up: bool = False
 ) -> list[Record]:
     """Diagnose the cases, with a progress bar."""
-    from identification.diagnosis import diagnose
+    from identification.diagnosis.diagnose import diagnose
 
     options = {"jobs": jobs, "folder": folder, "follow_up": follow_up}
     with common.progress(len(specs), "diagnosing") as advance:

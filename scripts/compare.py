@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from youbot_scripts.cli import run_script
-from youbot_scripts.common import (
+from youbot_scripts.shared.options import (
     GeometryOption,
     JsonOption,
     LogsArgument,
@@ -25,14 +25,14 @@ from youbot_scripts.common import (
     write_result,
     write_text,
 )
-from youbot_scripts.tables import Table, show
+from youbot_scripts.shared.tables import Table, show
 
 if TYPE_CHECKING:
     from rich.console import Console
 
     from identification.comparison import Comparison
-    from youbot_env.geometry import Geometry
-    from youbot_scripts.report_page import Part
+    from youbot_env.physics.geometry import Geometry
+    from youbot_scripts.shared.report_page import Part
 
 EXAMPLES = (
     "youbot compare model.json runs/multisine_b.csv --report fails.html",
@@ -65,9 +65,9 @@ def main(
     the force residual that depends on each variable, and the worst stretches.
     """
     from identification.comparison import compare
-    from identification.logs import read_logs
-    from identification.mechanisms import kind_of, load_any_model
-    from youbot_env.model_file import load_geometry
+    from identification.logs.reading import read_logs
+    from identification.mechanisms.registry import kind_of, load_any_model
+    from youbot_env.model.model_file import load_geometry
 
     check_pictures(plots, report)
     loaded = load_any_model(model)
@@ -82,12 +82,12 @@ def main(
         _write_predictions(out, result, predictions)
     write_result(json, result.to_dict(), seed)
     if plots:
-        from identification.plots import plot_comparison
+        from identification.figures.figures import plot_comparison
 
         for path in plot_comparison(result, plots, lengths):
             out.print(f"plot written to {path}", soft_wrap=True)
     if report:
-        from youbot_scripts.report_page import facts, page
+        from youbot_scripts.shared.report_page import facts, page
 
         title = f"Model compared with logs: {loaded.name}"
         write_text(report, page(title, _parts(result, lengths), facts(seed)))
@@ -133,7 +133,7 @@ def _slip(logs: Mapping[str, Any]) -> Iterator[Table]:
 
 
 def _where(found: Mapping[str, Any]) -> Table:
-    from youbot_scripts import result_tables
+    from youbot_scripts.shared import tables as result_tables
 
     return result_tables.depends_on("What the force residual depends on", found["where"])
 
@@ -150,9 +150,9 @@ def _stretches(found: Mapping[str, Any]) -> Table:
 
 def _parts(result: Comparison, geometry: Geometry | None) -> Iterator[Part]:
     """The web page: the verdict first, then how it came about."""
-    from identification.plots import figures_of_comparison
-    from youbot_scripts import result_tables
-    from youbot_scripts.report_page import Words, pictures
+    from identification.figures.figures import figures_of_comparison
+    from youbot_scripts.shared import tables as result_tables
+    from youbot_scripts.shared.report_page import Words, pictures
 
     found = result.to_dict()
     error, floor = found["total"], found["noise_floor"]

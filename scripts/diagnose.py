@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from youbot_scripts.cli import run_script
-from youbot_scripts.common import (
+from youbot_scripts.shared.options import (
     JsonOption,
     LogsArgument,
     MechanismOption,
@@ -26,14 +26,14 @@ from youbot_scripts.common import (
     write_result,
     write_text,
 )
-from youbot_scripts.tables import Table, show
+from youbot_scripts.shared.tables import Table, show
 
 if TYPE_CHECKING:
     from rich.console import Console
 
-    from identification.diagnosis import Diagnosis
-    from identification.log import Log
-    from youbot_scripts.report_page import Part
+    from identification.diagnosis.diagnose import Diagnosis
+    from identification.logs.log import Log
+    from youbot_scripts.shared.report_page import Part
 
 EXAMPLES = (
     "youbot diagnose model.json runs/*.csv -o better.json",
@@ -66,9 +66,14 @@ def main(
     (one log alone: five blocks). Prints the error as it falls, beside the noise floor. Works in a
     thread a core, four at most; the environment variable YOUBOT_THREADS says otherwise.
     """
-    from identification.diagnosis import diagnose
-    from identification.logs import read_logs
-    from identification.mechanisms import check_mechanism, kind_of, load_any_model, save_any_model
+    from identification.diagnosis.diagnose import diagnose
+    from identification.logs.reading import read_logs
+    from identification.mechanisms.registry import (
+        check_mechanism,
+        kind_of,
+        load_any_model,
+        save_any_model,
+    )
     from youbot_env.plugins import load_effects
 
     check_pictures(None, report)
@@ -82,13 +87,13 @@ def main(
     out = console(json)
     _print(out, result)
     if next_motion and result.next_experiment:
-        from youbot_scripts.common import write_json
+        from youbot_scripts.shared.options import write_json
 
         write_json(next_motion, result.next_experiment["motion"])
         out.print(f"motion written to {next_motion}", soft_wrap=True)
     write_result(json, result.to_dict(), seed)
     if report:
-        from youbot_scripts.report_page import facts, page
+        from youbot_scripts.shared.report_page import facts, page
 
         title = f"What is missing from the model: {loaded.name}"
         write_text(report, page(title, _parts(result, loaded, read), facts(seed)))
@@ -114,7 +119,7 @@ def _print(out: Console, result: Diagnosis) -> None:
 
 
 def _steps(result: Diagnosis) -> Table:
-    from youbot_scripts import result_tables
+    from youbot_scripts.shared import tables as result_tables
 
     rows = [(step.effect or "the model, refitted", step.to_dict()) for step in result.steps]
     rows.append(("noise floor", result.noise_floor))
@@ -140,9 +145,9 @@ def _next(result: Diagnosis) -> list[str]:
 
 def _parts(result: Diagnosis, given: Any, read: Sequence[Log]) -> Iterator[Part]:
     """The web page: the verdict first, then how it came about."""
-    from identification.plots import figures_of_diagnosis
-    from youbot_scripts import result_tables
-    from youbot_scripts.report_page import Words, pictures
+    from identification.figures.figures import figures_of_diagnosis
+    from youbot_scripts.shared import tables as result_tables
+    from youbot_scripts.shared.report_page import Words, pictures
 
     yield Words([f"Verdict: {result.verdict}", *result.sentences, *_next(result)], "verdict")
     yield Words(result.warnings, "warning")

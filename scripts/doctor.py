@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from youbot_scripts.cli import run_script
-from youbot_scripts.common import (
+from youbot_scripts.shared.options import (
     GeometryOption,
     JsonOption,
     LogsArgument,
@@ -17,14 +17,14 @@ from youbot_scripts.common import (
     write_result,
     x_legend,
 )
-from youbot_scripts.tables import Table, show
+from youbot_scripts.shared.tables import Table, show
 
 if TYPE_CHECKING:
     from rich.console import Console
 
-    from identification.log import Log
-    from identification.mechanisms import Kind
-    from youbot_env.geometry import Geometry
+    from identification.logs.log import Log
+    from identification.mechanisms.registry import Kind
+    from youbot_env.physics.geometry import Geometry
 
 EXAMPLES = (
     "youbot doctor runs/*.csv",
@@ -47,8 +47,8 @@ def main(
 
     Reports every log; the exit status is 2 if one of them cannot be used.
     """
-    from identification.mechanisms import kind
-    from youbot_env.model_file import load_geometry
+    from identification.mechanisms.registry import kind
+    from youbot_env.model.model_file import load_geometry
 
     of, lengths = kind(mechanism), load_geometry(geometry) if geometry else None
     out = console(json)
@@ -67,8 +67,8 @@ def main(
 
 
 def _examine(path: Path, of: Kind, geometry: Geometry | None, unit: str) -> dict[str, Any]:
-    from identification.findings import LogError
-    from identification.logs import read_log
+    from identification.logs.findings import LogError
+    from identification.logs.reading import read_log
     from youbot_env.errors import InputError
 
     try:
@@ -96,7 +96,7 @@ def _finding(finding: Any) -> dict[str, Any]:
 
 
 def _noise(log: Log) -> dict[str, float]:
-    from identification.noise import white_noise
+    from identification.signals.noise import white_noise
 
     return {
         "speed": float(white_noise(log.velocity).mean()),
@@ -114,10 +114,10 @@ def _shows(log: Log, start: Any, geometry: Geometry | None) -> dict[str, Any]:
     """What each motion of a log shows of the base model that ``start`` is."""
     import numpy as np
 
-    from identification.mecanum import Mecanum
-    from identification.mechanisms import mechanism_of
-    from identification.observability import log_observability, motion_that_shows
-    from identification.rows import regression_rows
+    from identification.fitting.observability import log_observability, motion_that_shows
+    from identification.fitting.regression_rows import regression_rows
+    from identification.mechanisms.mecanum import Mecanum
+    from identification.mechanisms.registry import mechanism_of
 
     mechanism = mechanism_of(start, geometry)
     samples = mechanism.samples(log)

@@ -10,14 +10,14 @@ from typing import TYPE_CHECKING, Annotated, Any, NamedTuple
 import typer
 
 from youbot_scripts.cli import run_script
-from youbot_scripts.common import JsonOption, console, number, write_result
-from youbot_scripts.tables import Table
-from youbot_scripts.tables import show as show_tables
+from youbot_scripts.shared.options import JsonOption, console, number, write_result
+from youbot_scripts.shared.tables import Table
+from youbot_scripts.shared.tables import show as show_tables
 
 if TYPE_CHECKING:
     from rich.console import Console
 
-    from youbot_env.effects import Effect, Registry
+    from youbot_env.physics.effect import Effect, Registry
 
 EffectsOption = Annotated[
     Path | None,
@@ -87,7 +87,7 @@ def main(
     recognise it in measurements.
 
     --effects runs a Python file of your own that registers effects with
-    youbot_env.effects.effect, and lists them too.
+    youbot_env.physics.effect.effect, and lists them too.
     """
     from youbot_env.plugins import load_effects, load_installed_effects
 
@@ -115,17 +115,17 @@ def shown(mechanism: str) -> Shown:
     InputError
         If there is no mechanism of this name.
     """
-    from identification.mechanisms import kind
+    from identification.mechanisms.registry import kind
 
     if kind(mechanism) is kind("axis"):
-        from identification import axis_printing
-        from identification.axis_catalogue import AXIS_CATALOGUE
+        from identification.mechanisms import axis_printing
+        from identification.mechanisms.axis_effects import AXIS_CATALOGUE
 
         formula, equation = axis_printing.formula, axis_printing.equation
         return Shown(AXIS_CATALOGUE, formula, equation, lambda unit: TYPICAL[unit], TYPICAL_NOTE)
-    from youbot_env.effects import CATALOGUE
-    from youbot_env.structure import Structure
-    from youbot_env.symbolic import equation, formula
+    from youbot_env.equations.equations import equation, formula
+    from youbot_env.physics.effect import CATALOGUE
+    from youbot_env.physics.structure import Structure
 
     return Shown(
         CATALOGUE,

@@ -23,7 +23,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 if TYPE_CHECKING:
-    from identification.log import Log
+    from identification.logs.log import Log
 
 Array = NDArray[np.float64]
 
@@ -98,7 +98,7 @@ def read_run(path: str | Path) -> Run:
 
 def log_of(run: Run, name: str) -> Log:
     """The run as a log of one axis: m, m/s, N."""
-    from identification.log import AXIS, Log
+    from identification.logs.log import AXIS, Log
 
     position, speed, _ = run.motion()
     velocity, effort, position = (x[run.inside, None] for x in (speed, run.force, position))
@@ -130,7 +130,7 @@ def force_of_model(run: Run, model: Any) -> Array:
     ----------
     model : an AxisModel in m, m/s, N
     """
-    from identification.axis_dynamics import Instant, acting_force
+    from identification.mechanisms.axis_dynamics import Instant, acting_force
 
     position, speed, acceleration = run.motion()
     at = Instant(speed, acceleration, position, time=run.time - run.time[0])
@@ -139,7 +139,7 @@ def force_of_model(run: Run, model: Any) -> Array:
 
 def official_model() -> Any:
     """The authors' model, as an AxisModel: sign(v) where theirs jumps, to 10 um/s."""
-    from identification.axis_model import axis_from_dict
+    from identification.mechanisms.axis_model import axis_from_dict
 
     units = {"inertia": "kg", "viscous": "N s/m", "coulomb": "N", "offset": "N"}
     entries = {name: {"value": value, "unit": units[name]} for name, value in OFFICIAL.items()}
@@ -156,7 +156,7 @@ def main() -> int:
     parser.add_argument("log", help="the log to write: .csv, .csv.gz or .parquet")
     parser.add_argument("--model", help="also print the official error of this model file")
     args = parser.parse_args()
-    from identification.logs import log_name, write_log
+    from identification.logs.reading import log_name, write_log
     from youbot_env.errors import InputError
 
     try:
@@ -172,7 +172,7 @@ def main() -> int:
 
 
 def _print_errors(run: Run, path: str) -> None:
-    from identification.mechanisms import load_any_model
+    from identification.mechanisms.registry import load_any_model
 
     for name, model in (("official", official_model()), (path, load_any_model(path))):
         error = relative_force_error(run, force_of_model(run, model))

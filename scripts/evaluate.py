@@ -8,13 +8,13 @@ from typing import Annotated, Any
 
 import typer
 
-from controllers.policy_file import shipped_policies
+from controllers.policy.policy_file import shipped_policies
 from controllers.registry import CONTROLLERS
-from youbot_scripts import common
 from youbot_scripts.cli import run_script
 from youbot_scripts.evaluation import tables
 from youbot_scripts.evaluation.settings import BASIC, SUITES, amplitude, bands, settings, words
 from youbot_scripts.evaluation.whole import Evaluation, evaluate
+from youbot_scripts.shared import options as common
 
 __all__ = ["evaluate", "main"]
 
@@ -150,8 +150,8 @@ def main(
 def _draw(
     found: Evaluation, plots: Path | None, report: Path | None, brief: bool, out: Any
 ) -> None:
-    from identification.plot_style import write_figures
-    from youbot_scripts.report_page import facts, page, pictures
+    from identification.figures.style import write_figures
+    from youbot_scripts.shared.report_page import facts, page, pictures
 
     figures = found.figures(brief)
     if plots:

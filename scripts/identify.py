@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from youbot_scripts.cli import run_script
-from youbot_scripts.common import (
+from youbot_scripts.shared.options import (
     GeometryOption,
     JsonOption,
     LogsArgument,
@@ -28,14 +28,14 @@ from youbot_scripts.common import (
     write_text,
     x_legend,
 )
-from youbot_scripts.tables import Table, show
+from youbot_scripts.shared.tables import Table, show
 
 if TYPE_CHECKING:
     from rich.console import Console
 
-    from identification.fitting import Identification
-    from identification.log import Log
-    from youbot_scripts.report_page import Part
+    from identification.fitting.identify import Identification
+    from identification.logs.log import Log
+    from youbot_scripts.shared.report_page import Part
 
 EXAMPLES = (
     "youbot identify runs/calibration.csv -o model.json --report model.html",
@@ -76,10 +76,10 @@ def main(
     Prints each parameter with its standard deviation and 95 % interval (true for correlated
     residuals), what each motion in the logs can show, and what looks implausible.
     """
-    from identification.fitting import identify
-    from identification.logs import read_logs
-    from identification.mechanisms import kind, kind_of, load_any_model, save_any_model
-    from youbot_env.model_file import load_geometry
+    from identification.fitting.identify import identify
+    from identification.logs.reading import read_logs
+    from identification.mechanisms.registry import kind, kind_of, load_any_model, save_any_model
+    from youbot_env.model.model_file import load_geometry
 
     check_pictures(plots, report)
     start = load_any_model(model) if model else None
@@ -106,12 +106,12 @@ def main(
         out.print(f"model written to {output}", soft_wrap=True)
     write_result(json, result.to_dict(), seed)
     if plots:
-        from identification.plots import plot_identification
+        from identification.figures.figures import plot_identification
 
         for path in plot_identification(result, plots, read):
             out.print(f"plot written to {path}", soft_wrap=True)
     if report:
-        from youbot_scripts.report_page import facts, page
+        from youbot_scripts.shared.report_page import facts, page
 
         title = f"Model identified: {result.model.name}"
         write_text(report, page(title, _parts(result, read, seed), facts(seed)))
@@ -134,7 +134,7 @@ def _print(out: Console, result: Identification) -> None:
 
 def tables(result: Identification) -> list[Table]:
     """Parameters, and what each motion shows of them."""
-    from youbot_scripts import result_tables
+    from youbot_scripts.shared import tables as result_tables
 
     found = result.to_dict()
     shown = _observability(found["observability"], result.mechanism.scaling)
@@ -163,10 +163,10 @@ def _observability(seen: dict[str, Any], scaling: str) -> Table:
 
 def _parts(result: Identification, read: Sequence[Log], seed: int) -> Iterator[Part]:
     """The web page: the verdict first, then how it came about."""
-    from identification.plots import figures_of_identification, figures_of_residual
-    from identification.residual_map import residual_map
-    from youbot_scripts import result_tables
-    from youbot_scripts.report_page import Words, pictures
+    from identification.figures.figures import figures_of_identification, figures_of_residual
+    from identification.residual_map.residual_map import residual_map
+    from youbot_scripts.shared import tables as result_tables
+    from youbot_scripts.shared.report_page import Words, pictures
 
     errors = result.model.errors
     floor = errors["noise_floor"]

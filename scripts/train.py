@@ -10,11 +10,11 @@ from typing import Annotated, Any
 
 import typer
 
-from controllers.policy import Description
+from controllers.policy.policy import Description
 from youbot_env.errors import InputError
-from youbot_env.tasks import twist_scale
-from youbot_scripts import common
+from youbot_env.tracking.task import twist_scale
 from youbot_scripts.cli import run_script
+from youbot_scripts.shared import options as common
 from youbot_scripts.training import require_learning
 from youbot_scripts.training.runs import SHARE, chosen, train
 

@@ -12,11 +12,11 @@ from typing import Annotated, Any
 import numpy as np
 import typer
 
-from controllers.gains_file import gains_to_dict, save_gains
 from controllers.interface import Loop
-from controllers.structures import KinematicStructure, PIDStructure
-from controllers.trials import Trial, references
-from controllers.tuning import (
+from controllers.tuning.gains_file import gains_to_dict, save_gains
+from controllers.tuning.trials import Trial, references
+from controllers.tuning.tunable_laws import KinematicStructure, PIDStructure
+from controllers.tuning.tuning import (
     ROUNDS,
     TORQUE_RATE_SHARE,
     Bench,
@@ -24,12 +24,11 @@ from controllers.tuning import (
     Tuned,
     allowed_torque_rate,
 )
-from youbot_env.errors import InputError
-from youbot_env.hardware import MAX_WHEEL_TORQUE, STOCK_INTEGRAL, STOCK_PROPORTIONAL
-from youbot_env.model_file import load_model
-from youbot_env.validation import finite
-from youbot_scripts import common
+from youbot_env.errors import InputError, finite
+from youbot_env.model.model_file import load_model
+from youbot_env.physics.hardware import MAX_WHEEL_TORQUE, STOCK_INTEGRAL, STOCK_PROPORTIONAL
 from youbot_scripts.cli import run_script
+from youbot_scripts.shared import options as common
 
 EXAMPLES = (
     "youbot tune paper -o gains.json",

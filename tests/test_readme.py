@@ -18,14 +18,14 @@ from typing import Any
 
 import pytest
 
-from tests.identification.test_observability import seen_by
-from tests.youbot_env import test_own_environment
-from youbot_env.effects import CATALOGUE
-from youbot_env.env import YouBotTrackingEnv
-from youbot_env.geometry import WHEELS, Geometry
-from youbot_env.model import BASE_UNITS
-from youbot_env.model_file import load_model, model_to_dict
-from youbot_env.motions import CALIBRATION
+from tests.identification.fitting.test_observability import seen_by
+from tests.youbot_env.tracking import test_own_environment
+from youbot_env.model.model import BASE_UNITS
+from youbot_env.model.model_file import load_model, model_to_dict
+from youbot_env.motions.calibration import CALIBRATION
+from youbot_env.physics.effect import CATALOGUE
+from youbot_env.physics.geometry import WHEELS, Geometry
+from youbot_env.tracking.env import YouBotTrackingEnv
 from youbot_scripts import cli
 
 ROOT = Path(__file__).parents[1]
@@ -167,7 +167,7 @@ class TestTables:
         assert set(re.findall(r"\bmake (\w+)", "\n".join(_code()))) <= set(targets)
 
     def test_log_columns(self):
-        from identification.columns import optional_groups, required_columns
+        from identification.logs.columns import optional_groups, required_columns
 
         rows = table("Log files", "column")
         found = {row[2] == "yes": set() for row in rows}

@@ -5,12 +5,20 @@ from __future__ import annotations
 import importlib
 from typing import TYPE_CHECKING, Any
 
-from youbot_env.registration import register_when_imported
+from youbot_env.tracking.registration import register_when_imported
 
 if TYPE_CHECKING:
-    from youbot_env.contact import Contact
-    from youbot_env.contact_plant import ContactPlant
-    from youbot_env.effects import (
+    from youbot_env.contact.plant import ContactPlant
+    from youbot_env.contact.settings import Contact
+    from youbot_env.errors import InputError
+    from youbot_env.exports import to_torch
+    from youbot_env.exports.bodies import to_mjcf
+    from youbot_env.exports.control_systems import linear_control, to_control
+    from youbot_env.exports.step_function import step_function
+    from youbot_env.model.model import Estimate, Model
+    from youbot_env.model.model_file import load_model, save_model, shipped_models
+    from youbot_env.motions.calibration import multisine
+    from youbot_env.physics.effect import (
         ACTUATOR,
         BODY,
         CATALOGUE,
@@ -23,39 +31,31 @@ if TYPE_CHECKING:
         Public,
         effect,
     )
-    from youbot_env.errors import InputError
-    from youbot_env.exports import to_torch
-    from youbot_env.exports.bodies import to_mjcf
-    from youbot_env.exports.control_system import linear_control, to_control
-    from youbot_env.exports.steps import step_function
-    from youbot_env.geometry import Geometry
-    from youbot_env.model import Estimate, Model
-    from youbot_env.model_file import load_model, save_model, shipped_models
-    from youbot_env.motions import multisine
-    from youbot_env.plant import Plant
-    from youbot_env.simulate import initial_state
+    from youbot_env.physics.geometry import Geometry
+    from youbot_env.simulation.free_run import initial_state
+    from youbot_env.simulation.plant import Plant
 
 __version__ = "0.1.0"
 
 _HOMES = {
-    "youbot_env.effects": (
+    "youbot_env.physics.effect": (
         *("ACTUATOR", "BODY", "CHANNEL", "CLOCK", "ROLLER", "WHEEL", "WORLD"),
         *("Parameter", "Public", "effect"),
     ),
-    "youbot_env.contact": ("Contact",),
-    "youbot_env.contact_plant": ("ContactPlant",),
+    "youbot_env.contact.settings": ("Contact",),
+    "youbot_env.contact.plant": ("ContactPlant",),
     "youbot_env.errors": ("InputError",),
     "youbot_env.exports": ("to_torch",),
     "youbot_env.exports.bodies": ("to_mjcf",),
-    "youbot_env.exports.control_system": ("linear_control", "to_control"),
-    "youbot_env.exports.steps": ("step_function",),
-    "youbot_env.geometry": ("Geometry",),
-    "youbot_env.model": ("Estimate", "Model"),
-    "youbot_env.model_file": ("load_model", "save_model", "shipped_models"),
-    "youbot_env.motions": ("multisine",),
-    "youbot_env.plant": ("Plant",),
-    "youbot_env.simulate": ("initial_state",),
-    "youbot_env.structure": ("CATALOGUE",),  # it fills the catalogue
+    "youbot_env.exports.control_systems": ("linear_control", "to_control"),
+    "youbot_env.exports.step_function": ("step_function",),
+    "youbot_env.physics.geometry": ("Geometry",),
+    "youbot_env.model.model": ("Estimate", "Model"),
+    "youbot_env.model.model_file": ("load_model", "save_model", "shipped_models"),
+    "youbot_env.motions.calibration": ("multisine",),
+    "youbot_env.simulation.plant": ("Plant",),
+    "youbot_env.simulation.free_run": ("initial_state",),
+    "youbot_env.physics.structure": ("CATALOGUE",),  # it fills the catalogue
 }
 _HOME = {name: module for module, names in _HOMES.items() for name in names}
 

@@ -1,4 +1,10 @@
-"""The one exception that a user's mistake raises."""
+"""The one exception that a user's mistake raises, and checks of a user's numbers that raise it."""
+
+from __future__ import annotations
+
+import math
+from numbers import Integral, Real
+from typing import Any
 
 
 class InputError(ValueError):
@@ -11,3 +17,33 @@ class InputError(ValueError):
     def __init__(self, message: str) -> None:
         # What a user's file holds may carry line breaks into the message.
         super().__init__(" ".join(str(message).splitlines()))
+
+
+def finite(what: str, value: Any, *, positive: bool = False, least: float | None = None) -> float:
+    """``value`` as a float.
+
+    Raises
+    ------
+    InputError
+        If it is not a finite (and, on request, positive or large enough) real number; names
+        ``what``.
+    """
+    real = isinstance(value, Real) and not isinstance(value, bool)
+    try:
+        number = float(value) if real else math.nan
+    except OverflowError:
+        number = math.inf
+    if not math.isfinite(number):
+        raise InputError(f"{what}: {value!r} is not a finite number")
+    if positive and number <= 0.0:
+        raise InputError(f"{what}: {value!r} must be positive")
+    if least is not None and number < least:
+        raise InputError(f"{what}: {number:g} must be at least {least:g}")
+    return number
+
+
+def count(what: str, value: Any) -> int:
+    """``value`` as a whole number of at least 1, or InputError that names ``what``."""
+    if isinstance(value, bool) or not isinstance(value, Integral) or value < 1:
+        raise InputError(f"{what}: {value!r} is not a whole number of at least 1")
+    return int(value)

@@ -16,9 +16,9 @@ from importlib import metadata
 from pathlib import Path
 from typing import Any
 
-import youbot_env.catalogue  # noqa: F401 - a user's effect must not come before the shipped ones
-from youbot_env.effects import CATALOGUE, Effect
+import youbot_env.physics.catalogue  # noqa: F401 - a user's effect must not come before the shipped ones
 from youbot_env.errors import InputError
+from youbot_env.physics.effect import CATALOGUE, Effect
 
 GROUP = "youbot.effects"
 """Entry point group: each entry names a module that registers effects when imported."""
@@ -113,7 +113,9 @@ def _run(name: str, path: Path) -> None:
 
 def _try_out(item: Effect) -> None:
     """Evaluate a new effect as a simulation will: on numbers, and on symbols for the compiler."""
-    from youbot_env.symbolic import try_out  # sympy is slow to load, and most runs need no plugin
+    from youbot_env.equations.equations import (
+        try_out,
+    )  # sympy is slow to load, and most runs need no plugin
 
     for parameter in {*item.parameters, *item.public_parameters}:
         size = parameter.size if parameter.default is None else parameter.default

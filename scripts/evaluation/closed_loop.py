@@ -9,10 +9,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from controllers.interface import Controller, Loop, Observation, Reference
-from youbot_env import hardware
-from youbot_env.env import YouBotTrackingEnv
-from youbot_env.motions import Motion
-from youbot_env.validation import finite
+from youbot_env.errors import finite
+from youbot_env.motions.calibration import Motion
+from youbot_env.physics import hardware
+from youbot_env.tracking.env import YouBotTrackingEnv
 
 Array = NDArray[np.float64]
 

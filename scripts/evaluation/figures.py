@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from identification.plot_style import GREY, line, new_figure, styled
+from identification.figures.style import GREY, line, new_figure, styled
 from youbot_scripts.evaluation.closed_loop import Trace
 from youbot_scripts.evaluation.metrics import AXES
 from youbot_scripts.evaluation.summary import Result, in_words, models_of

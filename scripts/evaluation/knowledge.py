@@ -8,13 +8,13 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 
-from identification.log import Log
-from youbot_env.effects import CATALOGUE
+from identification.logs.log import Log
 from youbot_env.errors import InputError
-from youbot_env.model import Model
-from youbot_env.model_file import load_model, model_from_dict, model_to_dict
+from youbot_env.model.model import Model
+from youbot_env.model.model_file import load_model, model_from_dict, model_to_dict
+from youbot_env.physics.effect import CATALOGUE
 from youbot_scripts.evaluation.plants import LAG, Plant
-from youbot_scripts.experiments import motions_named
+from youbot_scripts.recording.named_motions import motions_named
 
 KNOWN, IDENTIFIED, DIAGNOSED = "known", "identified", "diagnosed"
 
@@ -87,10 +87,10 @@ class Knowledge:
         if plant.lag:
             start = start.with_effect(LAG)
         if self.how == DIAGNOSED:
-            from identification.diagnosis import diagnose
+            from identification.diagnosis.diagnose import diagnose
 
             return diagnose(start, logs, seed=seed).model
-        from identification.fitting import identify
+        from identification.fitting.identify import identify
 
         for effect in self.how.split("+")[1:]:
             start = start.with_effect(effect)

@@ -7,15 +7,15 @@ from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Any
 
-from identification.log import Log
-from youbot_env.env import YouBotTrackingEnv
-from youbot_env.model import Model
-from youbot_env.motions import Motion
-from youbot_scripts.driving import Progress
+from identification.logs.log import Log
+from youbot_env.model.model import Model
+from youbot_env.motions.calibration import Motion
+from youbot_env.tracking.env import YouBotTrackingEnv
 from youbot_scripts.evaluation.closed_loop import ENCODER_TICKS, LoopSettings
-from youbot_scripts.experiments import with_effects
-from youbot_scripts.plants import Driven, plant_named
-from youbot_scripts.recording import record
+from youbot_scripts.recording.driving import Progress
+from youbot_scripts.recording.named_motions import with_effects
+from youbot_scripts.recording.named_plants import Driven, plant_named
+from youbot_scripts.recording.recording import record
 
 LAG = "actuator_lag"
 

@@ -10,8 +10,7 @@ from itertools import product
 from typing import Any
 
 from controllers import registry
-from youbot_env.errors import InputError
-from youbot_env.validation import count, finite
+from youbot_env.errors import InputError, count, finite
 from youbot_scripts.evaluation.closed_loop import LoopSettings
 from youbot_scripts.evaluation.knowledge import IDENTIFIED, Knowledge
 from youbot_scripts.evaluation.plants import Plant

@@ -9,7 +9,7 @@ from dataclasses import dataclass
 from typing import Any
 
 from youbot_scripts.evaluation.metrics import AXES, interval, mean_nrmse
-from youbot_scripts.journal import Record
+from youbot_scripts.shared.results_folder import Record
 
 BY_AXIS = ("nrmse", "rmse", "worst")
 """Metrics with a number for each axis."""

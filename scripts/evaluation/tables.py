@@ -7,8 +7,6 @@ from collections.abc import Sequence
 from dataclasses import replace
 from typing import Any
 
-from youbot_scripts import common
-from youbot_scripts import tables as shared
 from youbot_scripts.evaluation.metrics import AXES, STRETCH
 from youbot_scripts.evaluation.plants import SURPRISE
 from youbot_scripts.evaluation.summary import (
@@ -21,7 +19,9 @@ from youbot_scripts.evaluation.summary import (
     ratios,
     unscored,
 )
-from youbot_scripts.tables import Table
+from youbot_scripts.shared import options as common
+from youbot_scripts.shared import tables as shared
+from youbot_scripts.shared.tables import Table
 
 
 def tables(results: Sequence[Result], against: str) -> list[Table]:

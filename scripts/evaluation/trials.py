@@ -14,15 +14,15 @@ import numpy as np
 
 from controllers import registry
 from youbot_env import __version__
-from youbot_env.model import Model
-from youbot_env.model_file import model_from_dict, model_to_dict
-from youbot_env.motions import Motion, multisine
+from youbot_env.model.model import Model
+from youbot_env.model.model_file import model_from_dict, model_to_dict
+from youbot_env.motions.calibration import Motion, multisine
 from youbot_scripts.evaluation.closed_loop import LoopSettings, Trace, drive
 from youbot_scripts.evaluation.knowledge import Knowledge
 from youbot_scripts.evaluation.metrics import judge
 from youbot_scripts.evaluation.plants import Plant
-from youbot_scripts.experiments import generator
-from youbot_scripts.journal import Record, resumed
+from youbot_scripts.recording.named_motions import generator
+from youbot_scripts.shared.results_folder import Record, resumed
 
 Advance = Callable[[], None]
 
@@ -184,7 +184,7 @@ def call(task: Task) -> Record:
 def run_all(
     tasks: Sequence[Task], jobs: int, folder: Path | None, progress: Advance = lambda: None
 ) -> list[Record]:
-    """The tasks' records in their order; see :func:`youbot_scripts.journal.resumed`."""
+    """The tasks' records in their order; see :func:`resumed`."""
     by_key = {task.key: task for task in tasks}
     found = resumed(call, by_key, _key, jobs=jobs, folder=folder, progress=progress)
     return [found[task.key] for task in tasks]

@@ -7,8 +7,7 @@ from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from youbot_env.model import Model
-from youbot_scripts import common
+from youbot_env.model.model import Model
 from youbot_scripts.evaluation import tables
 from youbot_scripts.evaluation.settings import Settings
 from youbot_scripts.evaluation.summary import (
@@ -30,7 +29,8 @@ from youbot_scripts.evaluation.trials import (
     plan,
     run_all,
 )
-from youbot_scripts.journal import Record
+from youbot_scripts.shared import options as common
+from youbot_scripts.shared.results_folder import Record
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure

@@ -6,14 +6,14 @@ from collections.abc import Mapping
 from dataclasses import asdict, dataclass, field, fields
 from typing import Any
 
-from youbot_env import hardware, randomisation
-from youbot_env.actuation import Actuation
-from youbot_env.errors import InputError
-from youbot_env.model import BASE_UNITS, Model
-from youbot_env.sensors import Sensors
-from youbot_env.stepping import Setup, episode_steps
-from youbot_env.tasks import TrackingTask
-from youbot_env.validation import finite
+from youbot_env.errors import InputError, finite
+from youbot_env.model.model import BASE_UNITS, Model
+from youbot_env.physics import hardware
+from youbot_env.tracking import randomisation
+from youbot_env.tracking.actuation import Actuation
+from youbot_env.tracking.sensors import Sensors
+from youbot_env.tracking.stepper import Setup, episode_steps
+from youbot_env.tracking.task import TrackingTask
 
 SPREAD = ("95%", "105%")
 """Of each base parameter, for a model that does not know how uncertain it is."""

@@ -12,9 +12,9 @@ from stable_baselines3 import PPO, SAC, TD3
 from torch import nn
 
 from controllers.interface import Array
-from controllers.policy import ACTIVATIONS, Description, Network
-from controllers.policy_file import save_policy
-from controllers.policy_inputs import Layout, plain_features
+from controllers.policy.inputs import Layout, plain_features
+from controllers.policy.policy import ACTIVATIONS, Description, Network
+from controllers.policy.policy_file import save_policy
 from youbot_env.errors import InputError
 
 ALGORITHMS: dict[str, Any] = {"ppo": PPO, "sac": SAC, "td3": TD3}

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from controllers.interface import Array
-from youbot_env.stepping import Setup
+from youbot_env.tracking.stepper import Setup
 from youbot_scripts.training.platforms import Fleet, MakeBase
 from youbot_scripts.training.settings import TEST_SEED
 

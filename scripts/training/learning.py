@@ -13,10 +13,10 @@ import torch
 from stable_baselines3.common.callbacks import BaseCallback
 from stable_baselines3.common.noise import NormalActionNoise
 
-from controllers.policy import Network
-from controllers.policy_file import load_policy, save_policy
+from controllers.policy.policy import Network
+from controllers.policy.policy_file import load_policy, save_policy
 from youbot_env.errors import InputError
-from youbot_env.model import Model
+from youbot_env.model.model import Model
 from youbot_scripts.training.exporting import ALGORITHMS, network_of
 from youbot_scripts.training.platforms import TrackingVecEnv
 from youbot_scripts.training.run_folder import RunFolder

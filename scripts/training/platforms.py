@@ -15,10 +15,10 @@ from numpy.typing import NDArray
 from stable_baselines3.common.vec_env import VecEnv
 
 from controllers.interface import Array, Controller, Observation, Reference
-from controllers.policy import FEATURE_LIMIT, compose
-from controllers.policy_inputs import Layout
-from youbot_env.stepping import Setup, Stepper
-from youbot_env.tasks import reference_table, twist_scale
+from controllers.policy.inputs import Layout
+from controllers.policy.policy import FEATURE_LIMIT, compose
+from youbot_env.tracking.stepper import Setup, Stepper
+from youbot_env.tracking.task import reference_table, twist_scale
 
 MakeBase = Callable[[], Controller]
 """Makes the controller beneath, one for each platform."""
@@ -107,7 +107,7 @@ class Fleet:
             self._beneath.follow()
 
     def observe(self) -> Array:
-        """Observations (n, D) as ``controllers.policy_inputs.Layout`` has them."""
+        """Observations (n, D) as ``controllers.policy.inputs.Layout`` has them."""
         seen = self.stepper.observation.astype(np.float64)
         return seen if self._beneath is None else np.hstack([seen, self._beneath.action])
 
@@ -121,7 +121,7 @@ class TrackingVecEnv(VecEnv):
     Parameters
     ----------
     fleet : the platforms
-    features : (F, D) applied to observations, see ``controllers.policy_inputs``
+    features : (F, D) applied to observations, see ``controllers.policy.inputs``
     mix : (4, A) wheel actions of the network's outputs
     seed : of models, references and noise; a sequence of whole numbers
     """

@@ -15,9 +15,9 @@ import torch
 
 from youbot_env.errors import InputError
 from youbot_env.files import atomic_path
-from youbot_env.model import Model
-from youbot_env.model_file import model_from_dict, model_to_dict
-from youbot_scripts import common
+from youbot_env.model.model import Model
+from youbot_env.model.model_file import model_from_dict, model_to_dict
+from youbot_scripts.shared import options as common
 from youbot_scripts.training.settings import Choice, choice_from_dict
 
 

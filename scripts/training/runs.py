@@ -9,9 +9,9 @@ from pathlib import Path
 from typing import Any
 
 from youbot_env.errors import InputError
-from youbot_env.model import Model
-from youbot_env.model_file import load_model
-from youbot_scripts import common
+from youbot_env.model.model import Model
+from youbot_env.model.model_file import load_model
+from youbot_scripts.shared import options as common
 from youbot_scripts.training.conditions import Conditions
 from youbot_scripts.training.settings import LEARNERS, TEST_SEED, Choice, changed
 

@@ -24,8 +24,8 @@ class Learner:
     learning : arguments of the algorithm by Stable-Baselines3's names; the learning rate falls
         linearly to ``final_learning_rate``
     policy : the same for its ``policy_kwargs``
-    activation : of the network, see ``controllers.policy.ACTIVATIONS``
-    features : "tracking" or "plain", see ``controllers.policy_inputs``
+    activation : of the network, see ``controllers.policy.policy.ACTIVATIONS``
+    features : "tracking" or "plain", see ``controllers.policy.inputs``
     mixed : whether the network asks for forward, left and turn, or for four wheels
     conditions : where it wants other ``Conditions`` than the default ones
     """

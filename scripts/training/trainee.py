@@ -9,20 +9,20 @@ import numpy as np
 import torch
 
 from controllers.interface import Array, Loop
-from controllers.policy import Description, Network
-from controllers.policy_inputs import WHEEL_MIX, Layout, plain_features, tracking_features
+from controllers.policy.inputs import WHEEL_MIX, Layout, plain_features, tracking_features
+from controllers.policy.policy import Description, Network
 from controllers.registry import CONTROLLERS, entry
 from youbot_env.errors import InputError
-from youbot_env.model import Model
-from youbot_env.stepping import Setup
-from youbot_scripts.experiments import with_effects
+from youbot_env.model.model import Model
+from youbot_env.tracking.stepper import Setup
+from youbot_scripts.recording.named_motions import with_effects
 from youbot_scripts.training.conditions import Conditions, ranges_from
 from youbot_scripts.training.held_out import Tracking, idle, track
 from youbot_scripts.training.platforms import Fleet, MakeBase
 from youbot_scripts.training.settings import Choice
 
 ACTIVATIONS = {"tanh": torch.nn.Tanh, "relu": torch.nn.ReLU}
-"""Functions between the layers, by the names of ``controllers.policy.ACTIVATIONS``."""
+"""Functions between the layers, by the names of ``controllers.policy.policy.ACTIVATIONS``."""
 
 FEATURES: dict[str, Callable[[Layout, float], Array]] = {
     "tracking": tracking_features,

@@ -9,11 +9,11 @@ from typing import Any
 import numpy as np
 
 from controllers.interface import Controller, Loop, Observation, Reference
-from youbot_env.env import YouBotTrackingEnv
-from youbot_env.hardware import ENCODER_TICKS
-from youbot_env.model import Model
-from youbot_env.model_file import load_model
-from youbot_env.motions import Motion
+from youbot_env.model.model import Model
+from youbot_env.model.model_file import load_model
+from youbot_env.motions.calibration import Motion
+from youbot_env.physics.hardware import ENCODER_TICKS
+from youbot_env.tracking.env import YouBotTrackingEnv
 
 Array = np.ndarray
 PAPER = load_model("paper")

@@ -7,7 +7,7 @@ import pytest
 from scipy.optimize import linprog
 
 from controllers.allocation import IDLE, allocate
-from youbot_env.geometry import Geometry
+from youbot_env.physics.geometry import Geometry
 
 GEOMETRY = Geometry()
 

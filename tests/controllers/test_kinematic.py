@@ -8,9 +8,9 @@ import pytest
 from controllers.interface import Controller, Observation, Reference
 from controllers.kinematic import Gains, KinematicControl
 from youbot_env.errors import InputError
-from youbot_env.geometry import Geometry
-from youbot_env.hardware import MAX_WHEEL_TORQUE
-from youbot_env.motions import multisine, sample
+from youbot_env.motions.calibration import multisine, sample
+from youbot_env.physics.geometry import Geometry
+from youbot_env.physics.hardware import MAX_WHEEL_TORQUE
 
 GEOMETRY = Geometry()
 INERTIA, FRICTION = 0.026, 0.11

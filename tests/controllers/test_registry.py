@@ -12,7 +12,7 @@ import pytest
 from controllers import registry
 from controllers.interface import Controller, Loop, Observation, Reference
 from youbot_env.errors import InputError
-from youbot_env.model_file import load_model
+from youbot_env.model.model_file import load_model
 
 TWIST, AHEAD = np.array([0.2, -0.1, 0.3]), 40
 REFERENCE = Reference(TWIST, np.zeros(3), np.tile(TWIST, (AHEAD, 1)), np.zeros((AHEAD, 3)))

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from identification.log import Log
-from youbot_env.geometry import WHEELS, Geometry
+from identification.logs.log import Log
+from youbot_env.physics.geometry import WHEELS, Geometry
 
 SPEED_NOISE, EFFORT_NOISE = 0.01, 0.03
 

@@ -2,9 +2,9 @@
 
 from functools import cache
 
-from identification.log import Log
-from youbot_env.model_file import load_model
-from youbot_env.motions import calibration, motion_i, motion_iii
+from identification.logs.log import Log
+from youbot_env.model.model_file import load_model
+from youbot_env.motions.calibration import calibration, motion_i, motion_iii
 from youbot_scripts.record import record
 
 MOTIONS = {"calibration": calibration, "I": motion_i, "III": motion_iii}

@@ -15,28 +15,28 @@ from typing import Any
 import numpy as np
 import pytest
 
-from identification.logs import read_logs
+from identification.logs.reading import read_logs
 from tests.identification.shared_data import DATA, needs_data
-from youbot_env.effects import CATALOGUE as REGISTERED
 from youbot_env.errors import InputError
-from youbot_env.model import Model
-from youbot_env.motions import motion_iii
-from youbot_env.simulate import initial_state, simulate
-from youbot_scripts import blind
-from youbot_scripts.blind import cases, effects, motions, plant, scores, trial, trials
-from youbot_scripts.blind.shares import Share
-from youbot_scripts.blind.sizes import Sizing, size_table
+from youbot_env.model.model import Model
+from youbot_env.motions.calibration import motion_iii
+from youbot_env.physics.effect import CATALOGUE as REGISTERED
+from youbot_env.simulation.free_run import initial_state, simulate
+from youbot_scripts import blind_bench
+from youbot_scripts.blind_bench import cases, effects, motions, scores, trials
+from youbot_scripts.blind_bench import second_simulator as plant
+from youbot_scripts.blind_bench.effect_sizes import Sizing, size_table
+from youbot_scripts.blind_bench.proportions import Share
 from youbot_scripts.cli import main
-from youbot_scripts.journal import RESULTS
-from youbot_scripts.spread import spread
+from youbot_scripts.shared.results_folder import RESULTS, spread
 
-FOLDER = Path(next(iter(blind.__path__)))
+FOLDER = Path(next(iter(blind_bench.__path__)))
 
 
 # --- the simulator ---------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize("module", ["plant", "motions", "draws", "effects", "cases"])
+@pytest.mark.parametrize("module", ["second_simulator", "motions", "draws", "effects", "cases"])
 def test_the_generator_shares_no_physics_with_the_package(module: str):
     tree = ast.parse((FOLDER / f"{module}.py").read_text())
     names = {node.module for node in ast.walk(tree) if isinstance(node, ast.ImportFrom)}
@@ -47,8 +47,10 @@ def test_the_generator_shares_no_physics_with_the_package(module: str):
         for alias in node.names
     }
     ours = {n for n in names if n and n.startswith(("youbot", "identification", "controllers"))}
-    logs_alone = {"identification.logs", "youbot_env.errors"} if module == "cases" else set()
-    assert {name for name in ours if not name.startswith("youbot_scripts.blind")} <= logs_alone
+    logs_alone = {"identification.logs.log", "youbot_env.errors"} if module == "cases" else set()
+    assert {
+        name for name in ours if not name.startswith("youbot_scripts.blind_bench")
+    } <= logs_alone
 
 
 def derivative(case: cases.Case, state: np.ndarray, torque: np.ndarray) -> np.ndarray:
@@ -66,7 +68,7 @@ def derivative(case: cases.Case, state: np.ndarray, torque: np.ndarray) -> np.nd
 
 
 def truth_of(case: cases.Case) -> Model:
-    found = trial.true_model(case)
+    found = trials.true_model(case)
     if found is None:
         pytest.skip("the effect is not in the catalogue yet")
     return found
@@ -249,7 +251,7 @@ def test_drawn_values_are_parameters_of_the_effect_within_its_bounds(name: str):
     if name not in REGISTERED:
         pytest.skip("the effect is not in the catalogue yet")
     for index in range(5):
-        assert trial.true_model(cases.draw_case(name, index, 0, factor=4.0)) is not None
+        assert trials.true_model(cases.draw_case(name, index, 0, factor=4.0)) is not None
 
 
 def test_relative_values_are_relative():
@@ -354,7 +356,7 @@ def test_a_verdict_without_a_model_has_the_sizes_of_its_report():
 
     stated = {"effect": "floor_tilt", "parameters": {"tilt_x": {"value": 0.02, "std": 0.001}}}
     report = {"missing": ["floor_tilt"], "candidates": [stated]}
-    assert trial.stated_sizes(Found(), report) == {
+    assert trials.stated_sizes(Found(), report) == {
         "floor_tilt.tilt_x": {"value": 0.02, "std": 0.001}
     }
 
@@ -364,7 +366,7 @@ def test_workers_end_with_a_parent_that_is_killed(tmp_path):
     script = tmp_path / "parent.py"
     script.write_text(
         "import os, sys, time\n"
-        "from youbot_scripts.spread import spread\n"
+        "from youbot_scripts.shared.results_folder import spread\n"
         "def work(item):\n"
         "    open(os.path.join(sys.argv[1], str(os.getpid())), 'w').close()\n"
         "    time.sleep(60)\n"
@@ -412,7 +414,7 @@ def test_a_proposed_experiment_is_recorded_on_the_same_platform():
         return answer
 
     case = cases.draw_case("tether", 0, 0)
-    found = trial.run_trial(case, tie, follow_up=True)
+    found = trials.run_trial(case, tie, follow_up=True)
     assert found["after"]["missing"] == ["tether"]
     assert [len(logs) for logs in seen] == [3, 4]
     log = seen[1][-1]
@@ -422,13 +424,13 @@ def test_a_proposed_experiment_is_recorded_on_the_same_platform():
 
 
 def test_truth_s_error_is_that_of_noise_alone():
-    record = trial.run_trial(cases.draw_case("none", 0, 0, rate=100.0, noise=1.0), Diagnose())
+    record = trials.run_trial(cases.draw_case("none", 0, 0, rate=100.0, noise=1.0), Diagnose())
     assert 0.0 < record["true_velocity_error"] < 0.02
     assert record["found"]["verdict"] == "adequate"
 
 
 def test_the_command_prints_scores_and_writes_them(tmp_path: Path, monkeypatch, capsys):
-    diagnosis = pytest.importorskip("identification.diagnosis")
+    diagnosis = pytest.importorskip("identification.diagnosis.diagnose")
     monkeypatch.setattr(diagnosis, "diagnose", Diagnose())
     out = tmp_path / "scores.json"
     arguments = ["--cases", "1", "--rates", "50", "--jobs", "1", "--json", str(out)]
@@ -448,7 +450,7 @@ def test_the_command_prints_scores_and_writes_them(tmp_path: Path, monkeypatch, 
 
 def record(
     what: str = "", found: dict[str, Any] | None = None, kind: str = "one", **more: Any
-) -> trial.Record:
+) -> trials.Record:
     """A trial by hand: ``what`` is planted, ``found`` was said."""
     planted = [{"name": n, "factor": 1.0, "values": {"torque": 0.2}} for n in what.split("+") if n]
     case = {"kind": kind, "key": what, "rate": 100.0, "planted": planted}

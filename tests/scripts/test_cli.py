@@ -19,7 +19,7 @@ from typing import Annotated
 
 import typer
 from youbot_env.errors import InputError
-from youbot_scripts.common import JsonOption, SeedOption, write_result
+from youbot_scripts.shared.options import JsonOption, SeedOption, write_result
 
 EXAMPLES = ("youbot job --speed 0.5",)
 

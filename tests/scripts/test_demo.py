@@ -15,8 +15,8 @@ import numpy as np
 import pytest
 from PIL import Image
 
-from identification.references import recorded_motion
-from youbot_env.model_file import load_model
+from identification.logs.recorded_motion import recorded_motion
+from youbot_env.model.model_file import load_model
 from youbot_scripts import cli, demo
 from youbot_scripts.cli import main
 
@@ -154,7 +154,7 @@ def test_the_documents_pictures_are_what_the_demo_draws(shown: tuple[Path, str],
 
 
 def test_every_shipped_log_knows_its_motion(tmp_path: Path):
-    from identification.logs import read_log
+    from identification.logs.reading import read_log
 
     folder = resources.files("youbot_scripts").joinpath("data")
     for name in demo.LOGS:

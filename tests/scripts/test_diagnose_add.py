@@ -6,11 +6,11 @@ from pathlib import Path
 
 import pytest
 
-from identification import diagnosis
-from identification.logs import write_log
+from identification.diagnosis import diagnose as diagnosis
+from identification.logs.reading import write_log
 from tests.identification.recordings import recording
-from youbot_env.effects import CATALOGUE
-from youbot_env.model_file import load_model
+from youbot_env.model.model_file import load_model
+from youbot_env.physics.effect import CATALOGUE
 from youbot_scripts import cli
 
 HIDDEN = Path(cli.__file__).parent / "data" / "hidden"

@@ -8,11 +8,11 @@ from pathlib import Path
 import pytest
 import sympy
 
-from identification.axis_catalogue import AXIS_CATALOGUE, UNITS, Scales
+from identification.mechanisms.axis_effects import AXIS_CATALOGUE, UNITS, Scales
 from tests.youbot_env.test_plugins import DRAG, HEAD
-from youbot_env.effects import CATALOGUE
-from youbot_env.structure import Structure
-from youbot_env.symbolic import equation
+from youbot_env.equations.equations import equation
+from youbot_env.physics.effect import CATALOGUE
+from youbot_env.physics.structure import Structure
 from youbot_scripts import cli
 
 

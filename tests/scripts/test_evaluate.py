@@ -16,11 +16,11 @@ from controllers import registry
 from controllers.interface import Loop, Observation, Reference
 from controllers.kinematic import Gains, KinematicControl
 from controllers.registry import Entry
-from youbot_env.env import YouBotTrackingEnv
 from youbot_env.errors import InputError
-from youbot_env.hardware import MAX_WHEEL_TORQUE
-from youbot_env.model import Model
-from youbot_env.motions import multisine
+from youbot_env.model.model import Model
+from youbot_env.motions.calibration import multisine
+from youbot_env.physics.hardware import MAX_WHEEL_TORQUE
+from youbot_env.tracking.env import YouBotTrackingEnv
 from youbot_scripts import evaluate as command
 from youbot_scripts.cli import main
 from youbot_scripts.evaluation import tables

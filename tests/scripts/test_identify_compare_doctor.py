@@ -14,16 +14,16 @@ from typing import Any
 import numpy as np
 import pytest
 
-from identification.log import AXIS, Log
-from identification.logs import read_log, write_log
+from identification.logs.log import AXIS, Log
+from identification.logs.reading import read_log, write_log
+from tests.identification.mechanisms.test_axis import STAGE, log_of, planted
 from tests.identification.recordings import recording
-from tests.identification.test_axis import STAGE, log_of, planted
-from youbot_env.model import BASE_UNITS
-from youbot_env.model_file import load_model
-from youbot_env.motions import multisine
+from youbot_env.model.model import BASE_UNITS
+from youbot_env.model.model_file import load_model
+from youbot_env.motions.calibration import multisine
 from youbot_scripts.cli import main
-from youbot_scripts.common import with_std
 from youbot_scripts.record import record
+from youbot_scripts.shared.options import with_std
 
 PAPER = load_model("paper")
 AXES = {"VX", "VY", "W"}
@@ -134,7 +134,7 @@ class TestIdentify:
         assert 2 * own < other["total"]["velocity_error"]
 
     def test_a_model_s_effects_are_fitted_too(self, logs: Path, tmp_path: Path):
-        from youbot_env.model_file import save_model
+        from youbot_env.model.model_file import save_model
 
         save_model(tmp_path / "tilt.json", PAPER.with_effect("floor_tilt", tilt_x=0.0, tilt_y=0.0))
         arguments = ["identify", logs / "calibration.csv", "--model", tmp_path / "tilt.json"]

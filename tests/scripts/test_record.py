@@ -14,14 +14,14 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from identification.log import Log
-from identification.logs import read_log
+from identification.logs.log import Log
+from identification.logs.reading import read_log
 from youbot_env.errors import InputError
-from youbot_env.model_file import load_model, model_from_dict, model_to_dict, save_model
-from youbot_env.motions import motion_i, motion_iii
+from youbot_env.model.model_file import load_model, model_from_dict, model_to_dict, save_model
+from youbot_env.motions.calibration import motion_i, motion_iii
 from youbot_scripts.cli import main
-from youbot_scripts.experiments import DEFAULT_MOTIONS, motions_named
 from youbot_scripts.record import record
+from youbot_scripts.recording.named_motions import DEFAULT_MOTIONS, motions_named
 
 PAPER = load_model("paper")
 QUICK = ("--motions", "multisine_q")

@@ -12,10 +12,10 @@ from typing import Any
 
 import pytest
 
-from identification import diagnosis
-from identification.logs import write_log
+from identification.diagnosis import diagnose as diagnosis
+from identification.logs.reading import write_log
+from tests.identification.mechanisms.test_axis import STAGE, log_of, planted
 from tests.identification.recordings import recording
-from tests.identification.test_axis import STAGE, log_of, planted
 from youbot_scripts import cli
 
 TILT = (("floor_tilt", (("tilt_x", 0.018), ("tilt_y", 0.0))),)
@@ -137,7 +137,7 @@ def test_without_matplotlib_nothing_is_begun(
         raise AssertionError("logs are read already")
 
     monkeypatch.setitem(sys.modules, "matplotlib", None)
-    monkeypatch.setattr("identification.logs.read_logs", begun)
+    monkeypatch.setattr("identification.logs.reading.read_logs", begun)
     output = tmp_path / "m.json"
     log = str(folder / "drive.csv")
     line = {
@@ -161,7 +161,7 @@ def test_a_page_that_cannot_be_finished_leaves_the_old_one(
     def fail(*_: object) -> None:
         raise OSError(28, "No space left on device")
 
-    monkeypatch.setattr("youbot_scripts.common.os.replace", fail)
+    monkeypatch.setattr("youbot_scripts.shared.options.os.replace", fail)
     log = str(folder / f"{NAME}.csv")
     assert cli.main(["compare", "paper", log, "--report", str(target)]) == 2
     assert "No space left" in capsys.readouterr().err

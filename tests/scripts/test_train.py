@@ -13,11 +13,11 @@ import pytest
 
 from controllers.interface import Observation, Reference
 from controllers.kinematic import KinematicControl
-from controllers.policy_file import load_policy
-from controllers.policy_inputs import plain_features, tracking_features
-from youbot_env.env import YouBotTrackingEnv
+from controllers.policy.inputs import plain_features, tracking_features
+from controllers.policy.policy_file import load_policy
 from youbot_env.errors import InputError
-from youbot_env.model_file import load_model
+from youbot_env.model.model_file import load_model
+from youbot_env.tracking.env import YouBotTrackingEnv
 from youbot_scripts.cli import main
 from youbot_scripts.training.conditions import Conditions, ranges_from
 from youbot_scripts.training.runs import chosen

@@ -8,12 +8,12 @@ from pathlib import Path
 import pytest
 
 from controllers import registry
-from controllers.gains_file import UNITS, load_gains, save_gains
 from controllers.interface import Loop
 from controllers.kinematic import Gains, KinematicControl
-from controllers.pid_design import PIDGains
+from controllers.pid.design import PIDGains
+from controllers.tuning.gains_file import UNITS, load_gains, save_gains
 from youbot_env.errors import InputError
-from youbot_env.model_file import load_model
+from youbot_env.model.model_file import load_model
 from youbot_scripts import cli
 
 QUICK = ["--runs", "1", "--duration", "1", "--torque-rate", "1.5"]

@@ -9,12 +9,12 @@ from functools import cache
 
 import numpy as np
 
-from youbot_env.effects import CATALOGUE
-from youbot_env.geometry import Geometry
-from youbot_env.model import Model
-from youbot_env.model_file import load_model
-from youbot_env.points import Instant
-from youbot_env.structure import Structure
+from youbot_env.model.model import Model
+from youbot_env.model.model_file import load_model
+from youbot_env.physics.effect import CATALOGUE
+from youbot_env.physics.geometry import Geometry
+from youbot_env.physics.points import Instant
+from youbot_env.physics.structure import Structure
 
 BASE_ONLY, EVERYTHING = "base", "everything"
 

@@ -9,13 +9,13 @@ import numpy as np
 import pytest
 
 from youbot_env import plugins
-from youbot_env.effects import CATALOGUE
 from youbot_env.errors import InputError
-from youbot_env.model_file import load_model, save_model
+from youbot_env.model.model_file import load_model, save_model
+from youbot_env.physics.effect import CATALOGUE
 from youbot_env.plugins import load_effects, load_installed_effects
-from youbot_env.simulate import initial_state, simulate
+from youbot_env.simulation.free_run import initial_state, simulate
 
-HEAD = "from youbot_env.effects import BODY, WHEEL, Parameter, effect\n\n"
+HEAD = "from youbot_env.physics.effect import BODY, WHEEL, Parameter, effect\n\n"
 
 DRAG = (
     HEAD

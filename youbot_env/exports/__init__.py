@@ -1,6 +1,7 @@
 """A model in other people's tools: python-control, torch, and a plain function of arrays.
 
-Nothing here knows an equation of motion: each form is derived from :mod:`youbot_env.dynamics`.
+Nothing here knows an equation of motion: each form is derived from
+:mod:`youbot_env.physics.inverse_dynamics`.
 """
 
 from __future__ import annotations
@@ -10,11 +11,11 @@ from collections.abc import Iterable
 from typing import TYPE_CHECKING, Any
 
 from youbot_env.errors import InputError
-from youbot_env.model import Model
-from youbot_env.model_file import load_model
+from youbot_env.model.model import Model
+from youbot_env.model.model_file import load_model
 
 if TYPE_CHECKING:
-    from youbot_env.exports.torch_platform import TorchPlatform
+    from youbot_env.exports.torch_module import TorchPlatform
 
 
 def to_torch(
@@ -41,6 +42,6 @@ def to_torch(
         import torch  # noqa: F401
     except ImportError:
         raise InputError("this export needs torch: pip install 'youbot[rl]'") from None
-    from youbot_env.exports.torch_platform import TorchPlatform
+    from youbot_env.exports.torch_module import TorchPlatform
 
     return TorchPlatform(load_model(model), trainable=trainable, **factory)

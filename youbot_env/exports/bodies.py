@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import os
 
-from youbot_env.contact import Contact, check_translatable
-from youbot_env.mjcf import mjcf
-from youbot_env.model import Model
-from youbot_env.model_file import load_model
+from youbot_env.contact.mjcf import mjcf
+from youbot_env.contact.settings import Contact, check_translatable
+from youbot_env.model.model import Model
+from youbot_env.model.model_file import load_model
 
 
 def to_mjcf(

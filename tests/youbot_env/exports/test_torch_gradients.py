@@ -17,8 +17,8 @@ from tests.youbot_env.exports.torch_cases import (
 )
 from tests.youbot_env.structures import CASES, model
 from youbot_env import to_torch
-from youbot_env.exports.control_system import steady
-from youbot_env.simulate import simulate
+from youbot_env.exports.control_systems import steady
+from youbot_env.simulation.free_run import simulate
 
 
 @pytest.mark.parametrize("case", CASES)

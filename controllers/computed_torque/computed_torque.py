@@ -1,0 +1,191 @@
+"""Computed torque: the model's own demand fed forward in time, and feedback on what is left."""
+
+from __future__ import annotations
+
+import warnings
+from math import ceil
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from controllers.computed_torque.feedback import PLANNED, WIDTH, act
+from controllers.computed_torque.feedback_design import ROUNDING, acting_delay, design
+from controllers.computed_torque.prediction import POSE, TIME, TORQUE, TWIST, predict, reference_at
+from controllers.interface import Array, Loop, Observation, Reference
+from youbot_env.errors import finite
+from youbot_env.model.model import Model
+from youbot_env.physics.effect import WORLD
+from youbot_env.simulation.compiled import inverse_kernel
+from youbot_env.simulation.generated_code import MOTION
+
+if TYPE_CHECKING:
+    from controllers.linear.margins import Margins
+
+LOAD_TOLERANCE = 1e-6
+"""[N m] to which torques are found where friction depends on them."""
+
+
+class ComputedTorque:
+    """Wheel torques that the model demands for the reference, and feedback on the error.
+
+    A command issued at t is held for ``loop.sample_time`` and acts from t + ``loop.delay`` +
+    ``model.delay`` on, so the feed-forward is the mean demand over just that time, along the
+    reference and, for effects that read them, along the pose, wheel angles and time that will be
+    then. A drive's lag is inverted for the reference alone, never for noise. The feedback is
+    described in :mod:`controllers.computed_torque.feedback`.
+
+    The reference must show its next ``preview_needed`` samples; what it lacks is guessed from its
+    last acceleration (a warning at the first call says so).
+
+    Parameters
+    ----------
+    model : what the controller believes, with all its effects
+    loop : times, limit and noise of the loop that it runs in
+    bandwidth : [rad/s] of the feedback; None chooses by noise and delay
+
+    Attributes
+    ----------
+    preview_needed : coming samples of the reference that the feed-forward reads
+    design : the feedback's gains
+    share : part of the wanted force that the last command exerts, 1 unless it saturates
+
+    Raises
+    ------
+    InputError
+        If the bandwidth is not positive.
+    """
+
+    def __init__(self, model: Model, loop: Loop | None = None, bandwidth: float | None = None):
+        self.model, self.loop = model, loop or Loop()
+        if bandwidth is not None:
+            bandwidth = finite("bandwidth [rad/s]", bandwidth, positive=True)
+        self.design = design(model, self.loop, bandwidth)
+        self._lead = acting_delay(model, self.loop) / self.loop.sample_time
+        self.preview_needed = ceil(self._lead - ROUNDING) + 1
+        self._follows = bool(model.structure.at(WORLD)) or model.structure.depends_on_angle
+        self._kernel = inverse_kernel(model.structure)
+        self._lengths, self._theta = model.lengths, model.theta.copy()
+        self._jacobian = np.ascontiguousarray(model.geometry.wheel_jacobian)
+        self._warm_up()
+
+    def _warm_up(self) -> None:
+        """Compile, or load what is compiled, before the first tick of a loop needs it."""
+        still = np.zeros((self.preview_needed, 3))
+        self.reset()
+        observation = Observation(0.0, np.zeros(4), np.zeros(3))
+        self(observation, Reference(still[0], still[0], still, still))
+        self.reset()
+
+    def reset(self) -> None:
+        """Forgets all estimates, commands on their way, and where the platform is."""
+        self.share = 1.0
+        self._begun = False
+        self._inputs = np.zeros(17)
+        self._nodes = np.zeros((self.design.past + 1 + self.preview_needed, 6))
+        self._state = np.zeros((2 + self.design.past, 3))
+        self._queue = np.zeros((self.design.slots, WIDTH))
+        self._drive, self._acted = np.zeros(WIDTH), np.zeros(WIDTH)
+        # Time, pose, wheel angles, and the twist that the pose was moved on with last.
+        self._place = np.zeros(11)
+        self._motion = np.zeros((3, len(MOTION)))
+        self._torque, self._mean = np.zeros((3, 4)), np.zeros(4)
+        self._forward = np.zeros(4)
+
+    def __call__(self, observation: Observation, reference: Reference) -> Array:
+        """Wheel torques (4,) fl, fr, bl, br [N m], within the limit.
+
+        Uses the measured body twist; the pose where the model reads it (without one the platform
+        is dead-reckoned from (0, 0, 0)); the acting torque where it is known, to notice that the
+        drives are off. What is NaN in an observation is done without.
+        """
+        coming, has_slopes = self._read(observation, reference)
+        gains = self.design
+        predict(
+            self._inputs,
+            self._nodes,
+            (gains.past, coming, has_slopes, self._begun, self._follows),
+            self._state,
+            self._queue,
+            self._drive,
+            self._acted,
+            gains.axes,
+            gains.timing,
+            (self._jacobian, gains.to_acceleration),
+            self._lead,
+            self._place,
+            self._motion,
+        )
+        self._kernel.held(
+            self._motion,
+            self.loop.sample_time,
+            self._lengths,
+            self._theta,
+            LOAD_TOLERANCE,
+            self._torque,
+            self._mean,
+            self._forward,
+        )
+        if not self._begun:
+            self._begin()
+        torque = np.empty(4)
+        self.share = act(
+            self._state,
+            self._queue,
+            self._drive,
+            gains.axes,
+            gains.timing,
+            self._nodes[gains.past],
+            self._motion,
+            self._forward,
+            self._mean,
+            (gains.slope, self.loop.torque_limit),
+            (gains.to_acceleration, gains.to_torque),
+            torque,
+        )
+        return torque
+
+    def margins(self, plant: Model | None = None) -> Margins:
+        """Gain and phase margins of the feedback at each axis' force, on its own model or another
+        plant; see :mod:`controllers.computed_torque.feedback_margins`."""
+        from controllers.computed_torque.feedback_margins import feedback_margins
+
+        return feedback_margins(self.design, plant or self.model, self.loop)
+
+    def _begin(self) -> None:
+        """Until the first command acts, what acts now goes on; nothing does unless it is known."""
+        acting = np.nan_to_num(self._inputs[TORQUE], posinf=0.0, neginf=0.0)
+        demanded = self.design.to_acceleration @ self._mean
+        exerted = self.design.to_acceleration @ acting - demanded
+        before = np.concatenate([exerted, acting, demanded, acting, np.zeros(3)])
+        self._queue[:], self._drive[:] = before, before
+        # The reference is taken to have come as it is known: that is no surprise.
+        ends = np.empty((len(self._queue) + 1, 6))
+        for age, at in enumerate(ends):
+            reference_at(
+                self._nodes, self.design.past + self._lead - age, self.loop.sample_time, at
+            )
+        self._queue[:, PLANNED] = ends[:-1, :3] - ends[1:, :3]
+        self._begun = True
+
+    def _read(self, observation: Observation, reference: Reference) -> tuple[int, bool]:
+        """Copy a call's inputs; how many coming samples there are, and whether with slopes."""
+        inputs = self._inputs
+        inputs[TIME] = observation.time
+        inputs[TWIST] = observation.body_twist
+        inputs[POSE] = np.nan if observation.pose is None else observation.pose
+        inputs[TORQUE] = np.nan if observation.wheel_torque is None else observation.wheel_torque
+        inputs[11:14], inputs[14:17] = reference.twist, reference.acceleration
+        ahead, slopes = reference.preview, reference.preview_acceleration
+        coming = 0 if ahead is None else min(len(ahead), self.preview_needed)
+        if not self._begun and coming < self.preview_needed:
+            warnings.warn(
+                f"computed torque: the reference shows {coming} of the next {self.preview_needed} "
+                "samples that the feed-forward needs; it goes on along the last acceleration",
+                stacklevel=3,
+            )
+        if ahead is not None and coming:
+            rows = slice(self.design.past + 1, self.design.past + 1 + coming)
+            self._nodes[rows, :3] = ahead[:coming]
+            if slopes is not None:
+                self._nodes[rows, 3:] = slopes[:coming]
+        return coming, slopes is not None

@@ -1,0 +1,1 @@
+"""Linear systems, stability margins, and the drives between command and torque."""

@@ -1,0 +1,88 @@
+"""LQI: state feedback on twist, drives and the commands on their way, with integral action."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from controllers.allocation import within_limits
+from controllers.interface import Array, Loop, Observation, Reference
+from controllers.linear.drives import Exerted
+from controllers.lqi.design import Weights, fastest, lqi
+from youbot_env.model.model import Model
+
+
+class LQI:
+    """Linear quadratic control of the body twist with the loop's delays in its state.
+
+    It carries the sampled linear model, driven by the commands that were really given: so it knows
+    the drives' torques and what is on its way, and what the twist has become since the measurement.
+    The measured twist, moved on by that, stands for the model's. The reference's steady state and
+    force (N_x, N_u) are fed forward, its acceleration is not: that is computed torque.
+
+    Where the limit cuts the force, or measured torques are none that were commanded (drives off),
+    the integral is set so that it asks for what is exerted; where the twist is not measured, the
+    model's own stands in and the integral rests.
+
+    Parameters
+    ----------
+    model : linearised (see :func:`controllers.linear.linear_system.twist_dynamics`)
+    loop : times and limit of the loop that it runs in
+    weights : of the cost; None is :func:`lqi_design.fastest`: 6 dB and 45 degrees
+
+    Attributes
+    ----------
+    weights, design : as used
+    preview_needed : 0, it reads no coming reference
+
+    Raises
+    ------
+    InputError
+        If python-control (extra: control) is missing, or no weights keep the margins.
+    """
+
+    preview_needed = 0
+
+    def __init__(self, model: Model, loop: Loop, weights: Weights | None = None) -> None:
+        self.weights = weights or fastest(model, loop)
+        self.design = lqi(model, loop, self.weights)
+        self._a, self._b, self._c = self.design.plant.a, self.design.plant.b, self.design.plant.c
+        self._to_wheels = model.geometry.wheel_torque(np.eye(3)).T.copy()
+        self._to_force = model.geometry.wheel_jacobian.T
+        self._forward = self.design.force + self.design.gain @ self.design.state
+        # u = ... - integral q: what a missing force asks of q
+        self._back = np.linalg.inv(self.design.integral)
+        self._limit = np.full(4, loop.torque_limit)
+        self._period = loop.sample_time
+        self._exerted = Exerted(model, loop)
+        self.reset()
+
+    def reset(self) -> None:
+        """Forgets everything: at rest, nothing on its way."""
+        self._state = np.zeros(len(self._a))
+        self._shift = np.zeros(3)
+        self._integral = np.zeros(3)
+        self._exerted.reset()
+
+    def __call__(self, observation: Observation, reference: Reference) -> Array:
+        """Wheel torques (4,) [N m]; uses body twist and, where it is known, wheel torque."""
+        apart = self._exerted.contradiction(observation.wheel_torque)
+        gap = observation.body_twist - self._c @ self._state
+        known = bool(np.isfinite(gap).all())
+        if known:
+            self._shift = gap
+        error = reference.twist - self._state[:3] - self._shift
+        # the state that is meant: the model's, with the twist as it was found
+        wanted = self._forward @ reference.twist - self.design.gain @ self._state
+        wanted -= self.design.gain[:, :3] @ self._shift + self.design.integral @ self._integral
+        torque = np.empty(4)
+        share = within_limits(self._to_wheels @ wanted, self._limit, torque)
+        if apart is not None:
+            exerted = self._to_force @ (self._exerted.acting + apart)
+            self._integral += self._back @ (wanted - exerted)
+        elif share < 1.0:
+            self._integral += self._back @ ((1.0 - share) * wanted)
+        elif known:
+            self._integral += self._period * error
+        self._state = self._a @ self._state + self._b @ (share * wanted)
+        self._exerted.command(torque)
+        return torque

@@ -1,0 +1,1 @@
+"""PID on the body twist."""

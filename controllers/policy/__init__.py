@@ -1,0 +1,1 @@
+"""Trained policies as controllers, and their files."""

@@ -1,0 +1,124 @@
+"""What a policy sees: the environment's observation, and linear features of it that learn fast.
+
+No model enters: the features are differences and scales, the mix is the wheels' geometry.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from controllers.interface import Array, Observation, Reference
+from youbot_env.errors import InputError
+from youbot_env.physics.geometry import SIGN_LATERAL, SIGN_Y, Geometry
+
+CUT = 5.0
+"""The environment cuts each observed value at this many times its scale."""
+
+ERROR_GAIN, TWIST_GAIN, ACTION_GAIN = 30.0, 4.0, 4.0
+"""Features of order one: a tracking error of 1/30 of full speed, a twist and a torque of 1/4."""
+
+SLOPE_GAIN, CURVATURE_GAIN = 250.0, 500.0
+"""The same for a change of the reference in one sample, and for the change of that change."""
+
+WHEEL_GAIN = 50.0
+"""Of a wheel's surface speed [m/s], for what a model often lacks: dry friction, a step at rest."""
+
+WHEEL_MIX: Array = np.column_stack([np.ones(4), SIGN_LATERAL, -np.array(SIGN_Y)])
+"""(4, 3): what pushes forward, left and turns to the left, for each wheel fl, fr, bl, br."""
+
+
+@dataclass(frozen=True)
+class Layout:
+    """How ``YouBotTracking-v0`` lays out what it observes; see its docstring.
+
+    Attributes
+    ----------
+    twist_scale : (VX, VY, W) [m/s, m/s, rad/s] by which twists are divided
+    preview : coming reference samples
+    action_history : past actions
+    base_torque : whether the torque over the torque limit (4,) that the controller beneath asks for
+        follows at the end
+    """
+
+    twist_scale: tuple[float, float, float]
+    preview: int = 5
+    action_history: int = 1
+    base_torque: bool = False
+
+    @property
+    def size(self) -> int:
+        """Numbers in an observation."""
+        return 6 + 3 * self.preview + 4 * (self.action_history + self.base_torque)
+
+    @property
+    def divisors(self) -> Array:
+        """(size,): by what an observation's twists are divided; 1 for its torques."""
+        twists = np.tile(self.twist_scale, 2 + self.preview)
+        return np.concatenate((twists, np.ones(self.size - len(twists))))
+
+    def fill(
+        self,
+        seen: Array,
+        observation: Observation,
+        reference: Reference,
+        actions: Array,
+        base: Array | None,
+    ) -> None:
+        """Write one instant's observation, not yet divided, into ``seen`` (size,).
+
+        ``actions`` (4 k,) are past ones, newest first; ``base`` (4,) that of the controller
+        beneath.
+
+        Raises
+        ------
+        InputError
+            If the reference does not look far enough ahead.
+        """
+        coming, last = reference.preview, 6 + 3 * self.preview
+        seen[:3], seen[3:6] = observation.body_twist, reference.twist
+        if self.preview:
+            if coming is None or len(coming) < self.preview:
+                raise InputError(
+                    f"policy: needs the reference {self.preview} samples ahead, "
+                    f"not {0 if coming is None else len(coming)}; give Reference.preview"
+                )
+            seen[6:last] = coming[: self.preview].ravel()
+        seen[last : last + len(actions)] = actions
+        if base is not None:
+            seen[-4:] = base
+
+
+def plain_features(layout: Layout) -> Array:
+    """(D, D): the observation as it is, for policies that were trained on it."""
+    return np.eye(layout.size)
+
+
+def tracking_features(layout: Layout, lever: float = Geometry().L) -> Array:
+    """(F, D): error, twist, slope and curvature of the reference, past actions; all of order one.
+
+    Torques (past actions, those of the controller beneath) are seen as forward, left and turn. On
+    top of a controller the wheels' speeds at the floor are seen too, with ``lever`` [m], the L of
+    the geometry.
+    """
+    see = np.eye(layout.size)
+    measured, now = see[0:3], see[3:6]
+    rows = [ERROR_GAIN * (now - measured), TWIST_GAIN * now]
+    last, middle = layout.preview, layout.preview // 2
+
+    def slope(start: int, end: int) -> Array:
+        first, second = (see[3 + 3 * k : 6 + 3 * k] for k in (start, end))
+        return (second - first) / (end - start)
+
+    if last >= 1:
+        rows.append(SLOPE_GAIN * slope(0, last))
+    if last >= 2:
+        rows.append(CURVATURE_GAIN * (slope(middle, last) - slope(0, middle)))
+    if layout.base_torque:
+        to_wheels = WHEEL_MIX * np.array([1.0, 1.0, lever]) * layout.twist_scale
+        rows.append(WHEEL_GAIN * to_wheels @ now)
+    unmix = ACTION_GAIN * np.linalg.pinv(WHEEL_MIX)
+    for start in range(6 + 3 * last, layout.size, 4):
+        rows.append(unmix @ see[start : start + 4])
+    return np.vstack(rows)

@@ -1,0 +1,1 @@
+"""Best gains within stability margins, tried on motions."""

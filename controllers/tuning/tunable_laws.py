@@ -1,0 +1,153 @@
+"""Control laws with free numbers, as the tuning sees them: linear, and as a bank of many rows."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+from typing import Protocol
+
+import numpy as np
+
+from controllers.interface import Array, Loop
+from controllers.kinematic import Gains
+from controllers.linear.drives import drive_lag, effective_mass
+from controllers.linear.linear_system import Complex, LinearSystem
+from controllers.pid.design import FILTER_SHARE, PIDGains, bandwidths, linear_pid
+from controllers.pid.design import response as pid_response
+from controllers.pid.pid import BodyLoops
+from controllers.tuning.trials import Law
+from youbot_env.model.model import Model
+from youbot_env.physics.geometry import Geometry
+
+DAMPINGS = 7
+"""Dampings at which PID's bandwidths are sought; between them they are interpolated."""
+
+
+class Structure(Protocol):
+    """A control law with free numbers, as the search sees it.
+
+    Attributes
+    ----------
+    names : of the free numbers
+    span : lowest and highest value of each, all positive; the grid is logarithmic
+    """
+
+    names: tuple[str, ...]
+    span: tuple[tuple[float, float], ...]
+
+    def controller(self, point: Array) -> LinearSystem:
+        """Measured twist error (3,) to body force (3,) at one point (p,)."""
+        ...
+
+    def response(self, point: Array, frequency: Array) -> Complex:
+        """Frequency response (w, 3, 3) of :meth:`controller`."""
+        ...
+
+    def law(self, points: Array, motions: int) -> Law:
+        """Rows (c * motions) of the points (c, p), each for all motions."""
+        ...
+
+
+class WheelLoops:
+    """``KinematicControl`` for many rows at once: the same numbers, to rounding."""
+
+    def __init__(self, gains: Sequence[Gains], geometry: Geometry, loop: Loop) -> None:
+        self.lead = np.array([g.lead for g in gains])
+        self._proportional = np.array([[g.proportional] for g in gains])
+        self._step = np.array([[g.integral * loop.sample_time] for g in gains])
+        self._to_wheels, self._limit = geometry.wheel_jacobian.T, loop.torque_limit
+        self._integral = np.zeros((len(gains), 4))
+
+    def __call__(self, wheel_speed: Array, reference: Array) -> Array:
+        error = reference @ self._to_wheels - wheel_speed
+        step = self._step * error
+        wanted = self._proportional * error + self._integral + step
+        torque = np.clip(wanted, -self._limit, self._limit)
+        self._integral += np.where((wanted - torque) * error <= 0.0, step, 0.0)
+        return torque
+
+
+class KinematicStructure:
+    """Wheel-speed PI: its two gains are free, and on request the lead of its reference.
+
+    Without slip four equal wheel loops are three loops of the body force: each wheel's gain times
+    ``geometry.wheel_jacobian``'s column squares.
+    """
+
+    def __init__(self, model: Model, loop: Loop, *, lead: bool = False) -> None:
+        self.model, self.loop = model, loop
+        self.names: tuple[str, ...] = ("proportional", "integral", "lead")[: 2 + lead]
+        longest = 0.05 + 2 * (loop.delay + loop.sample_time)
+        self.span: tuple[tuple[float, float], ...] = ((0.01, 10.0), (0.03, 300.0), (1e-3, longest))[
+            : 2 + lead
+        ]
+
+    def gains(self, point: Array) -> Gains:
+        """The point as ``KinematicControl`` takes it."""
+        return Gains(**dict(zip(self.names, np.asarray(point, float).tolist(), strict=True)))
+
+    def controller(self, point: Array) -> LinearSystem:
+        return wheel_loops(self.gains(point), self.model.geometry, self.loop.sample_time)
+
+    def response(self, point: Array, frequency: Array) -> Complex:
+        gains, period = self.gains(point), self.loop.sample_time
+        z = np.exp(1j * frequency * period)
+        each = gains.proportional + gains.integral * period * z / (z - 1.0)
+        to_force = np.diag((self.model.geometry.wheel_jacobian**2).sum(axis=0))
+        return np.asarray(each[:, None, None] * to_force, np.complex128)
+
+    def law(self, points: Array, motions: int) -> WheelLoops:
+        rows = [gains for gains in map(self.gains, points) for _ in range(motions)]
+        return WheelLoops(rows, self.model.geometry, self.loop)
+
+
+class PIDStructure:
+    """PID on the body twist: pole placement whose bandwidths and damping are free.
+
+    ``share`` multiplies the bandwidths of the three axes that just keep the margins wanted; so one
+    number makes all axes faster or slower alike.
+    """
+
+    def __init__(
+        self, model: Model, loop: Loop, *, gain_margin: float = 6.0, phase_margin: float = 45.0
+    ) -> None:
+        self.model, self.loop = model, loop
+        self.names: tuple[str, ...] = ("share", "damping")
+        self.span: tuple[tuple[float, float], ...] = ((0.3, 4.0), (0.6, 2.0))
+        self._inertia, lag = effective_mass(model), drive_lag(model)
+        self._lead = {"derivative_time": lag, "filter_time": FILTER_SHARE * lag}
+        self._damping = np.geomspace(*self.span[1], DAMPINGS)
+        self._bandwidth = np.log(
+            [
+                bandwidths(model, loop, self._shape(d), gain_margin, phase_margin)
+                for d in self._damping.tolist()
+            ]
+        )
+
+    def _shape(self, damping: float) -> PIDGains:
+        return PIDGains((1.0, 1.0, 1.0), damping, **self._lead)
+
+    def gains(self, point: Array) -> PIDGains:
+        """The point as ``PID`` takes it."""
+        share, damping = np.asarray(point, float).tolist()
+        at = np.log(damping), np.log(self._damping)
+        x, y, w = (share * float(np.exp(np.interp(*at, one))) for one in self._bandwidth.T)
+        return replace(self._shape(damping), bandwidth=(x, y, w))
+
+    def controller(self, point: Array) -> LinearSystem:
+        return linear_pid(self._inertia, self.gains(point), self.loop.sample_time)
+
+    def response(self, point: Array, frequency: Array) -> Complex:
+        return pid_response(self._inertia, self.gains(point), self.loop.sample_time, frequency)
+
+    def law(self, points: Array, motions: int) -> BodyLoops:
+        rows = [gains for gains in map(self.gains, points) for _ in range(motions)]
+        return BodyLoops(self.model, self.loop, rows)
+
+
+def wheel_loops(gains: Gains, geometry: Geometry, period: float) -> LinearSystem:
+    """Twist error (3,) to body force (3,) of equal PI loops at the wheels."""
+    to_force = np.diag((geometry.wheel_jacobian**2).sum(axis=0))
+    step = gains.integral * period * to_force
+    direct = gains.proportional * to_force + step
+    return LinearSystem(np.eye(3), step, np.eye(3), direct, period)

@@ -1,0 +1,133 @@
+"""Findings in words that a person at the robot can act on."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Mapping
+from typing import Any
+
+from youbot_env.physics.catalogue import GRAVITY
+
+Values = Mapping[str, float]
+
+WHEEL_WORDS = {"fl": "front left", "fr": "front right", "bl": "back left", "br": "back right"}
+
+
+def describe(effect: Any, values: Values, base: Values) -> str:
+    """One sentence on an effect at its fitted size.
+
+    Parameters
+    ----------
+    effect : from a catalogue
+    values : the effect's public parameters; ``base``: those of the base model
+
+    Effects without words of their own, a user's for instance, get their numbers and the sentence
+    on how to recognise them that they were registered with.
+    """
+    words = WORDS.get(effect.name)
+    if words is not None:
+        return words(values, base)
+    numbers = ", ".join(f"{name} = {value:.3g}" for name, value in values.items())
+    return f"{effect.name.replace('_', ' ')} ({numbers}): {effect.recognise}"
+
+
+def _tilt(values: Values, base: Values) -> str:
+    x, y = values["tilt_x"], values["tilt_y"]
+    slope = math.hypot(math.tan(x), math.tan(y))
+    falls = math.degrees(math.atan2(-math.tan(y), -math.tan(x)))
+    side = "left" if falls > 0 else "right"
+    where = "straight ahead" if abs(falls) < 1 else f"{abs(falls):.0f} degrees {side}"
+    force = base["m0"] * GRAVITY * math.hypot(math.sin(x), math.sin(y))
+    return (
+        f"the floor falls by {math.degrees(math.atan(slope)):.2f} degrees towards {where} of the "
+        f"start heading; it costs {force:.1f} N; to confirm, turn the robot around: the residual's "
+        "sign must flip"
+    )
+
+
+def _coulomb(values: Values, base: Values) -> str:
+    speed = values["torque"] / max(base["mu1"], 1e-9)
+    return (
+        f"each wheel joint has {values['torque']:.3f} N m of dry friction, as much as the viscous "
+        f"friction at {speed:.1f} rad/s; to confirm, push the robot by hand: it must resist before "
+        "it moves"
+    )
+
+
+def _stribeck(values: Values, base: Values) -> str:
+    return (
+        f"each wheel joint has {values['torque']:.3f} N m of dry friction and "
+        f"{values['breakaway']:.3f} N m more below some {values['stribeck_speed']:.2g} rad/s; to "
+        "confirm, creep: the torque must fall as the wheels begin to turn"
+    )
+
+
+def _uneven(values: Values, base: Values) -> str:
+    wheel, extra = max(values.items(), key=lambda item: item[1])
+    name = WHEEL_WORDS[wheel.rsplit("_", 1)[1]]
+    share = extra / max(base["mu1"], 1e-9)
+    return (
+        f"the {name} wheel drags: {extra:.3f} N m s of viscous friction beyond the freest wheel's, "
+        f"{share:.0%} more; to confirm, lift the robot and spin the wheels by hand"
+    )
+
+
+def _gain(values: Values, base: Values) -> str:
+    wheel, gain = max(values.items(), key=lambda item: abs(item[1]))
+    name = WHEEL_WORDS[wheel.rsplit("_", 1)[1]]
+    kind = "more" if gain > 0 else "less"
+    return (
+        f"the {name} wheel's true torque is {abs(gain):.1%} {kind} than its channel says, relative "
+        "to the four wheels' mean; to confirm, swap two motors or check the torque constants"
+    )
+
+
+def _lag(values: Values, base: Values) -> str:
+    return (
+        f"the drives follow their commands with a lag of {1e3 * values['time_constant']:.0f} ms; "
+        "to confirm, command a step of torque with the wheels held"
+    )
+
+
+def _delay(values: Values, base: Values) -> str:
+    delay = 1e3 * values["delay"]
+    later = "speeds lag their torques" if delay > 0 else "torques lag their speeds"
+    return (
+        f"the log's {later} by {abs(delay):.1f} ms; to confirm, compare the time stamps of both "
+        "channels in the driver"
+    )
+
+
+def _ripple(values: Values, base: Values) -> str:
+    return (
+        f"a torque of {values['amplitude']:.3f} N m comes {values['cycles']:.0f} times a wheel "
+        "turn; to confirm, turn a lifted wheel slowly and count what the hand feels"
+    )
+
+
+def _tether(values: Values, base: Values) -> str:
+    return (
+        f"something pulls the robot towards ({values['anchor_x']:.2f}, {values['anchor_y']:.2f}) m "
+        f"with {values['stiffness']:.2g} N/m: a cable, perhaps; to confirm, unplug it"
+    )
+
+
+def _payload(values: Values, base: Values) -> str:
+    return (
+        f"{values['mass']:.2f} kg were put on at ({values['x']:.2f}, {values['y']:.2f}) m, "
+        f"{values['time']:.0f} s after the log's start"
+    )
+
+
+WORDS: dict[str, Callable[[Values, Values], str]] = {
+    "floor_tilt": _tilt,
+    "wheel_coulomb_friction": _coulomb,
+    "wheel_stribeck_friction": _stribeck,
+    "uneven_wheel_friction": _uneven,
+    "torque_gain_error": _gain,
+    "actuator_lag": _lag,
+    "torque_delay": _delay,
+    "torque_ripple": _ripple,
+    "tether": _tether,
+    "payload_change": _payload,
+}

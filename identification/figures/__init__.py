@@ -1,0 +1,1 @@
+"""Pictures of logs, models and residuals (needs matplotlib)."""

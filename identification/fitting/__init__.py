@@ -1,0 +1,1 @@
+"""Regression, covariance, observability, and the identification of a model from logs."""

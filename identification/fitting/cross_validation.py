@@ -1,0 +1,126 @@
+"""Held-out judgement of linear(ised) models from normal equations, one log left out at a time."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from identification.fitting.regression_rows import Rows
+
+Array = NDArray[np.float64]
+
+BLOCKS = 5
+"""Contiguous blocks that a single log is cut into, so that something can be held out."""
+
+BLOCK_TIME = 2.0
+"""Length [s] of the stretches that bootstrap and standard errors treat as independent: 20/a_f."""
+
+
+@dataclass(frozen=True)
+class Fold:
+    """What is held out together: a stretch of one log, by row numbers and by time [s]; or all."""
+
+    log: int
+    rows: slice
+    start: float
+    end: float
+    whole: bool
+
+
+ALONE = 0.9
+"""Share of a column's squares that lie in one log, from which on that log alone shows it."""
+
+
+def make_folds(rows: Sequence[Rows], columns: Sequence[Array] = ()) -> list[Fold]:
+    """One fold a log; a log that alone shows something of the model gives five blocks.
+
+    A load that is put on late shows in a long log and in no short one: without that log nothing
+    could tell of it, and it would seem to explain nothing.
+
+    Parameters
+    ----------
+    columns : per log (n, A, F) of the model that is to be judged
+    """
+    lonely = {0} if len(rows) == 1 else _lonely(columns)
+    folds = []
+    for k, row in enumerate(rows):
+        blocks = BLOCKS if k in lonely else 1
+        edges = np.linspace(0, len(row.time), blocks + 1).astype(int)
+        for a, b in zip(edges.tolist(), edges[1:].tolist(), strict=False):
+            start = float(row.time[a]) if a else 0.0
+            folds.append(Fold(k, slice(a, b), start, float(row.time[b - 1]), blocks == 1))
+    return folds
+
+
+def _lonely(columns: Sequence[Array]) -> set[int]:
+    """Logs without which some column would all but vanish."""
+    if not columns:
+        return set()
+    squares = np.stack([(column**2).sum(axis=(0, 1)) for column in columns])
+    return {int(k) for k in np.nonzero(squares > ALONE * squares.sum(axis=0))[0]}
+
+
+@dataclass(frozen=True)
+class HeldOut:
+    """A linear model judged on what it was not fitted on.
+
+    folds : what was held out, in turn
+    residual : per fold (n, A), held out
+    steps : (folds, F) parameter steps from the rows' theta, each without its fold
+    step : (F,) with all rows
+    """
+
+    folds: tuple[Fold, ...]
+    residual: tuple[Array, ...]
+    steps: Array
+    step: Array
+
+    @property
+    def square(self) -> float:
+        """Sum of squared held-out residuals."""
+        return float(sum((r**2).sum() for r in self.residual))
+
+
+def held_out(
+    residual: Sequence[Array], columns: Sequence[Array], folds: Sequence[Fold], basis: Array
+) -> HeldOut:
+    """Fit without each fold in turn, by normal equations.
+
+    Parameters
+    ----------
+    residual, columns : per log (n, A) and (n, A, F)
+    basis : (F, Q) directions of the parameters that data can see, in any scale
+    """
+    seen = [
+        np.ascontiguousarray(columns[fold.log][fold.rows]).reshape(-1, columns[0].shape[-1]) @ basis
+        for fold in folds
+    ]
+    right = [residual[fold.log][fold.rows].ravel() for fold in folds]
+    grams = np.stack([c.T @ c for c in seen])
+    sides = np.stack([c.T @ r for c, r in zip(seen, right, strict=True)])
+    total, side = grams.sum(axis=0), sides.sum(axis=0)
+    everything = _solve(total, side)
+    steps = np.stack(
+        [_solve(total - gram, side - part) for gram, part in zip(grams, sides, strict=True)]
+    )
+    axes = residual[0].shape[1]
+    left = tuple(
+        (r - c @ step).reshape(-1, axes) for r, c, step in zip(right, seen, steps, strict=True)
+    )
+    return HeldOut(tuple(folds), left, steps @ basis.T, basis @ everything)
+
+
+def _solve(gram: Array, side: Array) -> Array:
+    """Least squares from normal equations; directions that a fold cannot see stay at zero."""
+    norm = np.sqrt(np.maximum(np.diag(gram), 1e-300))
+    scaled = gram / np.outer(norm, norm)
+    return np.linalg.pinv(scaled, rcond=1e-10, hermitian=True) @ (side / norm) / norm
+
+
+def block_sums(values: Array, step: float) -> Array:
+    """Sums (blocks, ...) of values (n, ...) over BLOCK_TIME; the last block may be shorter."""
+    size = max(1, round(BLOCK_TIME / step))
+    return np.add.reduceat(values, np.arange(0, len(values), size), axis=0)

@@ -1,0 +1,137 @@
+"""Force error, velocity error and noise floor of a model on a log: defined once, here."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from identification.mechanisms.calibration_parts import cut
+from identification.mechanisms.mechanism import Mechanism, Samples
+from identification.signals.filters import FILTER_RATE, filter_samples, first_order, settled
+from identification.signals.noise import white_noise
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class Traces:
+    """Measured and predicted signals (n, A) of one log and the times (n,) [s] they belong to."""
+
+    time: Array
+    measured: Array
+    predicted: Array
+
+    @property
+    def residual(self) -> Array:
+        """measured - predicted (n, A)."""
+        return self.measured - self.predicted
+
+
+def force_traces(mechanism: Mechanism, theta: Array, samples: Samples) -> Traces:
+    """Filtered generalised forces (L F_X, L F_Y, M_W) [N m], the filter's start left out."""
+    dt = samples.dt
+    demanded = mechanism.demand(theta, samples).force
+    measured = filter_samples(mechanism.measured_force(samples), FILTER_RATE, dt)
+    predicted = first_order(demanded[0], demanded[1], FILTER_RATE, dt)
+    first = settled(FILTER_RATE, dt)
+    return Traces(samples.time[first:], measured[first:], predicted[first:])
+
+
+def velocity_traces(mechanism: Mechanism, theta: Array, samples: Samples) -> Traces:
+    """Speeds (VX/L, VY/L, W) [rad/s] of the free run, driven by the measured torques alone."""
+    predicted = mechanism.free_run(theta, samples)
+    return Traces(samples.time, mechanism.measured_speed(samples), predicted)
+
+
+@dataclass(frozen=True)
+class Squares:
+    """Sums of squares (A,) of residual and measured signal: they add up over logs."""
+
+    residual: Array
+    measured: Array
+
+    @classmethod
+    def of(cls, traces: Traces, residual: Array | None = None) -> Squares:
+        """Of one log; ``residual`` replaces the traces' own (for a noise floor)."""
+        error = traces.residual if residual is None else residual
+        return cls((error**2).sum(axis=0), (traces.measured**2).sum(axis=0))
+
+    def __add__(self, other: Squares) -> Squares:
+        return Squares(self.residual + other.residual, self.measured + other.measured)
+
+    @property
+    def ratio(self) -> float:
+        """rms(residual) / rms(measured), all axes in one."""
+        return float(np.sqrt(self.residual.sum() / self.measured.sum()))
+
+    @property
+    def by_axis(self) -> Array:
+        """(A,) the same for each axis alone; NaN for an axis that never moved."""
+        with np.errstate(invalid="ignore", divide="ignore"):
+            return np.sqrt(self.residual / self.measured)
+
+
+def add_up(parts: Iterable[Squares]) -> Squares:
+    """All logs in one."""
+    first, *rest = parts
+    return sum(rest, start=first)
+
+
+@dataclass(frozen=True)
+class NoiseLevel:
+    """Standard deviations (k,) of white noise on the joints' speeds and torques."""
+
+    speed: Array
+    torque: Array
+
+    @classmethod
+    def of(cls, samples: Samples) -> NoiseLevel:
+        """What a log's own channels show of it."""
+        return cls(*map(white_noise, samples.channels))
+
+
+ENOUGH = 30_000
+"""Samples of noise that tell a floor to better than 2 %; a longer log's is scaled up from them."""
+
+
+def force_floor(
+    mechanism: Mechanism,
+    theta: Array,
+    samples: Samples,
+    clean: Traces,
+    noise: NoiseLevel,
+    seed: int,
+) -> Squares:
+    """What measurement noise alone leaves in the force residual, whose ``clean`` traces are known.
+
+    The noise is put on once more and what it changes is kept: right for every effect, since the
+    model itself carries it.
+    """
+    part, known = samples, clean
+    if len(samples) > ENOUGH:
+        part = cut(samples, 0, ENOUGH)
+        known = force_traces(mechanism, theta, part)
+    rng = np.random.default_rng(seed)
+    again = force_traces(mechanism, theta, mechanism.noisy(part, noise.speed, noise.torque, rng))
+    share = len(clean.time) / len(known.time)
+    left = Squares.of(known, again.residual - known.residual).residual * share
+    return Squares(left, Squares.of(clean).measured)
+
+
+def velocity_floor(
+    mechanism: Mechanism,
+    theta: Array,
+    samples: Samples,
+    clean: Traces,
+    noise: NoiseLevel,
+    seed: int,
+) -> Squares:
+    """What measurement noise alone leaves in the free run's velocity residual."""
+    rng = np.random.default_rng(seed)
+    again = velocity_traces(
+        mechanism, theta, mechanism.noisy(samples, noise.speed, noise.torque, rng)
+    )
+    return Squares.of(clean, again.residual - clean.residual)

@@ -1,0 +1,119 @@
+"""The last fit of a structure: shape constants free, and what noise on the speeds does undone."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from identification.fitting.errors import NoiseLevel
+from identification.fitting.least_squares import Fit, fit, gauge_basis, solve_step
+from identification.fitting.regression_rows import regression_rows
+from identification.mechanisms.mechanism import Mechanism
+
+Array = NDArray[np.float64]
+
+WORSE = 1.001
+"""Squares over those at the searched shapes from which on the fit of shapes has gone astray."""
+
+BEYOND = 3.0
+"""Scatter by noise on the speeds, over the residual's standard deviation, from which on it is added
+to it: what noise does to an integrated wheel angle stays, and no short memory tells of it."""
+
+DRAWS = 8
+"""Draws of the noise that tell the size of such scatter."""
+
+
+def final_fit(
+    mechanism: Mechanism,
+    samples: Sequence[Any],
+    noise: Sequence[NoiseLevel],
+    start: Array,
+    seed: int,
+) -> Fit:
+    """Fit with the covariance of all that was chosen by the data.
+
+    Shape constants that a search has found (a Stribeck speed, a time constant) are fitted with
+    the rest, so that their uncertainty enters that of the others.
+
+    Parameters
+    ----------
+    start : (P,) where the search has arrived
+    noise : of each log
+    seed : of the noise that is put on to learn what noise does
+    """
+    found = joint_fit(mechanism, samples, start)
+    return _without_noise_bias(found, _Noise(mechanism, samples, noise, found, seed))
+
+
+def joint_fit(mechanism: Mechanism, samples: Sequence[Any], start: Array) -> Fit:
+    """Fit of the free parameters, then of those and the smooth shape constants together."""
+    found = fit(mechanism, samples, start)
+    smooth = np.array(
+        [bool(label.parameter.grid) and not label.parameter.whole for label in mechanism.labels]
+    )
+    if not smooth.any():
+        return found
+    more = fit(mechanism, samples, found.theta, free=mechanism.free | smooth)
+    # Where shapes and strengths trade off the fit may go astray: the search was good enough then.
+    astray = more.square > WORSE * found.square or not np.isfinite(more.theta).all()
+    return found if astray else more
+
+
+class _Noise:
+    """What noise like that on the logs' speeds does to a fit, by trying."""
+
+    def __init__(
+        self,
+        mechanism: Mechanism,
+        samples: Sequence[Any],
+        noise: Sequence[NoiseLevel],
+        found: Fit,
+        seed: int,
+    ) -> None:
+        self.mechanism, self.samples, self.noise = mechanism, samples, noise
+        self.found, self.rng = found, np.random.default_rng(seed)
+        self.basis = gauge_basis(mechanism, found.free)
+
+    def shift(self, level: float) -> tuple[Array, Array]:
+        """By how much noise of ``level`` times the logs' variance moves the free parameters.
+
+        Two (F,), from a draw and its negative: what is even in the noise, a bias, and what is odd,
+        a draw of the scatter, as of ``level`` 1.
+        """
+        seed = int(self.rng.integers(2**32))
+        plus, minus = (self._step(sign * np.sqrt(level), seed) for sign in (1.0, -1.0))
+        return 0.5 * (plus + minus), 0.5 * (plus - minus) / np.sqrt(level)
+
+    def _step(self, size: float, seed: int) -> Array:
+        rng, found = np.random.default_rng(seed), self.found
+        rows = []
+        for item, of in zip(self.samples, self.noise, strict=True):
+            noisy = self.mechanism.noisy(item, size * of.speed, 0.0 * of.torque, rng)
+            rows.append(regression_rows(self.mechanism, found.theta, noisy, found.free))
+        even = [np.ones(len(row.residual)) for row in rows]
+        step, _ = solve_step(self.mechanism, rows, even, found.theta, found.free, self.basis)
+        return step
+
+
+def _without_noise_bias(found: Fit, noise: _Noise) -> Fit:
+    """Simulation and extrapolation (Cook and Stefanski, JASA 89, 1994) in the speeds' noise.
+
+    Noise on the speeds is noise on the columns: it rounds a dry friction's kink, and biases what
+    is fitted by several standard deviations in long logs. Where once and twice the noise more
+    would lead, none at all lies on the other side, on the same parabola.
+    """
+    (once, first), (twice, second) = noise.shift(1.0), noise.shift(2.0)
+    lower, upper = (bound[found.free] for bound in noise.mechanism.bounds)
+    theta = found.theta.copy()
+    inside = np.clip(theta[found.free] - 3.0 * once + twice, lower, upper)
+    theta[found.free] = np.where(np.isfinite(inside), inside, theta[found.free])
+    covariance = found.covariance
+    std = np.maximum(found.std, 1e-300)
+    if (np.abs([first, second]) > BEYOND * std).any():
+        draws = [first, second, *(noise.shift(1.0)[1] for _ in range(DRAWS - 2))]
+        covariance = covariance + np.mean([np.outer(d, d) for d in draws], axis=0)
+    return replace(found, theta=theta, covariance=covariance)

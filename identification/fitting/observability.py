@@ -1,0 +1,236 @@
+"""What a motion lets one see: Gramian, rank, blind directions and blocks, as in the paper."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from identification.fitting.covariance import hac_covariance
+from identification.fitting.least_squares import gauge_groups
+from identification.fitting.regression_rows import Indices, Rows
+from identification.mechanisms.mecanum import PAPER_ORDER, Mecanum
+from identification.mechanisms.mechanism import Mechanism
+from youbot_env.errors import InputError
+from youbot_env.motions.calibration import Motion
+from youbot_env.physics.geometry import Geometry
+from youbot_env.physics.structure import Structure
+
+Array = NDArray[np.float64]
+
+BLIND = 3e-3
+"""Eigenvalue of the normalised Gramian under which a direction counts as blind in a real log.
+
+The Gramian of unit columns has the mean eigenvalue one; 3e-3 means that a standard deviation is
+18 times what it would be if the columns were orthogonal."""
+
+IDEAL_BLIND = 1e-9
+"""The same for an ideal motion, where only rounding stands between blind and seen."""
+
+SHORT = 0.05
+"""Share of the longest column's length under which a column counts as nothing but noise."""
+
+COUPLED = 0.1
+"""Cosine between two columns above which their parameters belong to one block."""
+
+
+@dataclass(frozen=True)
+class Observability:
+    """What one motion (or all together) shows of the parameters x, scaled as in the paper.
+
+    Attributes
+    ----------
+    names : (F,) parameter names
+    gramian : (F, F) integral of H^T H over time [s]
+    rank : number of directions that are seen
+    blind : (F - rank, F) unit vectors in x that are not seen
+    blocks : names of parameters that can be estimated apart from the others
+    """
+
+    names: tuple[str, ...]
+    gramian: Array
+    rank: int
+    blind: Array
+    blocks: tuple[tuple[str, ...], ...]
+
+    def describe_blind(self, cutoff: float = 0.15) -> list[str]:
+        """Each blind direction as a sum of parameters, such as ``x1 + x2 + x5``."""
+        return [_combination(direction, cutoff) for direction in self.blind]
+
+
+def _combination(direction: Array, cutoff: float) -> str:
+    largest = np.abs(direction).max()
+    direction = direction * np.sign(direction[np.argmax(np.abs(direction) > 0.5 * largest)])
+    terms = []
+    for k in np.flatnonzero(np.abs(direction) > cutoff * largest):
+        share = direction[k] / largest
+        factor = "" if abs(abs(share) - 1) < 0.1 else f"{abs(share):.1f} "
+        sign = "-" if share < 0 else ("+" if terms else "")
+        terms.append(f"{sign} {factor}x{k + 1}" if terms else f"{sign}{factor}x{k + 1}")
+    return " ".join(terms)
+
+
+def observability(
+    names: Sequence[str],
+    columns: Array,
+    dt: float,
+    blind: float,
+    gauge: Array | None = None,
+) -> Observability:
+    """From regressor columns (n, A, F) in paper units, rows ``dt`` [s] apart.
+
+    ``gauge`` (k, F): unit vectors that are settled by convention (the mean of gains), not by data.
+    """
+    flat = columns.reshape(-1, columns.shape[-1])
+    gramian = flat.T @ flat * dt
+    if gauge is not None:
+        gramian = gramian + gauge.T @ gauge * np.diag(gramian).max()
+    norm = np.sqrt(np.diag(gramian))
+    # Measurement noise alone gives every column some length: short ones must not be blown up.
+    norm = np.maximum(norm, SHORT * norm.max())
+    unit = gramian / np.outer(norm, norm)
+    values, vectors = np.linalg.eigh(unit)
+    unseen = values < blind
+    directions = _orthonormal(vectors[:, unseen] / norm[:, None])
+    rank = int(len(names) - unseen.sum())
+    return Observability(tuple(names), gramian, rank, directions, _blocks(names, unit))
+
+
+def _orthonormal(directions: Array) -> Array:
+    """Unit vectors (k, F) that span the columns (F, k), made sparse by elimination."""
+    if directions.shape[1] == 0:
+        return directions.T
+    rows = directions.T.copy()
+    for k in range(len(rows)):
+        pivot = np.unravel_index(np.argmax(np.abs(rows[k:])), rows[k:].shape)
+        rows[[k, k + pivot[0]]] = rows[[k + pivot[0], k]]
+        rows[k] /= rows[k, pivot[1]]
+        for other in range(len(rows)):
+            if other != k:
+                rows[other] -= rows[other, pivot[1]] * rows[k]
+    return rows / np.linalg.norm(rows, axis=1, keepdims=True)
+
+
+def _blocks(names: Sequence[str], unit: Array) -> tuple[tuple[str, ...], ...]:
+    """Connected groups of parameters whose columns are not orthogonal to each other."""
+    left = [k for k in range(len(names)) if unit[k, k] > 0.5]
+    blocks = []
+    while left:
+        block, frontier = set(), [left[0]]
+        while frontier:
+            k = frontier.pop()
+            block.add(k)
+            frontier += [j for j in left if j not in block and abs(unit[k, j]) > COUPLED]
+        left = [k for k in left if k not in block]
+        blocks.append(tuple(names[k] for k in sorted(block)))
+    return tuple(blocks)
+
+
+def log_observability(
+    mechanism: Mechanism, rows: Sequence[Rows], blind: float = BLIND
+) -> Observability:
+    """What one log (or several together) shows of the parameters, from its regression rows."""
+    order = mechanism.order
+    names = [mechanism.parameter_names[k] for k in order]
+    columns = np.concatenate([item.columns for item in rows])[..., _places(mechanism)]
+    gauge = np.zeros((0, len(order)))
+    for members in gauge_groups(mechanism):
+        row = np.isin(_places(mechanism), members).astype(float)
+        gauge = np.vstack([gauge, row / np.sqrt(row.sum())])
+    return observability(names, columns / mechanism.scale[order], rows[0].step, blind, gauge)
+
+
+def refuse_blind(mechanism: Mechanism, seen: Observability) -> None:
+    """Raise InputError if some direction is not seen: with the motion that would show it."""
+    if seen.rank == len(seen.names):
+        return
+    direction = seen.blind[0]
+    raise InputError(
+        f"these logs cannot show {seen.describe_blind()[0]} "
+        f"({', '.join(seen.names[k] for k in np.flatnonzero(np.abs(direction) > 0.15))}): "
+        f"{mechanism.advice(direction)}"
+    )
+
+
+def _places(mechanism: Mechanism) -> Indices:
+    """Places of the mechanism's order among the free parameters."""
+    return np.searchsorted(np.flatnonzero(mechanism.free), mechanism.order)
+
+
+def motion_observability(
+    motion: Motion,
+    geometry: Geometry | None = None,
+    *,
+    window: tuple[float, float] | None = None,
+    blind: float = IDEAL_BLIND,
+    dt: float = 0.005,
+) -> Observability:
+    """What an ideal motion shows of the base model, without a filter: the paper's statements.
+
+    Parameters
+    ----------
+    window : start and end [s]; a periodic motion should be given whole periods
+    """
+    mechanism = Mecanum(geometry or Geometry(), Structure())
+    start, end = window or (0.0, motion.duration)
+    time = np.arange(start, end - 0.5 * dt, dt)
+    columns = ideal_columns(mechanism, motion.twist(time), motion.acceleration(time))
+    names = [mechanism.parameter_names[k] for k in PAPER_ORDER]
+    return observability(names, columns, dt, blind)
+
+
+def ideal_columns(mechanism: Mecanum, twist: Array, acceleration: Array) -> Array:
+    """Regressor columns (n, 3, 7) of x1 ... x7 for a known motion, unfiltered."""
+    from youbot_env.physics.inverse_dynamics import wrench
+    from youbot_env.physics.points import Instant
+
+    at = Instant(tuple(twist.T), tuple(acceleration.T))
+    columns = []
+    for k in PAPER_ORDER:
+        unit = np.zeros(7)
+        unit[k] = 1.0 / mechanism.scale[k]
+        force = wrench(np, Structure(), mechanism.geometry, unit, at)
+        force = np.stack(np.broadcast_arrays(*force, twist[:, 0])[:3], axis=-1)
+        columns.append(force * mechanism.force_scale)
+    return np.stack(columns, axis=-1)
+
+
+def block_estimates(
+    mechanism: Mechanism, theta: Array, rows: Rows, seen: Observability
+) -> dict[str, tuple[float, float]]:
+    """Value and standard deviation of each parameter whose block a motion shows whole.
+
+    In an ideal motion a block's own columns suffice, whatever the others are, so a direction that
+    another block cannot show does not matter. The stock loop's motion separates them less well;
+    what leaks across is removed by solving for all, and only whole blocks are reported. ``theta``
+    (P,) is where ``rows`` were taken.
+    """
+    order, places = mechanism.order, _places(mechanism)
+    scale = mechanism.scale[order]
+    columns = rows.columns[..., places]
+    measured = rows.residual + columns @ theta[order]
+    flat = (columns / scale).reshape(-1, len(order))
+    x = np.linalg.lstsq(flat, measured.ravel(), rcond=1e-12)[0]
+    left = replace(rows, residual=measured - columns @ (x / scale), columns=columns)
+    std = np.sqrt(np.maximum(np.diag(hac_covariance([left], np.eye(len(order)), scale)), 0.0))
+    found = {}
+    for block in seen.blocks:
+        members = [seen.names.index(name) for name in block]
+        if not any(np.abs(direction[members]).max() > 0.15 for direction in seen.blind):
+            found |= {seen.names[k]: (float(x[k] / scale[k]), float(std[k])) for k in members}
+    return found
+
+
+def motion_that_shows(mechanism: Mecanum, direction: Array) -> str:
+    """Name of the calibration motion that sees a direction (F,) in x best, for its length."""
+    from youbot_env.motions.calibration import CALIBRATION
+
+    seen = {}
+    for name, make in CALIBRATION.items():
+        motion = make(mechanism.geometry)
+        gramian = motion_observability(motion, mechanism.geometry, dt=0.02).gramian
+        base = direction[: len(gramian)]
+        seen[name] = float(base @ gramian @ base) / motion.duration
+    return max(seen, key=lambda name: seen[name])

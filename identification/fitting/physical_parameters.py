@@ -1,0 +1,106 @@
+"""From fitted theta to the paper's physical parameters, with the covariance carried along."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from identification.fitting.least_squares import Fit
+from identification.mechanisms.mecanum import Mecanum
+from youbot_env.errors import InputError
+from youbot_env.model.model import BASE_UNITS, Estimate, Model
+from youbot_env.physics.stated_parameters import jacobian, public_parameters, to_public
+
+Array = NDArray[np.float64]
+
+
+def settle_gauge(mechanism: Mecanum, theta: Array) -> tuple[Array, Array]:
+    """Give what only differences show its stated zero: the least wheel, or the wheels' mean.
+
+    Returns the new theta (P,) and the (P, P) map that it came by, for the covariance. The common
+    part that is taken away goes to the base parameter that means the same.
+    """
+    names = list(mechanism.parameter_names)
+    change = np.eye(len(names))
+    for group in dict.fromkeys(label.group for label in mechanism.labels if label.group):
+        members = [k for k, label in enumerate(mechanism.labels) if label.group == group]
+        parameter = mechanism.labels[members[0]].parameter
+        weight = np.zeros(len(names))
+        if parameter.relative_to == "least":
+            weight[members[int(np.argmin(theta[members]))]] = 1.0
+        else:
+            weight[members] = 1.0 / len(members)
+        step = np.eye(len(names))
+        step[members] -= weight
+        if parameter.absorbed_by:
+            step[names.index(parameter.absorbed_by)] += weight
+        change = step @ change
+        theta = step @ theta
+    return theta, change
+
+
+def physical_covariance(mechanism: Mecanum, fit: Fit) -> tuple[tuple[str, ...], Array]:
+    """Names (F,) of the fitted parameters as people state them, and their covariance (F, F).
+
+    First order. What the fit leaves without any place (the anchor of a tether that does not pull)
+    is left out.
+    """
+    structure = mechanism.structure
+    theta, change = settle_gauge(mechanism, fit.theta)
+    slope = (jacobian(structure, mechanism.geometry, theta) @ change)[:, fit.free]
+    declared = public_parameters(structure)
+    kept = [k for k, row in enumerate(slope) if row.any()]
+    names = list(declared)
+    return tuple(names[k] for k in kept), slope[kept] @ fit.covariance @ slope[kept].T
+
+
+def fitted_model(
+    mechanism: Mecanum,
+    fit: Fit,
+    *,
+    name: str = "model",
+    logs: tuple[Mapping[str, str], ...] = (),
+    errors: Mapping[str, Any] | None = None,
+    provenance: Mapping[str, Any] | None = None,
+) -> Model:
+    """The model that a fit stands for.
+
+    Raises
+    ------
+    InputError
+        If the fit is not physical (a negative mass, say): the logs do not show the parameters.
+    """
+    theta, _ = settle_gauge(mechanism, fit.theta)
+    names, covariance = physical_covariance(mechanism, fit)
+    std = dict(zip(names, np.sqrt(np.maximum(np.diag(covariance), 0.0)), strict=True))
+    declared = public_parameters(mechanism.structure)
+    values = to_public(mechanism.structure, mechanism.geometry, theta)
+    if values["m0"] <= 4 * mechanism.geometry.m1:
+        raise InputError(
+            f"the fitted mass m0 = {values['m0']:.3g} kg is below that of the four wheels "
+            f"({4 * mechanism.geometry.m1:.3g} kg): the logs do not show it; record motions "
+            "I and II, or check the torques' unit and the geometry"
+        )
+
+    def entry(key: str) -> Estimate:
+        return Estimate(values[key], declared[key].unit, float(std[key]) if key in std else None)
+
+    effects: dict[str, dict[str, Estimate]] = {name: {} for name in mechanism.structure.effects}
+    for key in declared:
+        effect, dot, parameter = key.partition(".")
+        if dot:
+            effects[effect][parameter] = entry(key)
+    return Model(
+        geometry=mechanism.geometry,
+        parameters={key: entry(key) for key in BASE_UNITS},
+        effects=effects,
+        covariance=covariance,
+        covariance_names=names,
+        logs=logs,
+        errors=errors or {},
+        name=name,
+        provenance=provenance or {},
+    )

@@ -1,0 +1,85 @@
+"""What a tool should say unasked: estimates that can hardly be, or that the data hardly show."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from youbot_env.model.model import Model
+from youbot_env.physics.effect import CATALOGUE
+
+BARELY = 0.2
+"""A standard deviation above this share of the value is called barely observable."""
+
+OFFSETS = ("aX", "aY")
+"""Parameters that may well be zero: judged by the footprint, not by their own size."""
+
+
+def warnings_of(model: Model) -> list[str]:
+    """Plain sentences on implausible or barely observable parameters."""
+    return [*_inertia(model), *_wheel(model), *_centre_of_mass(model), *_barely(model)]
+
+
+def _inertia(model: Model) -> list[str]:
+    g, value = model.geometry, model.values
+    radius = float(np.sqrt(value["I0"] / value["m0"]))
+    corner = float(np.hypot(g.l, g.h))
+    if radius > corner:
+        return [
+            f"I0 = {value['I0']:.3g} kg m^2 with m0 = {value['m0']:.3g} kg is a gyration radius of "
+            f"{radius:.2f} m, beyond the wheels' {corner:.2f} m from the centre: hardly possible "
+            "for mass inside the footprint; did an arm reach out, or is another effect in it?"
+        ]
+    if radius < 0.3 * corner:
+        return [
+            f"I0 = {value['I0']:.3g} kg m^2 with m0 = {value['m0']:.3g} kg is a gyration radius of "
+            f"only {radius:.2f} m: the four wheels alone make more than that; check the units"
+        ]
+    return []
+
+
+def _wheel(model: Model) -> list[str]:
+    solid = 0.5 * model.geometry.m1 * model.geometry.R**2
+    ratio = model.values["I1"] / solid if solid > 0 else 1.0
+    if ratio > 2:
+        return [
+            f"I1 = {model.values['I1']:.2g} kg m^2 is {ratio:.1f} times a solid wheel's "
+            f"{solid:.2g} kg m^2: the motor's rotor, seen through the gear, may explain it"
+        ]
+    if ratio < 0.3:
+        return [
+            f"I1 = {model.values['I1']:.2g} kg m^2 is only {ratio:.2f} of a solid wheel's "
+            f"{solid:.2g} kg m^2: hardly possible; m0 and I1 may be mixed up"
+        ]
+    return []
+
+
+def _centre_of_mass(model: Model) -> list[str]:
+    g, value = model.geometry, model.values
+    if abs(value["aX"]) > g.h or abs(value["aY"]) > g.l:
+        return [
+            f"the centre of mass ({value['aX']:.3f}, {value['aY']:.3f}) m lies outside the wheels: "
+            "the robot would tip over; check wheel order and signs"
+        ]
+    return []
+
+
+def _barely(model: Model) -> list[str]:
+    found = []
+    estimates = dict(model.parameters) | {
+        f"{effect}.{name}": estimate
+        for effect, parameters in model.effects.items()
+        for name, estimate in parameters.items()
+        if CATALOGUE[effect].public_parameter(name).relative_to is None
+    }
+    for name, estimate in estimates.items():
+        scale = model.geometry.l if name in OFFSETS else abs(estimate.value)
+        effect, _, key = name.partition(".")
+        if key and CATALOGUE[effect].public is not None:
+            # A place or a phase may well be zero: judged by its catalogue size.
+            scale = max(scale, CATALOGUE[effect].public_parameter(key).size)
+        if estimate.std is not None and estimate.std > BARELY * scale:
+            found.append(
+                f"{name} = {estimate.value:.3g} +- {estimate.std:.2g} {estimate.unit} is barely "
+                "observable in these logs"
+            )
+    return found

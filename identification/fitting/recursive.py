@@ -1,0 +1,91 @@
+"""The paper's recursive least squares: a Kalman filter for constants, also for use on line."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from identification.fitting.least_squares import Fit
+from identification.mechanisms.mechanism import Mechanism
+
+Array = NDArray[np.float64]
+
+PRIOR = 1e6
+"""Prior variance of the scaled parameters x [(N m)^2], far above any: the start is forgotten."""
+
+
+class RecursiveLeastSquares:
+    """x^' = P H^T (z - H x^), P' = -P H^T H P for rows that come one sample after another.
+
+    Each update solves its sampled equations exactly (the information form of the paper's
+    continuous ones), so that after any number of rows the estimate is the batch estimate with
+    a prior of ``PRIOR``.
+
+    Parameters
+    ----------
+    size : number F of parameters
+    start : (F,) first estimate, zero by default
+    variance : of the start, (F,) or one number
+    forgetting : 1 keeps all; below 1 old rows fade by this factor a row
+    """
+
+    def __init__(
+        self,
+        size: int,
+        start: ArrayLike | None = None,
+        variance: ArrayLike = PRIOR,
+        forgetting: float = 1.0,
+    ) -> None:
+        self.estimate = np.zeros(size) if start is None else np.array(start, float)
+        self.covariance = np.diag(np.broadcast_to(np.asarray(variance, float), (size,)).copy())
+        self.forgetting = forgetting
+
+    def update(self, columns: Array, measured: Array) -> Array:
+        """Take one sample: ``columns`` (A, F), ``measured`` (A,). Returns the estimate (F,).
+
+        The error's covariance is taken as unity: ``covariance`` scales with the noise's.
+        """
+        # Axis by axis, which is exact for independent errors and spares solving a system each time.
+        spread, estimate = self.covariance / self.forgetting, self.estimate
+        for row, value in zip(columns, measured, strict=True):
+            seen = spread @ row
+            size = 1.0 + row @ seen
+            estimate = estimate + seen * ((value - row @ estimate) / size)
+            spread = spread - seen[:, None] * seen / size
+        self.covariance, self.estimate = spread, estimate
+        return self.estimate
+
+
+@dataclass(frozen=True)
+class Course:
+    """Estimates over time.
+
+    time (n,): [s] since the first log's start, logs one after another; theta, std (n, F): the
+    free parameters and their standard deviations, which end at those of the batch covariance.
+    """
+
+    time: Array
+    theta: Array
+    std: Array
+
+
+def recursive_course(mechanism: Mechanism, fit: Fit) -> Course:
+    """Run the recursive estimator through a fit's rows; effects enter linearised at the fit.
+
+    The filter's rows are correlated, so P alone would state too little; its shape over time is
+    kept and each parameter's end is set to the batch estimate's standard deviation.
+    """
+    scale, free = mechanism.scale[fit.free], fit.free
+    estimator = RecursiveLeastSquares(len(free))
+    course, spread = [], []
+    for rows in fit.rows:
+        measured = rows.residual + rows.columns @ fit.theta[free]
+        for columns, z in zip(rows.columns / scale, measured, strict=True):
+            course.append(estimator.update(columns, z) / scale)
+            spread.append(np.sqrt(np.diag(estimator.covariance)) / scale)
+    ends = np.cumsum([0.0, *(rows.time[-1] for rows in fit.rows)])
+    time = np.concatenate([end + rows.time for end, rows in zip(ends, fit.rows, strict=False)])
+    std = np.array(spread)
+    return Course(time, np.array(course), std * (fit.std / std[-1]))

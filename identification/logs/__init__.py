@@ -1,0 +1,1 @@
+"""Log files: read, checked, repaired, written."""

@@ -1,0 +1,230 @@
+"""Checks of a log's channels: units, signs, order of the wheels, dead sensors, motion.
+
+What the file or its time column can have wrong is found while reading (`parsing`, `timebase`,
+`repair`); here the data are finite and uniformly sampled, and are judged as measurements.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+import numpy as np
+from numpy.typing import NDArray
+
+from identification.logs import wheel_checks
+from identification.logs.columns import joint_columns
+from identification.logs.findings import Finding, Level
+from identification.logs.log import Log
+from identification.logs.timebase import runs_of
+from identification.logs.wheel_checks import WRONG_POWER, Limits, power_share
+from identification.signals.noise import thinned, white_noise
+from youbot_env.physics.geometry import WHEELS, Geometry
+
+__all__ = ["Finding", "Limits", "check", "limits_for", "noise_estimate"]
+
+MAX_WHEEL_SPEED = 50.0
+"""[rad/s], 2.4 m/s: three times what the youBot's motors reach (0.8 m/s)."""
+
+MAX_WHEEL_EFFORT = 100.0
+"""[N m]: ten times what its 10 A fuse lets a motor give (0.866 N m/A)."""
+
+MIN_MOTION = 2.0
+"""[s] of motion that a log must show."""
+
+LITTLE_SPEED = 0.2
+"""[rad/s] below which friction at standstill hides all else."""
+
+_FREEZE = 0.2
+_RESTING_SLIP = 0.01
+
+
+def limits_for(
+    log: Log, max_speed: float | None, max_effort: float | None, geometry: Geometry | None
+) -> Limits:
+    """The given limits, completed by those of wheels; one axis, whose units may vary, has none."""
+    wheels = log.joints == WHEELS
+    speed = MAX_WHEEL_SPEED if wheels else np.inf
+    effort = MAX_WHEEL_EFFORT if wheels else np.inf
+    return Limits(
+        speed if max_speed is None else max_speed,
+        effort if max_effort is None else max_effort,
+        geometry or Geometry(),
+    )
+
+
+def noise_estimate(log: Log) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """White noise of the speeds and of the efforts: standard deviations (k,), (k,).
+
+    Notes
+    -----
+    Effort noise is what is white in the effort channel as it stands. Where a controller feeds
+    speed noise back, part of it is real torque, and the differences of the two channels
+    correlate. They do not (below 0.02) on simulated logs whose loop sees clean speeds; they do,
+    with coefficients of 0.1 to 0.3, where the loop acts on a ripple that the speeds really have.
+    """
+    return log.speed_noise, white_noise(log.effort, log.valid)
+
+
+def check(log: Log, limits: Limits) -> list[Finding]:
+    """All findings on a log's channels, errors among them; nothing is changed or raised.
+
+    Each stage relies on what the ones before have judged sound, and is left out otherwise.
+    """
+    wheels = wheel_checks.CHECKS if log.joints == WHEELS else ()
+    findings: list[Finding] = []
+    for stage in (_SENSORS, wheels, _JOINTS):
+        if not any(finding.level == "error" for finding in findings):
+            findings += [finding for one in stage for finding in one(log, limits)]
+    return findings
+
+
+def _at(
+    log: Log, level: Level, message: str, cure: str, at: int | None = None, column: str = ""
+) -> Finding:
+    row = None if at is None else int(log.rows[at])
+    return Finding(level, message, row, column or None, cure)
+
+
+def _channels(log: Log, *kinds: str) -> Iterator[tuple[str, NDArray[np.float64]]]:
+    for kind in kinds:
+        block = getattr(log, kind)
+        if block is not None:
+            yield from zip(joint_columns(kind, log.joints), block.T, strict=True)
+
+
+def _length(log: Log, limits: Limits) -> Iterator[Finding]:
+    if log.duration < MIN_MOTION:
+        message = f"lasts only {log.duration:.3g} s"
+        yield _at(log, "error", message, f"record at least {MIN_MOTION:g} s of motion")
+
+
+def _motion(log: Log, limits: Limits) -> Iterator[Finding]:
+    speed = np.abs(log.velocity).max(axis=1)
+    noise = float(log.speed_noise.max())
+    usual = float(np.quantile(thinned(speed), 0.95))
+    cure = "record a motion that excites all wheels, for instance with youbot record"
+    moving = speed > max(6 * noise, 0.05 * usual, 1e-9)
+    seconds = float(moving.sum()) * log.dt
+    if seconds == 0:
+        yield _at(log, "error", "nothing moves", cure)
+    elif seconds < MIN_MOTION and log.duration >= MIN_MOTION:
+        message = f"something moves for {seconds:.2g} s only"
+        yield _at(log, "error", message, f"record at least {MIN_MOTION:g} s of motion")
+    elif log.joints == WHEELS and usual < LITTLE_SPEED:
+        message = f"little motion: the wheels stay below {usual:.2g} rad/s"
+        yield _at(log, "warning", message, cure)
+
+
+def _units(log: Log, limits: Limits) -> Iterator[Finding]:
+    cases = (
+        ("velocity", limits.max_speed, "rad/s", "convert it to rad/s (rpm: times 0.10472; "
+         "deg/s: times 0.0174533), or raise the limit"),
+        ("effort", limits.max_effort, "N m", "convert it to N m (from mN m: times 0.001), or "
+         "raise the limit"),
+    )  # fmt: skip
+    for kind, limit, unit, cure in cases:
+        for column, signal in _channels(log, kind):
+            size = np.abs(signal)
+            peak = int(np.argmax(size))
+            if size[peak] > limit:
+                message = f"{signal[peak]:.4g} {unit} cannot be (limit {limit:g})"
+                yield _at(log, "error", message, cure, peak, column)
+            elif size[peak] > 0.5 * limit:
+                message = f"{signal[peak]:.4g} {unit} is a lot"
+                yield _at(log, "warning", message, "check the unit", peak, column)
+
+
+def _dead_channels(log: Log, limits: Limits) -> Iterator[Finding]:
+    if not np.ptp(log.velocity, axis=0).any():
+        return  # nothing moves: said already
+    # Turning about a point beside it, a platform keeps two wheels at rest, and no wheel slips.
+    may_rest = log.joints == WHEELS and wheel_checks.slip_ratio(log.velocity) < _RESTING_SLIP
+    levels: dict[str, Level] = {"velocity": "warning" if may_rest else "error", "effort": "error"}
+    for kind in ("velocity", "effort", "position", "command"):
+        for column, signal in _channels(log, kind):
+            if np.ptp(signal) == 0:
+                message = f"is {signal[0]:.4g} all the time"
+                cure = "check the sensor and the logger"
+                yield _at(log, levels.get(kind, "warning"), message, cure, 0, column)
+
+
+def _frozen_channels(log: Log, limits: Limits) -> Iterator[Finding]:
+    """A noisy channel that holds one value for long has stopped, unless it is at a limit."""
+    least = max(10, int(_FREEZE / log.dt))
+    for column, signal in _channels(log, "velocity", "effort"):
+        same = np.diff(signal) == 0
+        longest = max(runs_of(same), key=lambda run: run[1] - run[0], default=(0, 0))
+        length = longest[1] - longest[0]
+        elsewhere = (same.sum() - length) / max(len(same) - length, 1)
+        value = signal[longest[0]]
+        at_limit = value in (signal.min(), signal.max()) and column.startswith("effort")
+        if length >= least and elsewhere < 0.05 and not at_limit and np.ptp(signal) > 0:
+            message = f"stands still at {value:.4g} for {length * log.dt:.2g} s"
+            cure = "cut that part off; check the sensor and its cable"
+            yield _at(log, "error", message, cure, longest[0], column)
+
+
+def _stale_rows(log: Log, limits: Limits) -> Iterator[Finding]:
+    """Rows that repeat all the row before while something moves: logged faster than measured."""
+    data = np.hstack([log.velocity, log.effort])
+    moving = np.abs(log.velocity).max(axis=1) > 0
+    stale = (data[1:] == data[:-1]).all(axis=1) & moving[1:]
+    if stale.mean() > 0.01:
+        at = int(np.argmax(stale)) + 1
+        message = f"{100 * stale.mean():.2g} % of the rows repeat the row before"
+        yield _at(log, "warning", message, "log at the rate at which is measured", at)
+
+
+def _saturation(log: Log, limits: Limits) -> Iterator[Finding]:
+    for column, signal in _channels(log, "effort", "command"):
+        for extreme in (signal.min(), signal.max()):
+            held = signal == extreme
+            if extreme != 0 and held.sum() >= 10 and held.mean() > 0.01 and np.ptp(signal) > 0:
+                message = (
+                    f"stays at its extreme {extreme:.4g} for {100 * held.mean():.2g} % of time"
+                )
+                cure = "drive more gently: a saturated channel hides the true value"
+                yield _at(log, "warning", message, cure, int(np.argmax(held)), column)
+
+
+def _power(log: Log, limits: Limits) -> Iterator[Finding]:
+    """Friction only takes energy, so over a run a joint's effort must on the whole give it."""
+    wrong = power_share(log) < WRONG_POWER
+    if not wrong.any():
+        return
+    columns = joint_columns("effort", log.joints)
+    names = " and ".join(name for name, bad in zip(columns, wrong, strict=True) if bad)
+    message = f"the motion takes power from {names}: its sign is wrong, or columns are swapped"
+    cure = f"multiply {names} by -1, or put the columns in order"
+    yield _at(log, "error", message, cure)
+
+
+def _position(log: Log, limits: Limits) -> Iterator[Finding]:
+    """Positions against the integral of the speeds, over pieces of half a second."""
+    if log.position is None:
+        return
+    piece = max(int(0.5 / log.dt), 1)
+    if len(log) <= 2 * piece:
+        return
+    middle = 0.5 * (log.velocity[1:] + log.velocity[:-1]) * log.dt
+    travelled = np.vstack([np.zeros(len(log.joints)), np.cumsum(middle, axis=0)])[::piece]
+    for i, column in enumerate(joint_columns("position", log.joints)):
+        way, expected = np.diff(log.position[::piece, i]), np.diff(travelled[:, i])
+        gain = float(way @ expected / max(expected @ expected, 1e-300))
+        left = float(np.sqrt(np.mean((way - expected) ** 2) / max(np.mean(expected**2), 1e-300)))
+        if left > 0.1:
+            message = f"does not follow the integral of the speed (gain {gain:.3g})"
+            cure = "check its unit and sign, and whether it wraps"
+            yield _at(log, "warning", message, cure, None, column)
+
+
+_SENSORS = (
+    _length,
+    _motion,
+    _units,
+    _dead_channels,
+    _frozen_channels,
+    _stale_rows,
+    _saturation,
+)
+_JOINTS = (_power, _position)

@@ -1,0 +1,137 @@
+"""Names of a log's columns, and their choice from a table."""
+
+from __future__ import annotations
+
+import difflib
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from identification.logs.findings import Finding, Level, LogError, fault
+from identification.logs.parsing import Table
+from youbot_env.errors import InputError
+
+POSE = ("pose_x", "pose_y", "pose_yaw")
+GYRO = ("gyro_z",)
+REQUIRED_KINDS = ("velocity", "effort")
+OPTIONAL_KINDS = ("position", "command")
+
+
+def joint_columns(kind: str, joints: tuple[str, ...]) -> tuple[str, ...]:
+    """Columns of one kind of channel: velocity_fl, ...; one axis, of joint "", has no suffix."""
+    return tuple(f"{kind}_{joint}" if joint else kind for joint in joints)
+
+
+def required_columns(joints: tuple[str, ...]) -> tuple[str, ...]:
+    """Columns besides time without which a log is of no use."""
+    return tuple(name for kind in REQUIRED_KINDS for name in joint_columns(kind, joints))
+
+
+def optional_groups(joints: tuple[str, ...]) -> tuple[tuple[str, ...], ...]:
+    """Groups of columns that a log may have, each only as a whole."""
+    return (*(joint_columns(kind, joints) for kind in OPTIONAL_KINDS), POSE, GYRO)
+
+
+@dataclass
+class Draft:
+    """A log on its way from the file's table to sound data; the repairs change it in place.
+
+    ``data`` is (n, channels) with NaN for what is missing, ``lines`` (n,) the line of the file that
+    each row came from, ``valid`` (n,) whether every required channel of the row was measured.
+    """
+
+    source: str
+    names: tuple[str, ...]
+    time: NDArray[np.float64]
+    data: NDArray[np.float64]
+    lines: NDArray[np.int64]
+    valid: NDArray[np.bool_]
+    findings: list[Finding]
+    required: tuple[str, ...]
+
+    def keep(self, rows: NDArray[np.bool_]) -> None:
+        """Drop all rows but these, a mask (n,)."""
+        self.time, self.data = self.time[rows], self.data[rows]
+        self.lines, self.valid = self.lines[rows], self.valid[rows]
+
+    def channel(self, name: str) -> NDArray[np.float64]:
+        """A view (n,) of one channel."""
+        return self.data[:, self.names.index(name)]
+
+    def channels(self, names: tuple[str, ...]) -> NDArray[np.float64] | None:
+        """Copy (n, k) of some channels, None if the log lacks them."""
+        if not set(names) <= set(self.names):
+            return None
+        return self.data[:, [self.names.index(name) for name in names]]
+
+    def drop_group_of(self, name: str, joints: tuple[str, ...]) -> None:
+        """Drop the optional group of columns to which one belongs."""
+        group = next(group for group in optional_groups(joints) if name in group)
+        kept = [i for i, other in enumerate(self.names) if other not in group]
+        self.names = tuple(self.names[i] for i in kept)
+        self.data = self.data[:, kept]
+
+    def report(
+        self,
+        level: Level,
+        message: str,
+        cure: str,
+        at: int | None = None,
+        column: str | None = None,
+    ) -> None:
+        """Note a finding at one of the rows (an index, not a line of the file)."""
+        row = None if at is None else int(self.lines[at])
+        self.findings.append(Finding(level, message, row, column, cure))
+
+    def fault(
+        self, message: str, cure: str, at: int | None = None, column: str | None = None
+    ) -> InputError:
+        """The error to raise for a fault that no repair can mend."""
+        self.report("error", message, cure, at, column)
+        return LogError(self.source, self.findings)
+
+
+def select(source: str, table: Table, joints: tuple[str, ...]) -> Draft:
+    """The channels of a log, chosen from a file's table.
+
+    Raises
+    ------
+    InputError
+        If a required column is missing or there is no row.
+    """
+    known = {"time", *required_columns(joints), *sum(optional_groups(joints), ())}
+    for name in ("time", *required_columns(joints)):
+        if name not in table.names:
+            raise _missing(source, table, name, known)
+    if len(table.values) == 0:
+        raise fault(source, "has a header but no rows", "record it again")
+    names, findings = list(required_columns(joints)), list(table.findings)
+    for group in optional_groups(joints):
+        present = [name for name in group if name in table.names]
+        if len(present) == len(group):
+            names += group
+        elif present:
+            lacking = ", ".join(name for name in group if name not in present)
+            message = f"{lacking} missing, so {', '.join(present)} is not used"
+            findings.append(Finding("warning", message, cure="log the whole group"))
+    for name in table.names:
+        if name not in known:
+            findings.append(Finding("info", "unknown column, not used", table.header_row, name))
+    data = table.values[:, [table.names.index(name) for name in names]]
+    time = table.values[:, table.names.index("time")].copy()
+    valid = np.ones(len(data), bool)
+    required = required_columns(joints)
+    return Draft(source, tuple(names), time, data, table.lines, valid, findings, required)
+
+
+def _missing(source: str, table: Table, name: str, known: set[str]) -> InputError:
+    strangers = {other.lower(): other for other in table.names if other not in known}
+    near = difflib.get_close_matches(name.lower(), strangers, 1, 0.75)
+    cure = f"a log needs it; this one has {', '.join(table.names[:12])}"
+    if "velocity" in table.names and name.startswith("velocity_"):
+        cure = "if it is the log of one axis, read it with --mechanism axis"
+    elif near:
+        cure = f"rename {strangers[near[0]]!r} to {name!r}, if that is meant"
+    row = table.header_row
+    return fault(source, "the column is missing", cure, row=row, column=name)

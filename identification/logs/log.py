@@ -1,0 +1,130 @@
+"""A log: uniformly sampled measurements of a mechanism's joints."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from identification.logs.findings import Finding
+from identification.signals.noise import white_noise
+from youbot_env.errors import InputError
+
+AXIS = ("",)
+"""The joints of a one-axis mechanism: one, whose columns have no suffix."""
+
+
+@dataclass(frozen=True, eq=False)
+class Log:
+    """Uniformly sampled measurements of n instants and k joints.
+
+    Attributes
+    ----------
+    name : stem of the file
+    joints : (k,) names, in the order of the columns; WHEELS, or AXIS for a one-axis mechanism
+    time : (n,) [s], increasing; its origin is arbitrary, and its steps carry the rounding of the
+        file, so computations take `dt`
+    velocity : (n, k) [rad/s]; of one axis also [m/s]
+    effort : (n, k) [N m]; of one axis also [N]
+    position : (n, k) [rad] or [m], command : (n, k) commanded effort, or None
+    pose : (n, 3) x, y [m] and yaw [rad] in the world, yaw unwrapped; or None
+    gyro_z : (n,) yaw rate [rad/s], or None
+    source : path of the file, "" if made in memory
+    sha256 : hash of the file's bytes, "" if made in memory
+    findings : what the checks found
+    valid : (n,) False where velocity or effort was interpolated by a repair
+    rows : (n,) line of the file that each sample comes from
+    file_time : (rows of the file,) time column as it stands, repairs or not
+
+    All arrays are read-only.
+
+    Raises
+    ------
+    InputError
+        If a shape does not fit, a value is not finite or time does not increase.
+    """
+
+    name: str
+    joints: tuple[str, ...]
+    time: NDArray[np.float64]
+    velocity: NDArray[np.float64]
+    effort: NDArray[np.float64]
+    position: NDArray[np.float64] | None = None
+    command: NDArray[np.float64] | None = None
+    pose: NDArray[np.float64] | None = None
+    gyro_z: NDArray[np.float64] | None = None
+    source: str = ""
+    sha256: str = ""
+    findings: tuple[Finding, ...] = ()
+    valid: NDArray[np.bool_] = None  # type: ignore[assignment] - all True
+    rows: NDArray[np.int64] = None  # type: ignore[assignment] - from 2 on
+    file_time: NDArray[np.float64] = None  # type: ignore[assignment] - time
+
+    def __post_init__(self) -> None:
+        n, k = np.size(self.time), len(self.joints)
+        shapes = {"time": (n,), "gyro_z": (n,), "pose": (n, 3)}
+        shapes |= dict.fromkeys(("velocity", "effort", "position", "command"), (n, k))
+        for name, shape in shapes.items():
+            value = getattr(self, name)
+            if value is not None:
+                object.__setattr__(self, name, self._checked(name, value, shape))
+        if n < 2 or not (np.diff(self.time) > 0).all():
+            raise InputError(f"log {self.name}: time does not increase; sort the samples")
+        defaults = {
+            "valid": np.ones(n, bool),
+            "rows": np.arange(2, n + 2),
+            "file_time": self.time,
+        }
+        for name, default in defaults.items():
+            value = getattr(self, name)
+            object.__setattr__(self, name, _frozen(default if value is None else value))
+
+    def _checked(self, name: str, value: ArrayLike, shape: tuple[int, ...]) -> NDArray[np.float64]:
+        array = np.array(value, dtype=float)
+        if array.shape != shape:
+            raise InputError(f"log {self.name}: {name} has shape {array.shape}, not {shape}")
+        if not np.isfinite(array).all():
+            raise InputError(f"log {self.name}: {name} holds NaN or infinity; cut it out")
+        return _frozen(array)
+
+    def __len__(self) -> int:
+        return len(self.time)
+
+    @cached_property
+    def speed_noise(self) -> NDArray[np.float64]:
+        """White noise (k,) of the speeds, as `checks.noise_estimate` gives it."""
+        return white_noise(self.velocity, self.valid)
+
+    @property
+    def warnings(self) -> list[str]:
+        """What was repaired or looks wrong, a sentence each."""
+        told = (f for f in self.findings if f.level in ("warning", "repaired"))
+        return [f"{self.name}: {finding.message}" for finding in told]
+
+    @property
+    def reference(self) -> dict[str, str]:
+        """How a model names the log that it was fitted on."""
+        return {"name": self.name, "sha256": self.sha256}
+
+    @property
+    def dt(self) -> float:
+        """Sample time [s]."""
+        return float((self.time[-1] - self.time[0]) / (len(self.time) - 1))
+
+    @property
+    def rate(self) -> float:
+        """Sample rate [Hz]."""
+        return 1.0 / self.dt
+
+    @property
+    def duration(self) -> float:
+        """Time from the first to the last sample [s]."""
+        return float(self.time[-1] - self.time[0])
+
+
+def _frozen(array: NDArray) -> NDArray:
+    array = np.asarray(array)
+    array.setflags(write=False)
+    return array

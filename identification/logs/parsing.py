@@ -1,0 +1,202 @@
+"""From the bytes of a CSV file to a table of floats, or to one line on why not.
+
+A regular file goes through numpy's C parser. Whatever is not plainly regular goes through a
+slower one that works cell by cell and can name the row and the column of a fault.
+"""
+
+from __future__ import annotations
+
+import csv
+import io
+import re
+from dataclasses import dataclass, field
+
+import numpy as np
+from numpy.typing import NDArray
+
+from identification.logs.findings import Finding, fault
+from youbot_env.errors import InputError
+
+MISSING = frozenset({"", "nan", "-nan", "na", "n/a", "null", "none", "inf", "+inf", "-inf"})
+"""Spellings, in lower case, of a value that is not there."""
+
+GZIP_MAGIC, PARQUET_MAGIC = b"\x1f\x8b", b"PAR1"
+_FOREIGN_DELIMITERS = {";": "semicolons", "\t": "tabs", "|": "bars", " ": "spaces"}
+
+
+@dataclass
+class Table:
+    """Columns of a file as they stand; what is missing or infinite is NaN.
+
+    ``values`` is (rows, columns), ``lines`` (rows,) the line of the file that each row came from,
+    ``header_row`` the line of the names, None in a file without lines.
+    """
+
+    names: tuple[str, ...]
+    values: NDArray[np.float64]
+    lines: NDArray[np.int64]
+    findings: list[Finding] = field(default_factory=list)
+    header_row: int | None = None
+
+
+def parse_csv(source: str, content: bytes) -> Table:
+    """Table of a CSV file's content.
+
+    Raises
+    ------
+    InputError
+        If it is no comma-separated UTF-8 text with a header and numbers below it.
+    """
+    if not content or content.isspace():
+        raise fault(source, "is empty", "record it again")
+    if content.startswith((GZIP_MAGIC, PARQUET_MAGIC)):
+        kind = ".csv.gz" if content.startswith(GZIP_MAGIC) else ".parquet"
+        raise fault(source, f"holds {kind} data under another name", f"rename it to {kind}")
+    byte_order_mark = content.startswith(b"\xef\xbb\xbf")
+    content = content.removeprefix(b"\xef\xbb\xbf")
+    if b"\r" in content:
+        content = content.replace(b"\r\n", b"\n").replace(b"\r", b"\n")
+    table = _parse_regular(content) or _parse_cells(source, _decode(source, content))
+    if byte_order_mark:
+        table.findings.append(Finding("info", "byte-order mark skipped", row=1))
+    return table
+
+
+def _decode(source: str, content: bytes) -> str:
+    if content.startswith((b"\xff\xfe", b"\xfe\xff")):
+        raise fault(source, "is UTF-16 text", "save it as UTF-8", row=1)
+    odd = re.search(rb"[\x00-\x08\x0e-\x1f]", content)
+    if odd:
+        row = content.count(b"\n", 0, odd.start()) + 1
+        cure = "a log is UTF-8 text; export it again as CSV"
+        raise fault(source, "holds binary data", cure, row=row)
+    try:
+        return content.decode("utf-8")
+    except UnicodeDecodeError as error:
+        row = content.count(b"\n", 0, error.start) + 1
+        raise fault(source, "is not UTF-8 text", "save it as UTF-8", row=row) from None
+
+
+def _parse_regular(content: bytes) -> Table | None:
+    """Table of a file of finite numbers, one full row a line; None of any other."""
+    header, _, body = content.partition(b"\n")
+    try:
+        names = tuple(name.strip() for name in header.decode("ascii").split(","))
+    except UnicodeDecodeError:
+        return None
+    plain = all(re.fullmatch(r"[A-Za-z_]\w*", name) for name in names)
+    if not plain or len(set(names)) < len(names) or not body.endswith(b"\n") or body.isspace():
+        return None
+    try:
+        text = io.TextIOWrapper(io.BytesIO(body), encoding="ascii", newline="\n")
+        values = np.loadtxt(text, delimiter=",", comments=None, ndmin=2)
+    except ValueError:
+        return None
+    # The parser skips blank lines, after which its rows would no longer tell the file's lines.
+    as_many = values.shape == (body.count(b"\n"), len(names))
+    if not as_many or not np.isfinite(values).all():
+        return None
+    return Table(names, values, np.arange(2, len(values) + 2), header_row=1)
+
+
+def _parse_cells(source: str, text: str) -> Table:
+    """Table of a file that may be irregular, cell by cell."""
+    lines = text.split("\n")
+    used = [i for i, line in enumerate(lines) if line.strip() and not line.startswith("#")]
+    if not used:
+        raise fault(source, "holds no table", "record it again")
+    findings = []
+    skipped = used[-1] + 1 - len(used)
+    if skipped:
+        findings.append(Finding("info", f"{skipped} blank or comment lines skipped"))
+    if not text.endswith("\n") and len(used) > 2 and _is_cut(lines, used):
+        row = used.pop() + 1
+        cure = "the file was cut while it was written"
+        findings.append(Finding("repaired", "the last row is incomplete: dropped", row, cure=cure))
+    names = _read_header(source, lines[used[0]], used[0] + 1)
+    rows = []
+    for i in used[1:]:
+        row = i + 1
+        cells = _split(lines[i])
+        if any(cell.strip() for cell in cells[len(names) :]) or len(cells) < len(names):
+            raise _ragged(source, cells, len(names), row)
+        rows.append(_numbers(source, cells[: len(names)], names, row))
+    values = np.array(rows, float).reshape(len(rows), len(names))
+    values[~np.isfinite(values)] = np.nan
+    lines_used = np.array(used[1:], dtype=np.int64) + 1
+    return Table(names, values, lines_used, findings, header_row=used[0] + 1)
+
+
+def _split(line: str) -> list[str]:
+    return next(csv.reader([line])) if '"' in line else line.split(",")
+
+
+def _is_cut(lines: list[str], used: list[int]) -> bool:
+    """Whether the last line, which no newline ends, looks as if its end were missing."""
+    last = _split(lines[used[-1]])
+    before = [_split(lines[i]) for i in used[max(1, len(used) - 51) : -1]]
+    if len(last) < min(len(cells) for cells in before):
+        return True
+    decimals = [len(cells[-1].strip().partition(".")[2]) for cells in before]
+    return len(last[-1].strip().partition(".")[2]) < min(decimals)
+
+
+def _read_header(source: str, line: str, row: int) -> tuple[str, ...]:
+    names = [name.strip() for name in _split(line)]
+    if all(_is_number(name) for name in names if name) and any(names):
+        cure = "write the column names into its first line: time,velocity_fl,..."
+        raise fault(source, "has no header", cure, row=row)
+    if len(names) == 1:
+        for delimiter, word in _FOREIGN_DELIMITERS.items():
+            if delimiter in line.strip():
+                cure = "separate columns by commas and write decimals with a point"
+                raise fault(source, f"columns are separated by {word}", cure, row=row)
+    while names and not names[-1]:
+        names.pop()
+    names = [name or f"(column {i})" for i, name in enumerate(names, 1)]
+    for name in names:
+        if names.count(name) > 1:
+            cure = "keep one of the two"
+            raise fault(source, "the column occurs twice", cure, row=row, column=name)
+    return tuple(names)
+
+
+def _is_number(cell: str) -> bool:
+    try:
+        float(cell)
+    except ValueError:
+        return False
+    return cell.strip().lower() not in MISSING
+
+
+def _ragged(source: str, cells: list[str], width: int, row: int) -> InputError:
+    cure = "complete the row or remove it"
+    if len(cells) >= 2 * width - 1:
+        cure = "write decimals with a point, not a comma"
+    return fault(source, f"has {len(cells)} cells, the header {width}", cure, row=row)
+
+
+def _numbers(source: str, cells: list[str], names: tuple[str, ...], row: int) -> list[float]:
+    numbers = []
+    for i, cell in enumerate(cells):
+        try:
+            if "_" in cell:  # float() takes 1_000
+                raise ValueError
+            numbers.append(float(cell))
+        except ValueError:
+            text = cell.strip()
+            if text.lower() not in MISSING:
+                raise _no_number(source, text, names[i], row) from None
+            numbers.append(np.nan)
+    return numbers
+
+
+def _no_number(source: str, text: str, column: str, row: int) -> InputError:
+    if text == column:
+        cure = "split it there into two logs, or remove the row"
+        return fault(source, "the header occurs again", cure, row=row, column=column)
+    cure = "write a number, or leave the cell empty"
+    if re.fullmatch(r"[+-]?\d+,\d*", text):
+        cure = "write decimals with a point, not a comma"
+    shown = text if len(text) <= 20 else text[:17] + "..."
+    return fault(source, f"{shown!r} is not a number", cure, row=row, column=column)

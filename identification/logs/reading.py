@@ -1,0 +1,177 @@
+"""Logs of a platform or of one axis: read with checks and repairs, written reproducibly.
+
+Format: CSV, CSV compressed by gzip, or Parquet, with a header, in SI units and one row a sample:
+time, velocity_*, effort_* and, where a log has them, position_*, command_*, pose_x, pose_y,
+pose_yaw, gyro_z. The names follow ROS JointState.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import os
+from collections.abc import Iterable
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from identification.logs import checks
+from identification.logs.columns import GYRO, POSE, Draft, joint_columns, select
+from identification.logs.findings import LogError, fault
+from identification.logs.formats import parser_for, read_bytes
+from identification.logs.log import Log
+from identification.logs.repair import (
+    fill_missing,
+    mark_absurd,
+    replace_outliers,
+    trim_ends,
+    unwrap_yaw,
+)
+from identification.logs.timebase import check_time, resample
+from identification.logs.writing import DECIMALS, write_table
+from youbot_env.errors import InputError
+from youbot_env.physics.geometry import WHEELS, Geometry
+
+ENDINGS = (".csv.gz", ".csv", ".parquet")
+
+
+def log_name(path: str | os.PathLike[str]) -> str:
+    """A file's name without its folder and its ending."""
+    name = Path(path).name
+    ending = next((end for end in ENDINGS if name.lower().endswith(end)), "")
+    return name[: len(name) - len(ending)]
+
+
+def read_log(
+    path: str | os.PathLike[str],
+    joints: tuple[str, ...] = WHEELS,
+    *,
+    max_speed: float | None = None,
+    max_effort: float | None = None,
+    geometry: Geometry | None = None,
+) -> Log:
+    """Read a log, check it and repair what small faults it has.
+
+    Parameters
+    ----------
+    path : a .csv, .csv.gz or .parquet file
+    joints : names of the joints; AXIS for a one-axis mechanism
+    max_speed, max_effort : what no joint can reach [rad/s, N m]; 50 and 100 for wheels, and no
+        limit for one axis, whose units may be others
+    geometry : of the platform, to compare wheels with pose and gyro; the youBot's by default
+
+    Returns
+    -------
+    Log
+        Its ``findings`` tell what was repaired and what is doubtful.
+
+    Raises
+    ------
+    InputError
+        If the log cannot be used: one line with file, row, column and cure. It is a LogError, whose
+        ``findings`` hold all that was found, wherever the fault is one of the file.
+    """
+    path = Path(path)
+    content = read_bytes(path)
+    table = parser_for(path)(str(path), content)
+    draft = select(str(path), table, tuple(joints))
+    file_time = draft.time.copy()
+    repair(draft, tuple(joints))
+    log = _assemble(draft, tuple(joints), file_time, hashlib.sha256(content).hexdigest())
+    limits = checks.limits_for(log, max_speed, max_effort, geometry)
+    findings = (*draft.findings, *checks.check(log, limits))
+    if any(finding.level == "error" for finding in findings):
+        raise LogError(str(path), findings)
+    object.__setattr__(log, "findings", findings)
+    return log
+
+
+def repair(draft: Draft, joints: tuple[str, ...]) -> None:
+    """Bring a draft to finite channels on a uniform grid, or raise InputError."""
+    mark_absurd(draft)
+    trim_ends(draft)
+    irregular = check_time(draft)
+    unwrap_yaw(draft)
+    fill_missing(draft, joints)
+    replace_outliers(draft)
+    if irregular:
+        resample(draft)
+
+
+def _assemble(
+    draft: Draft, joints: tuple[str, ...], file_time: NDArray[np.float64], sha256: str
+) -> Log:
+    velocity, effort, position, command = (
+        draft.channels(joint_columns(kind, joints))
+        for kind in ("velocity", "effort", "position", "command")
+    )
+    assert velocity is not None and effort is not None  # select() requires them
+    gyro = draft.channels(GYRO)
+    return Log(
+        name=log_name(draft.source),
+        joints=joints,
+        time=draft.time,
+        velocity=velocity,
+        effort=effort,
+        position=position,
+        command=command,
+        pose=draft.channels(POSE),
+        gyro_z=None if gyro is None else gyro[:, 0],
+        source=draft.source,
+        sha256=sha256,
+        valid=draft.valid,
+        rows=draft.lines,
+        file_time=file_time,
+    )
+
+
+def read_logs(
+    paths: Iterable[str | os.PathLike[str]], joints: tuple[str, ...] = WHEELS, **options: object
+) -> list[Log]:
+    """Read several logs, whose names must differ. Options are those of `read_log`.
+
+    Raises
+    ------
+    InputError
+        If two files have one stem, no file is given, or one of them cannot be used.
+    """
+    paths = [Path(path) for path in paths]
+    if not paths:
+        raise InputError("no log given; name at least one .csv, .csv.gz or .parquet file")
+    seen: dict[str, Path] = {}
+    for path in paths:
+        if log_name(path) in seen:
+            other = seen[log_name(path)]
+            raise fault(str(path), f"has the name of {other}", "rename one; results go by name")
+        seen[log_name(path)] = path
+    return [read_log(path, joints, **options) for path in paths]  # type: ignore[arg-type]
+
+
+def log_table(log: Log) -> tuple[list[str], NDArray[np.float64]]:
+    """Names (c,) and values (n, c) of the columns that a log has, in the order of the format."""
+    names, blocks = ["time"], [log.time[:, None]]
+    for kind in ("velocity", "effort", "position", "command"):
+        block = getattr(log, kind)
+        if block is not None:
+            names += joint_columns(kind, log.joints)
+            blocks.append(block)
+    if log.pose is not None:
+        names += POSE
+        blocks.append(log.pose)
+    if log.gyro_z is not None:
+        names += GYRO
+        blocks.append(log.gyro_z[:, None])
+    return names, np.hstack(blocks)
+
+
+def write_log(path: str | os.PathLike[str], log: Log, *, decimals: int = DECIMALS) -> None:
+    """Write a log as .csv, .csv.gz or .parquet, atomically and the same bytes every time.
+
+    CSV rounds to `decimals`; Parquet keeps all digits and needs the extra youbot[parquet].
+
+    Raises
+    ------
+    InputError
+        If the file cannot be written, or its ending is none of the three.
+    """
+    write_table(path, *log_table(log), decimals)

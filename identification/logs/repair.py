@@ -1,0 +1,223 @@
+"""Repairs of a log's channels: missing values and single outliers. Each one is reported."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from identification.logs.columns import POSE, Draft
+from identification.logs.timebase import bridge, gap_limit, nominal_step, runs_of
+from identification.signals.noise import thinned, white_noise
+
+ABSURD = 1e9
+"""No channel of a log reaches this in SI units; sentinels such as 1e38 mean "no value"."""
+
+MAX_MISSING = 0.1
+"""A channel that lacks more than this share of its values is not filled."""
+
+MAX_OUTLIERS = 0.01
+"""Outliers in more than this share of the rows are no single ones."""
+
+_OUTLIER_DEVIATIONS = 10.0
+_OUTLIER_STEPS = 5.0
+_OUTLIER_WIDTH = 3
+_OUTLIER_SURROUNDINGS = 6
+_NO_LOSS = "check the sensor and the logger"
+
+
+def mark_absurd(draft: Draft) -> None:
+    """Take numbers beyond any physical quantity for missing ones."""
+    for name in draft.names:
+        channel = draft.channel(name)
+        absurd = np.abs(channel) > ABSURD
+        if absurd.any():
+            at = int(np.argmax(absurd))
+            message = f"{absurd.sum()} value(s) such as {channel[at]:.3g} taken as missing"
+            draft.report("warning", message, _NO_LOSS, at, name)
+            channel[absurd] = np.nan
+
+
+def trim_ends(draft: Draft) -> None:
+    """Drop rows at both ends that lack a required channel: there is nothing to interpolate from.
+
+    Raises
+    ------
+    InputError
+        If more than MAX_MISSING of the log would go.
+    """
+    required = [draft.names.index(name) for name in draft.required]
+    whole = np.flatnonzero(np.isfinite(draft.data[:, required]).all(axis=1))
+    if whole.size == 0:
+        _refuse_missing(draft)
+    first, last = int(whole[0]), int(whole[-1])
+    dropped = len(draft.time) - (last + 1 - first)
+    if dropped == 0:
+        return
+    if dropped > MAX_MISSING * len(draft.time):
+        _refuse_missing(draft)
+    at = 0 if first else last + 1
+    message = f"{dropped} row(s) at an end of the log lack values: dropped"
+    draft.report("repaired", message, _NO_LOSS, at)
+    keep = np.zeros(len(draft.time), bool)
+    keep[first : last + 1] = True
+    draft.keep(keep)
+
+
+def _refuse_missing(draft: Draft) -> None:
+    """Name the required channel that lacks most values."""
+    missing = {name: int(np.isnan(draft.channel(name)).sum()) for name in draft.required}
+    worst = max(missing, key=lambda name: missing[name])
+    at = int(np.argmax(np.isnan(draft.channel(worst))))
+    count, total = missing[worst], len(draft.time)
+    what = "has no values" if count == total else f"lacks {count} of {total} values"
+    raise draft.fault(what, "record it again, or cut that part off", at, worst)
+
+
+def fill_missing(draft: Draft, joints: tuple[str, ...]) -> None:
+    """Interpolate short runs of missing values.
+
+    A required channel with a long run is refused; an optional one is left out, with its group.
+
+    Raises
+    ------
+    InputError
+        If a required channel lacks a long run of values, or many.
+    """
+    limit = gap_limit(nominal_step(draft.time))
+    inserted = ~draft.valid
+    for name in draft.names:
+        if name not in draft.names or not np.isnan(draft.channel(name)).any():
+            continue
+        missing = np.isnan(draft.channel(name))
+        runs = runs_of(missing)
+        longest = max(runs, key=lambda run: run[1] - run[0])
+        too_long = longest[1] - longest[0] > limit or missing.mean() > MAX_MISSING
+        if not too_long:
+            _bridge_runs(draft, name, runs, inserted)
+        elif name in draft.required:
+            length = longest[1] - longest[0]
+            message = f"lacks {missing.sum()} values, up to {length} in a row"
+            cure = "split the log there into two, or record it again"
+            raise draft.fault(message, cure, longest[0], name)
+        else:
+            message = f"lacks {missing.sum()} values: not used, nor what belongs to it"
+            draft.report("warning", message, _NO_LOSS, longest[0], name)
+            draft.drop_group_of(name, joints)
+
+
+def _bridge_runs(
+    draft: Draft, name: str, runs: list[tuple[int, int]], inserted: NDArray[np.bool_]
+) -> None:
+    """Interpolate runs of one channel; those in inserted rows (n,) are reported already."""
+    channel = draft.channel(name)
+    values = np.isnan(channel) & ~inserted
+    if values.any():
+        message = f"{values.sum()} missing value(s): interpolated"
+        draft.report("repaired", message, _NO_LOSS, int(np.argmax(values)), name)
+    for start, stop in runs:
+        bridge(channel, start, stop)
+        if name in draft.required:
+            draft.valid[start:stop] = False
+
+
+def replace_outliers(draft: Draft) -> None:
+    """Interpolate single outliers: up to three samples that leap away from a quiet course.
+
+    The leap must exceed ten times the channel's noise and five times what 99 % of its steps are,
+    and the samples around must not leap as well: a step of the torque, a chattering friction or
+    a wheel's ripple is no outlier. Channels with many outliers are left as they are, with a
+    warning.
+    """
+    for name in draft.names:
+        channel = draft.channel(name)
+        runs = find_outliers(channel)
+        count = sum(stop - start for start, stop in runs)
+        if not runs:
+            continue
+        at = runs[0][0]
+        if count > MAX_OUTLIERS * len(channel):
+            message = f"{count} samples leap away from their neighbours: left as they are"
+            draft.report("warning", message, _NO_LOSS, at, name)
+            continue
+        message = f"{count} outlier(s) such as {channel[at]:.4g}: interpolated"
+        draft.report("repaired", message, _NO_LOSS, at, name)
+        for start, stop in runs:
+            channel[start:stop] = np.nan
+        for start, stop in runs:
+            bridge(channel, start, stop)
+            if name in draft.required:
+                draft.valid[start:stop] = False
+
+
+def find_outliers(signal: NDArray[np.float64]) -> list[tuple[int, int]]:
+    """Ranges (start, stop) of up to three samples of a finite signal (n,) that are outliers."""
+    if len(signal) < 4 * _OUTLIER_SURROUNDINGS:
+        return []
+    steps = np.abs(np.diff(signal))
+    noise = float(white_noise(signal[:, None])[0])
+    usual_step = float(np.quantile(thinned(steps), 0.99))
+    threshold = max(_OUTLIER_DEVIATIONS * noise, _OUTLIER_STEPS * usual_step)
+    if threshold == 0:
+        return []
+    leaps = np.flatnonzero(steps > 0.8 * threshold)
+    found: list[tuple[int, int]] = []
+    for leap in leaps.tolist():
+        start = leap + 1
+        if found and start <= found[-1][1]:
+            continue
+        width = _outlier_width(signal, start, threshold)
+        if width:
+            found.append((start, start + width))
+    return _outlier_at_end(signal, threshold, found)
+
+
+def _outlier_at_end(
+    signal: NDArray[np.float64], threshold: float, found: list[tuple[int, int]]
+) -> list[tuple[int, int]]:
+    """The ranges found, with the first and the last sample where these are outliers too."""
+    n, near = len(signal), _OUTLIER_SURROUNDINGS
+    for at, inward in ((0, signal[1 : near + 1]), (n - 1, signal[-2 : -near - 2 : -1])):
+        leap = abs(signal[at] - inward[0])
+        if leap > threshold and np.abs(np.diff(inward)).max() < 0.4 * leap:
+            found.append((at, at + 1))
+    return sorted(set(found))
+
+
+def _outlier_width(signal: NDArray[np.float64], start: int, threshold: float) -> int:
+    """Number of samples from start on that form an outlier; 0 if they form none."""
+    for width in range(1, _OUTLIER_WIDTH + 1):
+        stop = start + width
+        before = signal[max(start - _OUTLIER_SURROUNDINGS, 0) : start]
+        after = signal[stop : stop + _OUTLIER_SURROUNDINGS]
+        if before.size < 2 or after.size < 2:
+            return 0
+        around = np.r_[before, after]
+        line = np.interp(np.arange(start, stop), [start - 1, stop], [before[-1], after[0]])
+        leap = signal[start:stop] - line
+        same_side = bool((np.abs(leap) > threshold).all() and np.ptp(np.sign(leap)) == 0)
+        quiet = float(np.abs(np.diff(around)).max()) < 0.4 * float(np.abs(leap).min())
+        if same_side and quiet:
+            return width
+    return 0
+
+
+def unwrap_yaw(draft: Draft) -> None:
+    """Make pose_yaw continuous [rad]; rows without it stay so.
+
+    Raises
+    ------
+    InputError
+        If it looks like degrees, whose wraps an unwrapping in radians would garble.
+    """
+    if POSE[2] not in draft.names:
+        return
+    yaw = draft.channel(POSE[2])
+    known = np.isfinite(yaw)
+    if known.sum() < 2:
+        return
+    wraps = np.abs(np.diff(yaw[known]))
+    if ((wraps > 340) & (wraps < 380)).any():
+        at = int(np.flatnonzero(known)[int(np.argmax(wraps > 340)) + 1])
+        cure = "convert it to radians (times pi/180)"
+        raise draft.fault("wraps at 360, so it is in degrees", cure, at, POSE[2])
+    yaw[known] = np.unwrap(yaw[known])

@@ -1,0 +1,269 @@
+"""The time column of a log: its faults, its unit, its gaps, and a uniform grid in the end."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from identification.logs.columns import Draft
+
+_SIDE = 4
+
+
+def interpolate_at(
+    at: NDArray[np.float64], time: NDArray[np.float64], data: NDArray[np.float64]
+) -> NDArray[np.float64]:
+    """Cubic through the four samples around each instant.
+
+    Parameters
+    ----------
+    at : (m,) instants within the range of time [s]
+    time : (n,) increasing, n >= 4 [s]
+    data : (n, k)
+
+    Returns
+    -------
+    (m, k), NaN wherever one of the four samples is NaN and has a weight.
+    """
+    first = np.clip(np.searchsorted(time, at, side="right") - 2, 0, len(time) - 4)
+    nodes = time[first[:, None] + np.arange(4)]
+    result = np.zeros((len(at), data.shape[1]))
+    for i in range(4):
+        others = [j for j in range(4) if j != i]
+        weight = np.prod([(at - nodes[:, j]) / (nodes[:, i] - nodes[:, j]) for j in others], axis=0)
+        contribution = weight[:, None] * data[first + i]
+        result += np.where(weight[:, None] == 0, 0, contribution)
+    return result
+
+
+def bridge(signal: NDArray[np.float64], start: int, stop: int) -> None:
+    """Replace signal[start:stop] (n,) in place by a cubic fitted to the samples around it.
+
+    The least-squares fit takes up to four finite samples a side, which averages their noise and
+    leaves no kink; with fewer than four it is a straight line.
+    """
+    before = np.arange(max(start - 3 * _SIDE, 0), start)
+    after = np.arange(stop, min(stop + 3 * _SIDE, len(signal)))
+    before = before[np.isfinite(signal[before])][-_SIDE:]
+    after = after[np.isfinite(signal[after])][:_SIDE]
+    around = np.r_[before, after]
+    degree = 3 if min(before.size, after.size) >= 2 else 1 if around.size >= 2 else 0
+    centre, scale = (start + stop - 1) / 2, float(np.ptp(around)) or 1.0
+    powers = np.arange(degree + 1)
+    basis = ((around - centre) / scale)[:, None] ** powers
+    weights = np.linalg.lstsq(basis, signal[around], rcond=None)[0]
+    wanted = (np.arange(start, stop) - centre) / scale
+    signal[start:stop] = (wanted[:, None] ** powers) @ weights
+
+
+def runs_of(mask: NDArray[np.bool_]) -> list[tuple[int, int]]:
+    """Half-open ranges (start, stop) in which a mask (n,) holds."""
+    edges = np.flatnonzero(np.diff(np.r_[False, mask, False].astype(np.int8)))
+    return list(zip(edges[::2].tolist(), edges[1::2].tolist(), strict=True))
+
+
+MIN_STEP, MAX_STEP = 1e-3, 1 / 20
+"""Log rates run from 20 Hz to 1 kHz [s]."""
+
+STEP_MARGIN = 0.02
+"""A logger's clock may be this much off the rate that it is set to."""
+
+MIN_ROWS = 50
+"""A log of fewer rows is refused."""
+
+LONGEST_GAP = 0.2
+"""A longer gap [s] is not bridged: the motion in it is anyone's guess."""
+
+GAP_SAMPLES, GAP_SECONDS = 5, 0.02
+"""A gap of no more than 5 samples, or of 20 ms at high rates, is bridged."""
+
+MAX_JITTER = 0.03
+"""Steps whose root-mean-square deviation from their median exceeds this share are irregular."""
+
+MAX_OFFSET = 0.25
+"""No single step may differ from the median by more than this share."""
+
+_UNITS = {
+    "milliseconds": (1e3, "0.001"),
+    "microseconds": (1e6, "1e-6"),
+    "nanoseconds": (1e9, "1e-9"),
+}
+
+
+def gap_limit(step: float) -> int:
+    """Number of consecutive samples [-] that may be bridged at a time step [s]."""
+    return int(min(max(GAP_SAMPLES, GAP_SECONDS / step), LONGEST_GAP / step))
+
+
+def nominal_step(time: NDArray[np.float64]) -> float:
+    """Time step [s] of increasing instants (n,), gaps and repetitions aside.
+
+    The mean of the usual steps, for stamps rounded to milliseconds step by 2 and 3 ms at 400 Hz.
+    """
+    steps = np.diff(time)
+    usual = np.median(steps)
+    return float(steps[(steps >= 0.5 * usual) & (steps <= 1.5 * usual)].mean())
+
+
+def check_time(draft: Draft) -> bool:
+    """Mend the time column of a draft, or refuse it; whether the samples are irregular.
+
+    Rows written twice are dropped. In a regular log, missing rows are inserted as NaN; an
+    irregular one waits for `resample`, until its channels are mended. Each repair is reported.
+
+    Raises
+    ------
+    InputError
+        If time repeats, runs backwards, is not in seconds, is outside 20 Hz to 1 kHz or has a gap
+        too long to bridge.
+    """
+    _fill_time(draft)
+    _drop_repeated_rows(draft)
+    if len(draft.time) < MIN_ROWS:
+        cure = f"record at least {MIN_ROWS} rows of motion"
+        raise draft.fault(f"has only {len(draft.time)} row(s)", cure)
+    _check_order(draft)
+    step = nominal_step(draft.time)
+    _check_step(draft, step)
+    _check_gaps(draft, step)
+    irregular = _is_irregular(draft.time, step)
+    if not irregular:
+        _insert_missing_rows(draft, step)
+    return irregular
+
+
+def _fill_time(draft: Draft) -> None:
+    """Give the time to single rows that lack it, where the rows around them tell it."""
+    missing = ~np.isfinite(draft.time)
+    if not missing.any():
+        return
+    first = int(np.argmax(missing))
+    known = np.flatnonzero(~missing)
+    runs = np.diff(known) - 1
+    inside = known.size >= 3 and known[0] == 0 and known[-1] == len(missing) - 1
+    if not inside or runs.max() > GAP_SAMPLES or missing.mean() > 0.02:
+        cure = "write the time of every row, in seconds"
+        raise draft.fault(f"{missing.sum()} rows have no time", cure, first, "time")
+    step = np.median(np.diff(draft.time[known])[runs == 0])
+    spans = np.diff(draft.time[known])[runs > 0] / (runs[runs > 0] + 1)
+    if np.abs(spans / step - 1).max() > MAX_OFFSET:
+        cure = "write the time of every row, in seconds"
+        raise draft.fault("the row has no time and the rows around it do not tell it", cure, first)
+    draft.time[missing] = np.interp(np.flatnonzero(missing), known, draft.time[known])
+    message = f"{missing.sum()} row(s) without a time: interpolated"
+    draft.report("repaired", message, "check the logger", first, "time")
+
+
+def _drop_repeated_rows(draft: Draft) -> None:
+    same_time = np.diff(draft.time) == 0
+    same_data = ((draft.data[1:] == draft.data[:-1]) | np.isnan(draft.data[1:])).all(axis=1)
+    repeated = np.r_[False, same_time & same_data]
+    if not repeated.any():
+        return
+    message = f"{repeated.sum()} row(s) written twice: dropped"
+    draft.report("repaired", message, "check the logger", int(np.argmax(repeated)))
+    draft.keep(~repeated)
+
+
+def _check_order(draft: Draft) -> None:
+    steps = np.diff(draft.time)
+    if (steps > 0).all():
+        return
+    at = int(np.argmax(steps <= 0)) + 1
+    now, before = draft.time[at], draft.time[at - 1]
+    if (steps < 0).mean() > 0.5 or not steps.any():
+        cure = "sort the rows by time, and write it in seconds"
+        raise draft.fault("time does not increase", cure, at, "time")
+    if now == before:
+        cure = "remove the row, or write time with more decimals"
+        raise draft.fault(f"time {now:.12g} s repeats", cure, at, "time")
+    cure = "remove the row, or split the log there if the clock was set"
+    raise draft.fault(f"time runs back from {before:.12g} to {now:.12g} s", cure, at, "time")
+
+
+def _check_step(draft: Draft, step: float) -> None:
+    if step < MIN_STEP * (1 - STEP_MARGIN):
+        cure = f"keep every {int(np.ceil(MIN_STEP / step - 1e-6))}th row, after a low-pass"
+        raise draft.fault(f"{1 / step:.6g} Hz is above 1 kHz", cure, 1, "time")
+    if step <= MAX_STEP * (1 + STEP_MARGIN):
+        return
+    for unit, (scale, factor) in _UNITS.items():
+        if MIN_STEP * (1 - STEP_MARGIN) <= step / scale <= MAX_STEP * (1 + STEP_MARGIN):
+            cure = f"multiply it by {factor} (a sample counter: by the sample time)"
+            message = f"time steps by {step:.6g}, which looks like {unit}"
+            raise draft.fault(message, cure, 1, "time")
+    cure = "record faster; time is in seconds"
+    raise draft.fault(f"{1 / step:.4g} Hz is below 20 Hz", cure, 1, "time")
+
+
+def _check_gaps(draft: Draft, step: float) -> None:
+    """Refuse a gap too long to bridge, and too many short ones."""
+    steps = np.diff(draft.time)
+    at = int(np.argmax(steps))
+    if steps[at] > (gap_limit(step) + 1.5) * step:
+        message = f"time jumps by {steps[at]:.6g} s"
+        raise draft.fault(message, "split the log there into two", at + 1, "time")
+    missing = float(np.maximum(np.round(steps / step) - 1, 0).sum())
+    if missing > 0.1 * len(steps):
+        at = int(np.argmax(steps > 1.5 * step))
+        message = f"{missing:.0f} rows are missing"
+        raise draft.fault(message, "record again, the logger loses samples", at + 1, "time")
+
+
+def _is_irregular(time: NDArray[np.float64], step: float) -> bool:
+    steps = np.diff(time)
+    samples = np.maximum(np.round(steps / step), 1)
+    offset = np.abs(steps - samples * step)
+    jitter = np.sqrt(np.mean(offset**2)) / step
+    if jitter <= MAX_JITTER and offset.max() <= MAX_OFFSET * step:
+        return False
+    # Rounded times, say of 400 Hz in milliseconds, are regular: no stamp is off by more than half
+    # a unit of the last decimal. A fit to the whole column tells them from real jitter.
+    index = np.r_[0, np.cumsum(samples)]
+    slope, start = np.polyfit(index, time - time[0], 1)
+    rounding = _resolution(time)
+    return bool(np.abs(time - time[0] - start - slope * index).max() > 0.75 * rounding)
+
+
+def _resolution(time: NDArray[np.float64]) -> float:
+    """Unit of the last decimal of a time column [s]; 0 beyond microseconds."""
+    for decimals in range(1, 7):
+        unit = 10.0**-decimals
+        if np.abs(time - np.round(time, decimals)).max() < 1e-3 * unit + 1e-15 * abs(time[-1]):
+            return unit
+    return 0.0
+
+
+def _insert_missing_rows(draft: Draft, step: float) -> None:
+    steps = np.round(np.diff(draft.time) / step).astype(int)
+    if steps.max(initial=1) <= 1:
+        return
+    at = int(np.argmax(steps > 1))
+    gaps, missing = int((steps > 1).sum()), int((steps[steps > 1] - 1).sum())
+    message = f"{missing} missing row(s) in {gaps} gap(s): interpolated"
+    draft.report("repaired", message, "check the logger", at + 1, "time")
+    place = np.r_[0, np.cumsum(np.maximum(steps, 1))]
+    index = np.arange(place[-1] + 1)
+    source = np.searchsorted(place, index, side="right") - 1
+    inserted = place[source] != index
+    draft.time = np.interp(index, place, draft.time)
+    draft.data, draft.lines = draft.data[source], draft.lines[source]
+    draft.valid = draft.valid[source] & ~inserted
+    draft.data[inserted] = np.nan
+
+
+def resample(draft: Draft) -> None:
+    """Interpolate a draft, whose channels are finite, to a uniform grid, and report it."""
+    old = draft.time
+    steps = np.diff(old)
+    step = float((old[-1] - old[0]) / np.maximum(np.round(steps / nominal_step(old)), 1).sum())
+    grid = old[0] + step * np.arange(int((old[-1] - old[0]) / step + 1e-6) + 1)
+    after = np.clip(np.searchsorted(old, grid, side="right"), 1, len(old) - 1)
+    jitter = np.sqrt(np.mean((steps - step) ** 2)) / step
+    message = f"time steps vary by {100 * jitter:.2g} % (rms): interpolated to {1 / step:.6g} Hz"
+    at = int(np.argmax(np.abs(steps - step))) + 1
+    draft.report("repaired", message, "log at a constant rate", at, "time")
+    draft.data = interpolate_at(grid, old, draft.data)
+    near = steps[after - 1] < 2.5 * step
+    draft.valid = draft.valid[after - 1] & draft.valid[after] & near
+    draft.time, draft.lines = grid, draft.lines[after - 1]

@@ -1,0 +1,250 @@
+"""Checks that need all four wheels: the no-slip identity, and wheels against pose and gyro."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from dataclasses import asdict, dataclass
+from itertools import product
+
+import numpy as np
+from numpy.typing import NDArray
+
+from identification.logs.findings import Finding
+from identification.logs.log import Log
+from youbot_env.physics.geometry import WHEELS, Geometry
+
+
+@dataclass(frozen=True)
+class Limits:
+    """What cannot be exceeded: speed [rad/s] and effort [N m]; and the platform's geometry."""
+
+    max_speed: float
+    max_effort: float
+    geometry: Geometry
+
+
+NO_SLIP = np.array([1.0, 1.0, -1.0, -1.0]) / 2
+"""Unit vector that no rigid motion turns the wheels along: phi_1' + phi_2' = phi_3' + phi_4'."""
+
+MUCH_SLIP = 0.1
+"""Share of the wheel speeds that no rigid motion explains, from which on a log is doubtful."""
+
+IMPOSSIBLE_SLIP = 0.35
+"""From here on it is refused: four independent speeds would have one half."""
+
+WRONG_POWER = -0.3
+"""Net over gross power, below which an effort's sign is wrong; sound logs have above 0.9."""
+
+DRIVING = 0.3
+"""Share of the strongest joint's gross power from which on a joint counts as driving."""
+
+_MOMENT = 0.2
+_STUCK = 0.02
+_EXPLAINED = 0.3
+_FAR_OFF = 3.0
+_DEGREES = 180 / np.pi
+
+
+def slip_ratio(wheel_speed: NDArray[np.float64], direction: NDArray[np.float64] = NO_SLIP) -> float:
+    """Share (root mean square) of the speeds (n, 4) that lies along a unit vector (4,)."""
+    total = float(np.sqrt(np.mean((wheel_speed**2).sum(axis=1))))
+    return float(np.sqrt(np.mean((wheel_speed @ direction) ** 2))) / max(total, 1e-300)
+
+
+def power_share(log: Log) -> NDArray[np.float64]:
+    """Net over gross power (k,) of each joint, from -1 to 1: positive where friction takes it.
+
+    NaN for a joint that others drag along (motions I and II have two): its power says nothing.
+    """
+    power = log.velocity * log.effort
+    gross = np.abs(power).mean(axis=0)
+    share = power.mean(axis=0) / np.maximum(gross, 1e-300)
+    return np.where(gross > DRIVING * gross.max(), share, np.nan)
+
+
+def _identity(log: Log, limits: Limits) -> Iterator[Finding]:
+    """The identity, and which change of sign, order or scale would make it hold."""
+    ratio = slip_ratio(log.velocity)
+    noise = float(np.sqrt(np.mean(log.speed_noise**2)))
+    along = float(np.sqrt(np.mean((log.velocity @ NO_SLIP) ** 2)))
+    measured = (
+        f"phi_1' + phi_2' - phi_3' - phi_4' is {100 * ratio:.2g} % of the wheel speeds "
+        f"({2 * along:.2g} rad/s rms; noise alone makes {2 * noise:.2g})"
+    )
+    if ratio < MUCH_SLIP or along < 4 * noise:
+        yield Finding("info", measured)
+        return
+    cure = _sign_cure(log, ratio) or _scale_cure(log.velocity, ratio)
+    if cure:
+        yield Finding("error", f"the wheels cannot move like that: {measured}", cure=cure)
+    elif ratio > IMPOSSIBLE_SLIP:
+        cure = "check names, units and signs of the velocity columns"
+        yield Finding("error", f"the wheels cannot move like that: {measured}", cure=cure)
+    else:
+        cure = "the model assumes no slip: drive more gently, or check the velocity columns"
+        yield Finding("warning", f"the wheels slip: {measured}", cure=cure)
+
+
+def _moments_of_slip(log: Log, limits: Limits) -> Iterator[Finding]:
+    """Moments in which the identity fails: a wheel that slips, or whose encoder stands still."""
+    window = max(int(_MOMENT / log.dt), 3)
+    count = len(log) // window
+    pieces = log.velocity[: count * window].reshape(count, window, len(WHEELS))
+    along = np.sqrt(((pieces @ NO_SLIP) ** 2).mean(axis=1))
+    usual = float(np.sqrt((log.velocity**2).sum(axis=1).mean()))
+    noise = float(np.sqrt(np.mean(log.speed_noise**2)))
+    still = (np.ptp(pieces, axis=1) == 0) & (along > max(_STUCK * usual, 4 * noise))[:, None]
+    slips = along > max(MUCH_SLIP * usual, 4 * noise)
+    if still.any():
+        wheel = int(np.argmax(still.any(axis=0)))
+        first = int(log.rows[int(np.argmax(still[:, wheel])) * window])
+        seconds = float(still[:, wheel].sum() * window * log.dt)
+        message = f"stands still for {seconds:.2g} s while the other wheels go on"
+        cure = "cut that part off; check the sensor and its cable"
+        yield Finding("error", message, first, f"velocity_{WHEELS[wheel]}", cure)
+    elif slips.any():
+        row = int(log.rows[int(np.argmax(along)) * window])
+        seconds, most = float(slips.sum() * window * log.dt), 2 * float(along.max())
+        message = f"wheels slip for {seconds:.2g} s, by up to {most:.2g} rad/s"
+        yield Finding("warning", message, row, cure="cut that part off, or drive more gently")
+
+
+def _sign_cure(log: Log, ratio: float) -> str:
+    """What to do if other signs or another order would make the identity hold; else ""."""
+    signs = [np.array([1.0, *rest]) / 2 for rest in product((1.0, -1.0), repeat=3)]
+    ratios = [slip_ratio(log.velocity, sign) for sign in signs]
+    best = int(np.argmin(ratios))
+    if ratios[best] > min(_EXPLAINED * ratio, MUCH_SLIP):
+        return ""
+    wrong = np.sign(signs[best] * NO_SLIP)
+    wrong *= 1.0 if wrong.sum() >= 0 else -1.0
+    against = power_share(log) < WRONG_POWER
+    if against.any() and not against.all():
+        turned = [wheel for wheel, bad in zip(WHEELS, against, strict=True) if bad]
+        return f"multiply {_columns('velocity', turned)} by -1, unless it is the effort there"
+    turned = [wheel for wheel, sign in zip(WHEELS, wrong, strict=True) if sign < 0]
+    if set(turned) in ({"fl", "br"}, {"fr", "bl"}):
+        return "two columns of opposite corners seem swapped: the order is fl, fr, bl, br"
+    if set(turned) in ({"fl", "bl"}, {"fr", "br"}):
+        return (
+            f"multiply {_columns('velocity', ['fl', 'bl'])} and their efforts by -1 (the stock "
+            "driver negates the left wheels), unless a front and a back column are swapped"
+        )
+    return f"multiply {_columns('velocity', turned)} and the effort there by -1"
+
+
+def _columns(kind: str, wheels: list[str]) -> str:
+    return " and ".join(f"{kind}_{wheel}" for wheel in wheels)
+
+
+def _scale_cure(wheel_speed: NDArray[np.float64], ratio: float) -> str:
+    """What to do if another scale of one wheel would make the identity hold; else ""."""
+    values, vectors = np.linalg.eigh(wheel_speed.T @ wheel_speed)
+    unique = values[0] < 0.05 * values[1]
+    if not unique or slip_ratio(wheel_speed, vectors[:, 0]) > min(_EXPLAINED * ratio, MUCH_SLIP):
+        return ""
+    weights = vectors[:, 0] * np.sign(NO_SLIP)
+    scale = weights / np.median(weights)
+    odd = int(np.argmax(np.abs(np.log(np.maximum(np.abs(scale), 1e-9)))))
+    others = np.delete(scale, odd)
+    if np.abs(others - 1).max() > 0.1:
+        return ""
+    return f"velocity_{WHEELS[odd]} seems off by a factor: multiply it by {scale[odd]:.3g}"
+
+
+def _turning(log: Log, limits: Limits) -> Iterator[Finding]:
+    """Yaw rate of the wheels against gyro and pose."""
+    if log.gyro_z is None and log.pose is None:
+        return
+    rate = limits.geometry.body_twist(log.velocity)[:, 2]
+    if log.gyro_z is not None:
+        yield from _compare("gyro_z", log.gyro_z, rate, "rad/s", _DEGREES, "degrees a second")
+    if log.pose is not None:
+        stride = max(int(0.1 / log.dt), 1)
+        turned = np.diff(log.pose[::stride, 2])
+        expected = np.diff(_integral(rate, log.dt)[::stride])
+        yield from _compare("pose_yaw", turned, expected, "rad", _DEGREES, "degrees")
+
+
+def _travel(log: Log, limits: Limits) -> Iterator[Finding]:
+    """Way that the wheels roll against the way of the pose."""
+    if log.pose is None:
+        return
+    stride = max(int(0.1 / log.dt), 1)
+    speed = np.hypot(*limits.geometry.body_twist(log.velocity)[:, :2].T)
+    expected = np.diff(_integral(speed, log.dt)[::stride])
+    way = np.hypot(*np.diff(log.pose[::stride, :2], axis=0).T)
+    yield from _compare("pose_x", way, expected, "m", 1e3, "millimetres")
+
+
+def _integral(rate: NDArray[np.float64], dt: float) -> NDArray[np.float64]:
+    return np.r_[0.0, np.cumsum(0.5 * (rate[1:] + rate[:-1]) * dt)]
+
+
+def _compare(
+    column: str,
+    measured: NDArray[np.float64],
+    expected: NDArray[np.float64],
+    unit: str,
+    factor: float,
+    mistaken: str,
+) -> Iterator[Finding]:
+    """Ratio of a sensor to what the wheels say, where the wheels say something."""
+    size = float(np.sqrt(np.mean(expected**2)))
+    if size < 1e-3:
+        return
+    gain = float(measured @ expected / (expected @ expected))
+    if factor / _FAR_OFF < abs(gain) < factor * _FAR_OFF:
+        cure = f"convert it to {unit}"
+        yield Finding("error", f"looks like {mistaken}", column=column, cure=cure)
+    elif gain < -1 / _FAR_OFF:
+        cure = "multiply it by -1, or check the signs of the left and right wheels"
+        yield Finding("error", "runs against the wheels", column=column, cure=cure)
+    elif not 1 / _FAR_OFF < gain < _FAR_OFF:
+        cure = "check its unit, and signs and order of the wheels' columns"
+        message = f"is {gain:.2g} times what the wheels say"
+        yield Finding("warning", message, column=column, cure=cure)
+
+
+CHECKS: tuple[Callable[[Log, Limits], Iterator[Finding]], ...] = (
+    _identity,
+    _moments_of_slip,
+    _turning,
+    _travel,
+)
+
+CLEAR = 1.5
+"""Times the noise from which on the identity is said to fail; noise is known to a few percent."""
+
+NEGLIGIBLE = 1e-3
+"""Ratio below which slip does not matter, however small the noise."""
+
+
+@dataclass(frozen=True)
+class Slip:
+    """phi_1' + phi_2' - phi_3' - phi_4' = 0 checked on a log.
+
+    ratio : share (root mean square) of the wheel speeds that no rigid motion explains
+    noise : what white noise of the speeds alone would make of it
+    """
+
+    ratio: float
+    noise: float
+
+    @property
+    def exceeds_noise(self) -> bool:
+        """Whether there is more than noise."""
+        return self.ratio > max(CLEAR * self.noise, NEGLIGIBLE)
+
+    def to_dict(self) -> dict[str, float | bool]:
+        """JSON form."""
+        return {**asdict(self), "exceeds_noise": self.exceeds_noise}
+
+
+def slip_of(log: Log) -> Slip | None:
+    """The identity on a log; None for a mechanism that has no such four wheels."""
+    if tuple(log.joints) != WHEELS:
+        return None
+    usual = float(np.sqrt((log.velocity**2).sum(axis=1).mean()))
+    noise = float(np.sqrt((log.speed_noise**2).mean()))
+    return Slip(slip_ratio(log.velocity), noise / max(usual, 1e-300))

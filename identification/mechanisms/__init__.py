@@ -1,0 +1,1 @@
+"""What the engine knows of a mechanism, and the mechanisms that there are."""

@@ -1,0 +1,1 @@
+"""Which variables predict what a model misses, on stretches that it has not seen."""

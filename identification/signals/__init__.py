@@ -1,0 +1,1 @@
+"""Filters, resampling and noise of sampled signals; nothing here knows a robot."""

@@ -1,0 +1,282 @@
+"""Blind cases: a random platform with something planted, driven and logged as the given data."""
+
+from __future__ import annotations
+
+import json
+import zlib
+from dataclasses import asdict, dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from identification.logs.log import Log
+from identification.logs.reading import write_log
+from youbot_env.errors import InputError
+from youbot_scripts.blind_bench import motions
+from youbot_scripts.blind_bench import second_simulator as plant
+from youbot_scripts.blind_bench.effects import (
+    CATALOGUE,
+    OUTSIDE,
+    Planted,
+    draw,
+    pairs,
+    planted_physics,
+)
+
+Array = NDArray[np.float64]
+
+WHEEL_MASS = 1.4
+"""[kg] each of the four; m0 holds them, the centre of mass does not."""
+
+TORQUE_NOISE, SPEED_NOISE = 0.03, 0.01
+"""White noise [N m], [rad/s] at a noise factor of one."""
+
+RANGES = {
+    "m0": (32.0, 38.0),
+    "I0": (3.2, 5.5),
+    "I1": (0.004, 0.0085),
+    "aX": (-0.028, 0.028),
+    "aY": (-0.028, 0.028),
+    "mu1": (0.07, 0.15),
+    "mu2": (0.003, 0.007),
+}
+"""Of random platforms, SI units: those of the given data."""
+
+KINDS = ("none", "one", "quarter", "two", "unknown", "sweep")
+"""Nothing planted; one effect of about its size; a quarter of it under twice the noise; two of
+about their size; one outside the catalogue; one at each of `SWEEP` times its size."""
+
+SWEEP = (1 / 16, 1 / 8, 1 / 4, 1 / 2, 1.0, 2.0, 4.0)
+RATES = {"none": (50.0, 100.0, 250.0)}
+"""Log rates [Hz] that a kind goes through; 100 Hz for the others."""
+
+POSE_SHARE = 0.5
+"""Part of the cases whose logs hold the pose."""
+
+
+@dataclass(frozen=True)
+class Case:
+    """One blind case; the same for ever for the same kind, index, seed and rate."""
+
+    kind: str
+    index: int
+    seed: int
+    rate: float
+    noise: float
+    has_pose: bool
+    platform: dict[str, float]
+    planted: tuple[Planted, ...]
+
+    @property
+    def key(self) -> str:
+        """A name that no other case has."""
+        return f"{self.kind}-{self.seed}-{self.index}-{self.rate:g}Hz-x{self.noise:.3g}"
+
+    def to_dict(self) -> dict[str, Any]:
+        """JSON form: all that was drawn."""
+        return asdict(self) | {"key": self.key}
+
+
+def _generator(seed: int, kind: str, index: int, purpose: str) -> np.random.Generator:
+    return np.random.default_rng(
+        [seed, zlib.crc32(kind.encode()), index, zlib.crc32(purpose.encode())]
+    )
+
+
+def references(kind: str, index: int, seed: int, dt: float) -> dict[str, Array]:
+    """Twists (N, 3) asked for, by log; the multisines are the case's own."""
+    return {
+        "calibration": motions.calibration(dt),
+        **{
+            name: motions.multisine(_generator(seed, kind, index, name), dt)
+            for name in ("multisine_a", "multisine_b")
+        },
+    }
+
+
+def _path(twists: dict[str, Array], dt: float) -> Array:
+    """Places (n, 2) [m] that the references pass."""
+    places = []
+    for twist in twists.values():
+        yaw = np.cumsum(twist[:, 2]) * dt
+        velocity = (twist[:, 0] + 1j * twist[:, 1]) * np.exp(1j * yaw)
+        place = np.cumsum(velocity) * dt
+        places.append(np.column_stack([place.real, place.imag])[::50])
+    return np.concatenate(places)
+
+
+def draw_case(
+    kind: str,
+    index: int,
+    seed: int,
+    rate: float | None = None,
+    noise: float | None = None,
+    factor: float | None = None,
+) -> Case:
+    """Case number ``index`` of a kind.
+
+    Parameters
+    ----------
+    kind : one of KINDS; an effect's name plants that alone
+    index : from 0; consecutive indices go through effects and rates in turn
+    rate : of the logs [Hz]; None: what the kind goes through
+    noise : factor on the base noise; None: as the kind has it
+    factor : on the sizes of what is planted; None: as the kind has it
+
+    Raises
+    ------
+    InputError
+        If the kind or the rate cannot be.
+    """
+    rng = _generator(seed, kind, index, "case")
+    rates = RATES.get(kind, (100.0,))
+    rate = float(rates[index % len(rates)] if rate is None else rate)
+    if not 20.0 <= rate <= 1000.0:
+        raise InputError(f"rate: {rate:g} Hz is outside 20 to 1000 Hz")
+    platform = {name: float(rng.uniform(*edges)) for name, edges in RANGES.items()}
+    has_pose = bool(rng.random() < POSE_SHARE)
+    drawn_noise = {"none": 2.0 ** rng.uniform(-1, 1), "quarter": 2.0}.get(kind, 1.0)
+    path = _path(references(kind, index, seed, 0.02), 0.02)
+    planted = tuple(
+        draw(name, usual if factor is None else factor, rng, path)
+        for name, usual in _what(kind, index, seed, rng)
+    )
+    noise = drawn_noise if noise is None else float(noise)
+    return Case(kind, index, seed, rate, noise, has_pose, platform, planted)
+
+
+def _what(kind: str, index: int, seed: int, rng: np.random.Generator) -> list[tuple[str, float]]:
+    """Names and factors of what a case plants."""
+    names = list(CATALOGUE)
+    about_one = 2.0 ** rng.uniform(-0.5, 0.5, 2)
+    if kind == "none":
+        return []
+    if kind == "one":
+        return [(names[index % len(names)], about_one[0])]
+    if kind == "quarter":
+        return [(names[index % len(names)], about_one[0] / 4)]
+    if kind == "two":
+        order = np.random.default_rng(seed).permutation(len(pairs()))
+        pair = pairs()[order[index % len(order)]]
+        return list(zip(pair, about_one.tolist(), strict=True))
+    if kind == "unknown":
+        return [(list(OUTSIDE)[index % len(OUTSIDE)], about_one[0])]
+    if kind == "sweep":
+        return [(names[index % len(names)], SWEEP[index // len(names) % len(SWEEP)])]
+    if kind in CATALOGUE or kind in OUTSIDE:
+        return [(kind, about_one[0])]
+    raise InputError(f"kind {kind!r}: not known; use {', '.join(KINDS)} or an effect's name")
+
+
+def physics(case: Case) -> plant.Physics:
+    """The platform of a case with all that is planted."""
+    values = dict(case.platform)
+    mass = values["m0"] - 4 * WHEEL_MASS
+    moments = {"moment_x": mass * values.pop("aX"), "moment_y": mass * values.pop("aY")}
+    base = plant.Physics(drag=np.zeros(4), gain=np.zeros(4), **values, **moments)
+    return planted_physics(base, case.planted)
+
+
+def simulate(case: Case, twist: Array, dt: float) -> tuple[Array, Array, Array]:
+    """True speeds (N, 4), commands (N, 4) and poses (N, 3) of a case's platform along a twist."""
+    return plant.drive(physics(case), motions.wheel_speeds(twist), dt)
+
+
+def tick(rate: float) -> tuple[float, int]:
+    """Time [s] that a command is held, near 2 ms, and ticks in a row of a log of ``rate`` [Hz]."""
+    ticks = max(1, round(1.0 / (rate * plant.TICK)))
+    return 1.0 / (rate * ticks), ticks
+
+
+def log_along(case: Case, name: str, twist: Array) -> Log:
+    """Log of a case's platform along a twist (N, 3) given at each tick of its rate.
+
+    A row holds the speeds at its instant and the mean of the two commands that meet there, both
+    with white noise, and is rounded to 4 decimals like the given data.
+    """
+    dt, ticks = tick(case.rate)
+    speed, command, pose = simulate(case, twist, dt)
+    time = dt * np.arange(len(speed))
+    rows = np.arange(ticks, len(speed) - 1, ticks)
+    meeting = 0.5 * (command[:-1] + command[1:])
+    delay = sum(item.values.get("delay", 0.0) for item in case.planted)
+    effort = np.column_stack(
+        [np.interp(time[rows] + delay, time[1:], meeting[:, k]) for k in range(4)]
+    )
+    rng = _generator(case.seed, case.kind, case.index, f"noise {name} {case.rate:g}")
+    effort += case.noise * TORQUE_NOISE * rng.standard_normal(effort.shape)
+    velocity = speed[rows] + case.noise * SPEED_NOISE * rng.standard_normal(effort.shape)
+    return Log(
+        name=name,
+        joints=("fl", "fr", "bl", "br"),
+        time=np.asarray(time[rows], float),
+        velocity=np.round(velocity, 4),
+        effort=np.round(effort, 4),
+        pose=np.round(pose[rows], 4) if case.has_pose else None,
+    )
+
+
+def logs_of(case: Case) -> list[Log]:
+    """Calibration and two multisines of a case: 260 s."""
+    dt, _ = tick(case.rate)
+    twists = references(case.kind, case.index, case.seed, dt)
+    return [log_along(case, name, twist) for name, twist in twists.items()]
+
+
+SHORT_NAMES = {
+    "wheel_coulomb_friction.torque": "wheel_coulomb",
+    "floor_tilt.tilt_x": "tilt_x",
+    "floor_tilt.tilt_y": "tilt_y",
+    "uneven_wheel_friction.extra_fl": "drag_wheel_1",
+    "uneven_wheel_friction.extra_fr": "drag_wheel_2",
+    "uneven_wheel_friction.extra_bl": "drag_wheel_3",
+    "uneven_wheel_friction.extra_br": "drag_wheel_4",
+    "actuator_lag.time_constant": "lag",
+    "torque_ripple.amplitude": "ripple",
+    "torque_ripple.cycles": "ripple_n",
+    "carpet_nap.force": "nap",
+    "carpet_nap.direction": "nap_dir",
+}
+"""Names in truth.json that the given data use; others are called ``effect.parameter``."""
+
+
+def truth(case: Case) -> dict[str, Any]:
+    """The answer to a case, in the form of the given data's truth.json."""
+    platform = {{"aX": "ax", "aY": "ay"}.get(key, key): v for key, v in case.platform.items()}
+    effects = {
+        SHORT_NAMES.get(f"{item.name}.{key}", f"{item.name}.{key}"): value
+        for item in case.planted
+        for key, value in item.values.items()
+        if item.name != "torque_delay"
+    }
+    return {
+        **platform,
+        "effects": effects,
+        "delay": sum(item.values.get("delay", 0.0) for item in case.planted),
+        "radius": [1.0] * 4,
+        "torque_noise": case.noise * TORQUE_NOISE,
+        "speed_noise": case.noise * SPEED_NOISE,
+        "torque_limit": plant.TORQUE_LIMIT,
+        "planted": "+".join(item.name for item in case.planted) or "none",
+        "rate": case.rate,
+    }
+
+
+def write_case(folder: Path, case: Case) -> None:
+    """Write a case's logs and its truth.json into a folder, which is made if missing.
+
+    Raises
+    ------
+    InputError
+        If the folder cannot be made or written to.
+    """
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise InputError(f"{folder}: cannot be made a folder: {error.strerror}") from None
+    exact = abs(round(1e4 / case.rate) - 1e4 / case.rate) < 1e-9
+    for log in logs_of(case):
+        write_log(folder / f"{log.name}.csv", log, decimals=4 if exact else 9)
+    (folder / "truth.json").write_text(json.dumps(truth(case), indent=1) + "\n", "utf-8")

@@ -1,0 +1,269 @@
+"""What a blind test plants: effects of the catalogue under its names, and some outside of it.
+
+Sizes are drawn around a size of one, at which the base model's force error is 3 to 20 times its
+noise floor on logs like the given ones (``youbot bench --sizes`` measures it).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from youbot_scripts.blind_bench import draws
+from youbot_scripts.blind_bench.draws import WHEELS, Values
+from youbot_scripts.blind_bench.second_simulator import Physics
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class Plantable:
+    """Something that can be planted.
+
+    Attributes
+    ----------
+    size : of its main parameter at factor one
+    unit : of that parameter
+    draw : (rng, size, path) -> values by the catalogue's parameter names; ``path`` (n, 2) are
+        places [m] that the reference motions pass
+    plant : values -> fields of `Physics` that they set
+    carriers : variables beyond the twist that carry what an effect outside the catalogue leaves
+    family : effects of one family can hardly be told apart, so two of them are no pair
+    """
+
+    name: str
+    size: float
+    unit: str
+    draw: Callable[[np.random.Generator, float, Array], Values]
+    plant: Callable[[Values], dict[str, float | Array]]
+    carriers: tuple[str, ...] = ()
+    family: str = ""
+
+
+def _renamed(**fields: str) -> Callable[[Values], dict[str, float | Array]]:
+    return lambda values: {field: values[name] for field, name in fields.items()}
+
+
+def _as_named(values: Values) -> dict[str, float | Array]:
+    return dict(values)
+
+
+def _per_wheel(field: str, prefix: str) -> Callable[[Values], dict[str, float | Array]]:
+    return lambda values: {field: np.array([values[f"{prefix}_{wheel}"] for wheel in WHEELS])}
+
+
+CATALOGUE = {
+    item.name: item
+    for item in (
+        Plantable(
+            "wheel_coulomb_friction",
+            0.25,
+            "N m",
+            draws.one_number("torque"),
+            _renamed(coulomb="torque"),
+            family="dry",
+        ),
+        Plantable(
+            "wheel_stribeck_friction",
+            0.15,
+            "N m",
+            draws.stribeck,
+            _renamed(coulomb="torque", breakaway="breakaway", stribeck_speed="stribeck_speed"),
+            family="dry",
+        ),
+        Plantable(
+            "roller_coulomb_friction",
+            0.03,
+            "N m",
+            draws.one_number("torque"),
+            _renamed(roller_coulomb="torque"),
+        ),
+        Plantable(
+            "quadratic_friction",
+            0.01,
+            "N m s^2",
+            draws.one_number("coefficient"),
+            _renamed(quadratic="coefficient"),
+            family="dry",
+        ),
+        Plantable(
+            "load_dependent_friction",
+            0.3,
+            "1",
+            lambda rng, size, path: {"share": min(size, 0.8)},  # near one the wheels lock
+            _renamed(load_share="share"),
+        ),
+        Plantable(
+            "uneven_wheel_friction",
+            0.1,
+            "N m s",
+            draws.uneven,
+            _per_wheel("drag", "extra"),
+            family="wheels",
+        ),
+        Plantable(
+            "friction_warmup",
+            0.5,
+            "1",
+            lambda rng, size, path: {"fraction": size, "time_constant": rng.uniform(15.0, 60.0)},
+            _renamed(cold="fraction", warming_time="time_constant"),
+        ),
+        Plantable(
+            "floor_tilt",
+            0.018,
+            "rad",
+            lambda rng, size, path: draws.vector(rng, size, "tilt_x", "tilt_y"),
+            _as_named,
+            family="place",
+        ),
+        Plantable(
+            "tether",
+            5.0,
+            "N/m",
+            draws.tether,
+            _renamed(tether="stiffness", anchor_x="anchor_x", anchor_y="anchor_y"),
+            family="place",
+        ),
+        Plantable(
+            "torque_gain_error",
+            0.2,
+            "1",
+            draws.gains,
+            _per_wheel("gain", "gain"),
+            family="wheels",
+        ),
+        Plantable(
+            "actuator_lag",
+            0.1,
+            "s",
+            draws.one_number("time_constant"),
+            _renamed(lag="time_constant"),
+            family="late",
+        ),
+        Plantable(
+            "torque_delay",
+            0.1,
+            "s",
+            draws.one_number("delay"),
+            lambda values: {},  # a fault of the log, not of the platform
+            family="late",
+        ),
+        Plantable(
+            "torque_ripple",
+            0.25,
+            "N m",
+            draws.ripple,
+            _renamed(ripple="amplitude", ripple_cycles="cycles", ripple_phase="phase"),
+        ),
+        Plantable(
+            "roller_inertia",
+            1e-3,
+            "kg m^2",
+            draws.one_number("inertia"),
+            _renamed(roller_inertia="inertia"),
+            family="late",
+        ),
+        Plantable(
+            "payload_change",
+            20.0,
+            "kg",
+            draws.payload,
+            _renamed(load="mass", load_x="x", load_y="y", load_time="time"),
+        ),
+    )
+}
+"""The effects of the catalogue; parameters mean what the project's design says of them."""
+
+OUTSIDE = {
+    item.name: item
+    for item in (
+        Plantable(
+            "carpet_nap",
+            10.0,
+            "N",
+            draws.directed,
+            _renamed(nap="force", nap_direction="direction"),
+            ("heading",),
+        ),
+        Plantable(
+            "line_spring",
+            8.0,
+            "N/m",
+            draws.line,
+            _renamed(line_stiffness="stiffness", line_direction="direction", line_offset="offset"),
+            ("position_x", "position_y"),
+        ),
+        Plantable(
+            "sticky_patch",
+            15.0,
+            "N",
+            draws.patch,
+            _renamed(patch="force", patch_x="x", patch_y="y", patch_radius="radius"),
+            ("position_x", "position_y"),
+        ),
+        Plantable(
+            "wind",
+            8.0,
+            "N",
+            draws.directed,
+            _renamed(wind="force", wind_direction="direction"),
+            ("heading",),
+        ),
+        Plantable(
+            "sideways_drift",
+            250.0,
+            "N s^2/m^2",
+            draws.one_number("coefficient"),
+            _renamed(drift="coefficient"),
+            (),
+        ),
+        Plantable(
+            "bump",
+            15.0,
+            "N",
+            draws.bump,
+            _renamed(bump="force", bump_x="x", bump_y="y", bump_width="width"),
+            ("position_x", "position_y"),
+        ),
+    )
+}
+"""What no catalogue holds: the right answer is "unknown"."""
+
+EVERYTHING = CATALOGUE | OUTSIDE
+
+
+@dataclass(frozen=True)
+class Planted:
+    """One thing planted: values by the catalogue's parameter names, ``factor`` times its size."""
+
+    name: str
+    factor: float
+    values: Values
+
+
+def draw(name: str, factor: float, rng: np.random.Generator, path: Array) -> Planted:
+    """Draw what is planted under a name, at ``factor`` times its size."""
+    item = EVERYTHING[name]
+    values = item.draw(rng, factor * item.size, path)
+    return Planted(name, factor, {key: float(value) for key, value in values.items()})
+
+
+def planted_physics(base: Physics, planted: tuple[Planted, ...]) -> Physics:
+    """The platform with all that is planted."""
+    for item in planted:
+        base = base._replace(**EVERYTHING[item.name].plant(item.values))
+    return base
+
+
+def pairs() -> list[tuple[str, str]]:
+    """Pairs of effects that can both be told: not of one family."""
+    names = list(CATALOGUE)
+    return [
+        (a, b)
+        for i, a in enumerate(names)
+        for b in names[i + 1 :]
+        if not CATALOGUE[a].family or CATALOGUE[a].family != CATALOGUE[b].family
+    ]

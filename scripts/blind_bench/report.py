@@ -1,0 +1,136 @@
+"""The bench's results as tables."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import TYPE_CHECKING, Any
+
+from youbot_scripts.blind_bench.effects import CATALOGUE
+from youbot_scripts.blind_bench.trials import errors_of
+from youbot_scripts.shared import options as common
+
+if TYPE_CHECKING:
+    from rich.console import Console
+
+    from youbot_scripts.blind_bench.trials import Record
+
+KIND_WORDS = {
+    "none": "nothing planted",
+    "one": "one effect of about catalogue size",
+    "quarter": "a quarter of it, twice the noise",
+    "two": "two effects at once",
+    "unknown": "an effect outside the catalogue",
+}
+
+SCORE_WORDS = {
+    "false_alarm": 'false alarms (anything but "adequate")',
+    "in_set": "truth named first, or in its set of three",
+    "alone": "truth named alone",
+    "confidently_wrong": "a wrong name without alternative",
+    "accepted_unplanted": "accepted what nobody planted",
+    "both_found": "both found",
+    "exactly_both": "both named, and nothing else",
+    "coulomb_called_stribeck": "Coulomb called Stribeck",
+    "said_unknown": '"unknown", after one partial fit at most',
+    "carrier_first_or_second_where": "carrier first or second, base model",
+    "carrier_first_or_second_remaining": "carrier first or second, last model",
+    "error_fall_of_95": "velocity error falls by 95 % of what it can",
+    "sizes_inside": "sizes within their 95 % intervals",
+    "tie_resolved": "tie resolved by the proposed experiment",
+}
+
+WANTED = {
+    ("none", "false_alarm"): "< 2 %",
+    ("one", "in_set"): "> 95 %",
+    ("one", "alone"): "> 80 %",
+    ("one", "confidently_wrong"): "< 2 %",
+    ("one", "accepted_unplanted"): "< 10 %",
+    ("quarter", "in_set"): "> 85 %",
+    ("two", "both_found"): "> 85 %",
+    ("unknown", "said_unknown"): "> 90 %",
+    **{(kind, "sizes_inside"): "> 90 %" for kind in ("one", "two")},
+    **{(kind, "tie_resolved"): "> 80 %" for kind in ("one", "quarter", "two")},
+}
+"""What the diagnosis is made to reach."""
+
+NUMBER_WORDS = {
+    "error_fall_median": "fall of the velocity error, median",
+    "mean_set_size": "names in a set, on average",
+    "seconds_median": "seconds a case, median",
+    "seconds_longest": "seconds a case, longest",
+}
+
+
+def show(console: Console, scores: Mapping[str, Any], records: Sequence[Record]) -> None:
+    """Print all tables of a bench."""
+    for kind, found in scores["kinds"].items():
+        _show_kind(console, kind, found)
+    for kind, table in scores["confusion"].items():
+        if kind != "none" and table:
+            _show_confusion(console, kind, table)
+    if scores["smallest_detectable_factor"]:
+        _show_detectable(console, scores["smallest_detectable_factor"])
+    for line in errors_of(records):
+        console.print(f"error: {line}", soft_wrap=True)
+
+
+def _show_kind(console: Console, kind: str, found: Mapping[str, Any]) -> None:
+    rows = [
+        (words, *_share_cells(found[key]), WANTED.get((kind, key), ""))
+        for key, words in SCORE_WORDS.items()
+        if key in found and found[key]["total"]
+    ]
+    for rate, share in found.get("false_alarm_by_rate", {}).items():
+        rows.append((f"  of them at {rate} Hz", *_share_cells(share), ""))
+    for key, words in NUMBER_WORDS.items():
+        if found.get(key) is not None:
+            rows.append((words, common.number(found[key], 3), "", "", ""))
+    title = f"{KIND_WORDS.get(kind, kind)}: {found['cases']} cases"
+    common.show_table(console, title, ("", "share", "95 % interval", "cases", "wanted"), rows)
+
+
+def _share_cells(share: Mapping[str, Any]) -> tuple[str, str, str]:
+    low, high = share["interval"]
+    cases = f"{share['count']}/{share['total']}"
+    return f"{100 * share['share']:.1f} %", f"{100 * low:.1f} to {100 * high:.1f}", cases
+
+
+def _show_confusion(console: Console, kind: str, table: Mapping[str, Mapping[str, int]]) -> None:
+    rows = [
+        (name, sum(row.values()), ", ".join(f"{key} {count}" for key, count in row.items()))
+        for name, row in table.items()
+    ]
+    title = f"{KIND_WORDS.get(kind, kind)}: planted, and what was said"
+    common.show_table(console, title, ("planted", "cases", "said"), rows, left=("said",))
+
+
+def _show_detectable(console: Console, factors: Mapping[str, float | None]) -> None:
+    rows = [
+        (
+            name,
+            "-" if factor is None else f"{factor:g}",
+            "-" if factor is None else f"{factor * CATALOGUE[name].size:.3g}",
+            CATALOGUE[name].unit,
+        )
+        for name, factor in factors.items()
+    ]
+    title = "smallest size that is found in 85 % of the cases, and so is each larger one tried"
+    common.show_table(console, title, ("effect", "times its size", "size", "unit"), rows)
+
+
+def show_sizes(console: Console, table: Mapping[str, Mapping[str, Any]]) -> None:
+    """Print force error over noise floor by size."""
+    factors = list(next(iter(table.values()))["ratio_by_factor"])
+    rows = [
+        (
+            f"{name} [{item['unit']}]",
+            f"{item['size']:g}",
+            *(f"{item['ratio_by_factor'][factor]:.1f}" for factor in factors),
+            common.number(item["smallest"], 2),
+            common.number(item["largest"], 2),
+        )
+        for name, item in table.items()
+    ]
+    headers = ("effect", "size", *(f"x{factor}" for factor in factors), "3 at", "20 at")
+    title = "base model's force error over its noise floor, and sizes at which it is 3 and 20"
+    common.show_table(console, title, headers, rows)

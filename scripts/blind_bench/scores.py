@@ -1,0 +1,283 @@
+"""Scores of blind trials: what was named, how surely, and how often rightly."""
+
+from __future__ import annotations
+
+from collections import Counter, defaultdict
+from collections.abc import Callable, Iterable, Sequence
+from statistics import fmean, median
+from typing import Any
+
+from youbot_scripts.blind_bench.effects import CATALOGUE, OUTSIDE
+from youbot_scripts.blind_bench.proportions import Share
+from youbot_scripts.blind_bench.trials import Record
+
+LARGEST_SET = 3
+"""Names in an ambiguity set that still says something."""
+
+DETECTED = 0.85
+"""Share of cases in which an effect must be found to count as detectable."""
+
+CLEAR = 1.5
+"""Squared velocity error of the base model over the truth's from which its fall is judged."""
+
+INTERVAL = 1.96
+"""Standard deviations either side of a stated size."""
+
+TWIST = "twist"
+
+
+# --- one record ------------------------------------------------------------------------------
+
+
+def planted(record: Record) -> list[str]:
+    """Names of what the case plants."""
+    return [item["name"] for item in record["case"]["planted"]]
+
+
+def named_sets(record: Record) -> list[list[str]]:
+    """For each accepted effect, its name and what the data cannot tell from it."""
+    found = record.get("found", {})
+    ties = found.get("ambiguous_with", {})
+    return [[name, *ties.get(name, [])] for name in found.get("missing", [])]
+
+
+def verdict(record: Record) -> str:
+    """The verdict, or "error" where there is none."""
+    return record.get("found", {}).get("verdict", "error")
+
+
+def answer(record: Record) -> str:
+    """The verdict in a word: first accepted effect, "adequate", "unknown" or "error"."""
+    said = verdict(record)
+    if said in ("adequate", "unknown", "error"):
+        return said
+    names = record["found"]["missing"]
+    return names[0] if names else said
+
+
+def _holds(names: Sequence[str], name: str) -> bool:
+    return name == names[0] or (name in names and len(names) <= LARGEST_SET)
+
+
+def in_set(record: Record, name: str) -> bool:
+    """Whether an effect was accepted first or lies in a set of at most three that was."""
+    return any(_holds(names, name) for names in named_sets(record)[:1])
+
+
+def found_anywhere(record: Record, name: str) -> bool:
+    """The same for any accepted effect, not only the first."""
+    return any(_holds(names, name) for names in named_sets(record))
+
+
+def alone(record: Record) -> bool:
+    """Whether exactly what is planted was named, and nothing beside it."""
+    names = [name for names in named_sets(record) for name in names]
+    return verdict(record) == "effect" and sorted(names) == sorted(planted(record))
+
+
+def confidently_wrong(record: Record) -> bool:
+    """Whether the first name stands without alternative, is wrong, and not said to be partial."""
+    names = named_sets(record)
+    if not names or verdict(record) == "unknown":
+        return False
+    return len(names[0]) == 1 and names[0][0] not in planted(record)
+
+
+def accepted_unplanted(record: Record) -> bool:
+    """Whether an effect was accepted whose set holds nothing that is planted."""
+    return any(not set(names) & set(planted(record)) for names in named_sets(record))
+
+
+def said_unknown(record: Record) -> bool:
+    """Whether the verdict is "unknown" after one partial fit at most."""
+    return verdict(record) == "unknown" and len(named_sets(record)) <= 1
+
+
+def carrier_rank(record: Record, key: str = "where") -> int | None:
+    """Place (from 1) of the first carrying variable among those beyond the twist.
+
+    ``remaining`` is the map after the accepted effects; where none was accepted, the first one.
+    """
+    carriers = record["carriers"]
+    if not carriers or "found" not in record:
+        return None
+    found = record["found"]
+    rows = sorted(found.get(key) or found.get("where") or [], key=lambda row: -row["share"])
+    order = [row["variable"] for row in rows if row["variable"] != TWIST]
+    places = [order.index(name) + 1 for name in carriers if name in order]
+    return min(places, default=len(order) + 1)
+
+
+def error_fall(record: Record) -> float | None:
+    """1 - (E_fixed^2 - E_true^2)/(E_base^2 - E_true^2) of held-out velocity errors.
+
+    None where nothing is planted, the truth is not in the catalogue, or the base model's free run
+    is hardly worse than the truth's.
+    """
+    true, steps = record.get("true_velocity_error"), record.get("found", {}).get("steps")
+    if true is None or not steps or not planted(record):
+        return None
+    base, fixed = steps[0]["velocity_error"], steps[-1]["velocity_error"]
+    if base is None or fixed is None or base**2 < CLEAR * true**2:
+        return None
+    return 1.0 - (fixed**2 - true**2) / (base**2 - true**2)
+
+
+def tie_resolved(record: Record) -> bool | None:
+    """Whether the proposed experiment left the truth alone of those that were tied.
+
+    None where there was no tie that holds the truth, or no experiment was made.
+    """
+    truth = set(planted(record))
+    if "after" not in record or not any(
+        len(names) > 1 and truth & set(names) for names in named_sets(record)
+    ):
+        return None
+    after = named_sets({"found": record["after"]})
+    return all([name] in after for name in truth)
+
+
+def sizes_inside(record: Record) -> list[bool]:
+    """For each planted number whose effect was accepted: does its 95 % interval hold it?"""
+    stated = record.get("sizes", {})
+    return [
+        abs(stated[f"{item['name']}.{key}"]["value"] - value)
+        <= INTERVAL * stated[f"{item['name']}.{key}"]["std"]
+        for item in record["case"]["planted"]
+        for key, value in item["values"].items()
+        if f"{item['name']}.{key}" in stated
+    ]
+
+
+# --- many records ----------------------------------------------------------------------------
+
+
+def by_kind(records: Iterable[Record]) -> dict[str, list[Record]]:
+    """Records by kind of case."""
+    groups: dict[str, list[Record]] = defaultdict(list)
+    for record in records:
+        groups[record["case"]["kind"]].append(record)
+    return dict(groups)
+
+
+def confusion(records: Iterable[Record]) -> dict[str, dict[str, int]]:
+    """Planted x answered, for cases with one effect or none."""
+    table: dict[str, Counter[str]] = defaultdict(Counter)
+    for record in records:
+        names = planted(record)
+        if len(names) < 2:
+            table[names[0] if names else "none"][answer(record)] += 1
+    order = ["none", *CATALOGUE, *OUTSIDE]
+    return {name: dict(table[name].most_common()) for name in order if name in table}
+
+
+def smallest_detectable(records: Iterable[Record]) -> dict[str, float | None]:
+    """Smallest factor on an effect's size from which on it is found in `DETECTED` of the cases."""
+    cases: dict[str, dict[float, list[bool]]] = defaultdict(lambda: defaultdict(list))
+    for record in records:
+        for item in record["case"]["planted"]:
+            if item["name"] in CATALOGUE:
+                cases[item["name"]][item["factor"]].append(in_set(record, item["name"]))
+    found: dict[str, float | None] = {}
+    for name in (name for name in CATALOGUE if name in cases):
+        found[name] = None
+        for factor in sorted(cases[name], reverse=True):
+            if fmean(cases[name][factor]) < DETECTED:
+                break
+            found[name] = factor
+    return found
+
+
+def _single(check: Callable[[Record, str], bool]) -> Callable[[Record], bool]:
+    return lambda record: check(record, planted(record)[0])
+
+
+def _shares(records: Sequence[Record], **checks: Callable[[Record], bool]) -> dict[str, Any]:
+    return {name: Share.of(map(check, records)).to_dict() for name, check in checks.items()}
+
+
+def _numbers(records: Sequence[Record]) -> dict[str, Any]:
+    falls = [fall for record in records if (fall := error_fall(record)) is not None]
+    sets = [len(names) for record in records for names in named_sets(record)]
+    inside = [answer for record in records for answer in sizes_inside(record)]
+    return {
+        "error_fall_median": median(falls) if falls else None,
+        "error_fall_of_95": Share.of(fall >= 0.95 for fall in falls).to_dict(),
+        "sizes_inside": Share.of(inside).to_dict(),
+        "tie_resolved": Share.of(map(tie_resolved, records)).to_dict(),
+        "mean_set_size": fmean(sets) if sets else None,
+    }
+
+
+def _score_kind(kind: str, records: Sequence[Record]) -> dict[str, Any]:
+    seconds = sorted(record["seconds"] for record in records)
+    found: dict[str, Any] = {
+        "cases": len(records),
+        "errors": sum("error" in record for record in records),
+        "seconds_median": median(seconds),
+        "seconds_longest": seconds[-1],
+    }
+    if kind == "none":
+        alarm = _shares(records, false_alarm=lambda record: verdict(record) != "adequate")
+        rates = sorted({record["case"]["rate"] for record in records})
+        found["false_alarm_by_rate"] = {
+            f"{rate:g}": Share.of(
+                verdict(r) != "adequate" for r in records if r["case"]["rate"] == rate
+            ).to_dict()
+            for rate in rates
+        }
+        return found | alarm
+    if kind == "two":
+        both = lambda r: all(found_anywhere(r, name) for name in planted(r))  # noqa: E731
+        return (
+            found
+            | _shares(
+                records,
+                both_found=both,
+                exactly_both=alone,
+                coulomb_called_stribeck=_called_stribeck,
+                accepted_unplanted=accepted_unplanted,
+            )
+            | _numbers(records)
+        )
+    if kind == "unknown" or kind in OUTSIDE:
+        ranks = {
+            f"carrier_first_or_second_{key}": Share.of(
+                None if (rank := carrier_rank(record, key)) is None else rank <= 2
+                for record in records
+            ).to_dict()
+            for key in ("where", "remaining")
+        }
+        return found | _shares(records, said_unknown=said_unknown) | ranks
+    return (
+        found
+        | _shares(
+            records,
+            in_set=_single(in_set),
+            alone=alone,
+            confidently_wrong=confidently_wrong,
+            accepted_unplanted=accepted_unplanted,
+        )
+        | _numbers(records)
+    )
+
+
+def _called_stribeck(record: Record) -> bool:
+    names = {named[0] for named in named_sets(record)}
+    return "wheel_coulomb_friction" in planted(record) and "wheel_stribeck_friction" in names - set(
+        planted(record)
+    )
+
+
+def score(records: Iterable[Record]) -> dict[str, Any]:
+    """All scores, JSON-able: by kind of case, confusion matrix, smallest detectable factors."""
+    records = list(records)
+    groups = by_kind(records)
+    kinds = {kind: _score_kind(kind, rows) for kind, rows in groups.items() if kind != "sweep"}
+    single = [record for record in records if record["case"]["kind"] != "two"]
+    usual = [record for record in single if record["case"]["kind"] != "sweep"]
+    return {
+        "kinds": kinds,
+        "confusion": {kind: confusion(rows) for kind, rows in by_kind(usual).items()},
+        "smallest_detectable_factor": smallest_detectable(groups.get("sweep", [])),
+    }

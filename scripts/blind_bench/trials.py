@@ -1,0 +1,210 @@
+"""Many blind trials: planned, spread over processes, kept as they are done, and taken up again."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from dataclasses import dataclass
+from functools import partial
+from itertools import chain, zip_longest
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from identification.fitting.errors import Squares, add_up, velocity_traces
+from identification.logs.log import Log
+from identification.mechanisms.mecanum import Mecanum
+from youbot_env.errors import InputError
+from youbot_env.model.model import Model
+from youbot_env.model.model_file import load_model
+from youbot_env.motions.calibration import motion_from_dict
+from youbot_env.physics.effect import CATALOGUE as REGISTERED
+from youbot_scripts.blind_bench.cases import Case, draw_case, log_along, logs_of, tick
+from youbot_scripts.blind_bench.effects import CATALOGUE, EVERYTHING
+from youbot_scripts.shared.results_folder import resumed
+
+Record = dict[str, Any]
+"""What is kept of a trial, JSON-able: ``case``, ``found`` (the diagnosis's own JSON),
+``carriers``, ``sizes``, ``true_velocity_error``, ``seconds``; ``after``, the diagnosis with the
+proposed experiment; ``error`` where it failed."""
+
+
+Diagnose = Callable[..., Any]
+"""diagnose(model, logs, seed=...), whose result has ``to_dict`` as the design fixes it."""
+
+
+def true_model(case: Case) -> Model | None:
+    """The model that knows everything; None where a planted effect is not in the catalogue."""
+    model = load_model("paper").with_values(case.platform)
+    for item in case.planted:
+        if item.name not in REGISTERED:
+            return None
+        model = model.with_effect(item.name, **item.values)
+    return model
+
+
+def velocity_error(model: Model, logs: Sequence[Log]) -> float:
+    """Velocity error of a model's free run over all logs."""
+    mechanism = Mecanum(model.geometry, model.structure)
+    runs = (velocity_traces(mechanism, model.theta, mechanism.samples(log)) for log in logs)
+    return add_up(map(Squares.of, runs)).ratio
+
+
+def stated_sizes(found: Any, report: dict[str, Any]) -> dict[str, dict[str, float]]:
+    """Value and std of the accepted effects' parameters, by ``effect.parameter``."""
+    model = getattr(found, "fitted_model", None)  # none where the base is not physical
+    if isinstance(model, Model):
+        effects = {
+            name: {key: (estimate.value, estimate.std) for key, estimate in values.items()}
+            for name, values in model.effects.items()
+        }
+    else:
+        effects = {
+            row["effect"]: {
+                key: (value.get("value"), value.get("std"))
+                for key, value in (row.get("parameters") or {}).items()
+                if isinstance(value, dict)
+            }
+            for row in report.get("candidates", [])
+            if row["effect"] in report["missing"]
+        }
+    return {
+        f"{name}.{key}": {"value": float(value), "std": float(std)}
+        for name, values in effects.items()
+        for key, (value, std) in values.items()
+        if value is not None and std is not None
+    }
+
+
+def experiment(case: Case, proposed: Mapping[str, Any]) -> Log:
+    """The log of a proposed motion on the case's own platform."""
+    motion = motion_from_dict(proposed["motion"])
+    dt, _ = tick(case.rate)
+    twist = motion.twist(dt * np.arange(round(motion.duration / dt) + 1))
+    return log_along(case, "next_experiment", twist)
+
+
+def run_trial(case: Case, diagnose: Diagnose, follow_up: bool = False) -> Record:
+    """Make a case's logs and have them diagnosed, starting from the published model.
+
+    With ``follow_up`` what is tied is diagnosed again with the proposed experiment's log beside.
+    """
+    logs = logs_of(case)
+    record: Record = {
+        "case": case.to_dict(),
+        "carriers": sorted({c for item in case.planted for c in EVERYTHING[item.name].carriers}),
+    }
+    before = time.perf_counter()
+    try:
+        found = diagnose(load_model("paper"), logs, seed=case.seed)
+    except InputError as error:
+        return record | {"seconds": time.perf_counter() - before, "error": str(error)}
+    record["seconds"] = time.perf_counter() - before
+    record["found"] = found.to_dict()
+    record["sizes"] = stated_sizes(found, record["found"])
+    truth = true_model(case)
+    record["true_velocity_error"] = None if truth is None else velocity_error(truth, logs)
+    proposed = record["found"].get("next_experiment")
+    if follow_up and proposed and record["found"]["ambiguous_with"]:
+        more = [*logs, experiment(case, proposed)]
+        record["after"] = diagnose(load_model("paper"), more, seed=case.seed).to_dict()
+    return record
+
+
+@dataclass(frozen=True)
+class Spec:
+    """What makes a case: see :func:`youbot_scripts.blind_bench.cases.draw_case`."""
+
+    kind: str
+    index: int
+    seed: int
+    rate: float | None = None
+    noise: float | None = None
+
+    def draw(self) -> Case:
+        """The case."""
+        return draw_case(self.kind, self.index, self.seed, self.rate, self.noise)
+
+
+def plan(
+    kinds: Sequence[str],
+    cases: int,
+    seed: int,
+    rates: Sequence[float] = (),
+    noise: float | None = None,
+) -> list[Spec]:
+    """``cases`` cases of each kind, the kinds in turn, so that a part of them is a fair sample.
+
+    Parameters
+    ----------
+    rates : of the logs [Hz], in turn; empty: as each kind has it
+    noise : factor on the base noise; None: as each kind has it
+
+    Raises
+    ------
+    InputError
+        If a kind or rate cannot be.
+    """
+    columns = []
+    for kind in kinds:
+        # A full turn through the effects before the next rate, so that each meets each.
+        turn = len(CATALOGUE) if kind in ("one", "quarter", "sweep") else 1
+        columns.append(
+            [
+                Spec(kind, i, seed, rates[i // turn % len(rates)] if rates else None, noise)
+                for i in range(cases)
+            ]
+        )
+        if cases:
+            columns[-1][0].draw()
+    return [spec for spec in chain.from_iterable(zip_longest(*columns)) if spec is not None]
+
+
+def try_case(diagnose: Diagnose, follow_up: bool, spec: Spec) -> Record:
+    """One trial; a crash becomes part of the record, so that it does not end the others."""
+    case = spec.draw()
+    try:
+        return run_trial(case, diagnose, follow_up)
+    except Exception as error:
+        message = f"{type(error).__name__}: {error}"
+        return {"case": case.to_dict(), "carriers": [], "seconds": 0.0, "error": message}
+
+
+def run_trials(
+    specs: Sequence[Spec],
+    diagnose: Diagnose,
+    *,
+    jobs: int = 1,
+    folder: Path | None = None,
+    follow_up: bool = False,
+    progress: Callable[[], None] = lambda: None,
+) -> list[Record]:
+    """Trials of all cases, in their order.
+
+    Parameters
+    ----------
+    diagnose : ``diagnose(model, logs, seed=...)``; picklable if ``jobs`` is more than one
+    follow_up : record the experiment that is proposed for a tie, and diagnose again
+    folder : where each trial is noted as it is done; those that are there are not done again
+
+    Raises
+    ------
+    InputError
+        If the folder cannot be made or holds something else.
+    """
+    keys = {spec: spec.draw().key for spec in specs}
+    done = resumed(
+        partial(try_case, diagnose, follow_up),
+        {key: spec for spec, key in keys.items()},
+        lambda record: record["case"]["key"],
+        jobs=jobs,
+        folder=folder,
+        progress=progress,
+    )
+    return [done[keys[spec]] for spec in specs]
+
+
+def errors_of(records: Iterable[Record]) -> list[str]:
+    """What went wrong, by case."""
+    return [f"{r['case']['key']}: {r['error']}" for r in records if "error" in r]

@@ -1,0 +1,1 @@
+"""Driving a simulated platform through motions and writing its logs."""

@@ -1,0 +1,142 @@
+"""Motions and plants as they are named on the command line."""
+
+from __future__ import annotations
+
+import json
+import re
+import zlib
+from collections.abc import Iterable
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from youbot_env.errors import InputError
+from youbot_env.model.model import Model
+from youbot_env.motions.calibration import (
+    Motion,
+    calibration,
+    motion_from_dict,
+    motion_i,
+    motion_ii,
+    motion_iii,
+    motion_iv,
+    multisine,
+)
+from youbot_env.physics.effect import CATALOGUE, Effect
+from youbot_env.physics.geometry import Geometry
+
+DEFAULT_MOTIONS = "calibration,multisine_a,multisine_b"
+
+FIXED = {
+    "calibration": calibration,
+    "I": motion_i,
+    "II": motion_ii,
+    "III": motion_iii,
+    "IV": motion_iv,
+}
+"""Motions that no seed changes; a name that starts with "multisine" is drawn at random."""
+
+_SAFE_NAME = re.compile(r"[A-Za-z0-9_][A-Za-z0-9_. -]*")
+
+
+def generator(seed: int, *names: str) -> np.random.Generator:
+    """Random numbers of one purpose, whatever else is drawn from the same seed."""
+    return np.random.default_rng([seed, *(zlib.crc32(name.encode()) for name in names)])
+
+
+def motions_named(names: str | Iterable[str], geometry: Geometry, seed: int) -> list[Motion]:
+    """The motions of a list of names, or of names separated by commas.
+
+    A name is one of FIXED, starts with "multisine" (tones and phases are drawn from the seed and
+    the name), or is a JSON file that holds ``Motion.to_dict()``.
+
+    Raises
+    ------
+    InputError
+        If a name is unknown, a file does not hold a motion, or two motions have one name.
+    """
+    names = names.split(",") if isinstance(names, str) else names
+    found: dict[str, Motion] = {}
+    for name in filter(None, (name.strip() for name in names)):
+        motion = _motion_named(name, geometry, seed)
+        if motion.name in found:
+            raise InputError(f"motions: two are named '{motion.name}'; logs go by name, rename one")
+        found[motion.name] = motion
+    if not found:
+        raise InputError(f"motions: none is named; use {', '.join(FIXED)} or multisine_a")
+    return list(found.values())
+
+
+def _motion_named(name: str, geometry: Geometry, seed: int) -> Motion:
+    if name in FIXED:
+        return FIXED[name](geometry)
+    if name.endswith(".json"):
+        return _motion_from_file(Path(name))
+    if name.startswith("multisine") and _SAFE_NAME.fullmatch(name):
+        return multisine(generator(seed, name, "motion"), geometry=geometry, name=name)
+    raise InputError(
+        f"motion {name!r}: not known; use {', '.join(FIXED)}, multisine_a (or another name that "
+        "starts with multisine), or a .json file that holds a motion"
+    )
+
+
+def _motion_from_file(path: Path) -> Motion:
+    try:
+        description = json.loads(path.read_text("utf-8"))
+    except OSError as error:
+        raise InputError(f"{path}: cannot be read: {error.strerror or error}") from None
+    except (ValueError, RecursionError) as error:
+        where = f"row {error.lineno}: " if isinstance(error, json.JSONDecodeError) else ""
+        raise InputError(f"{path}: {where}not valid JSON; a motion file is needed") from None
+    try:
+        motion = motion_from_dict(description)
+    except InputError as error:
+        raise InputError(f"{path}: {error}") from None
+    if not _SAFE_NAME.fullmatch(motion.name):
+        raise InputError(
+            f"{path}: motion name {motion.name!r} cannot name a file; use letters, digits, _ and -"
+        )
+    return motion
+
+
+def catalogue_size(effect: Effect) -> dict[str, float]:
+    """Parameters of an effect at the size at which it matters.
+
+    Where each wheel has its own value only the front left one has that size: what all four share
+    belongs to the base model.
+    """
+    values = effect.public_defaults
+    for parameter in effect.public_parameters:
+        if not parameter.is_shape:
+            values[parameter.names[0]] = parameter.size
+    return values
+
+
+def with_effects(model: Model, texts: Iterable[str]) -> Model:
+    """The model plus effects given as ``NAME`` (at catalogue size) or ``NAME:param=value,...``.
+
+    Raises
+    ------
+    InputError
+        If an effect or parameter is unknown, or a value is no number or out of its bounds.
+    """
+    for text in texts:
+        name, colon, assignments = text.partition(":")
+        values = _values(text, assignments) if colon else catalogue_size(CATALOGUE[name])
+        model = model.with_effect(name, **values)
+    return model
+
+
+def _values(text: str, assignments: str) -> dict[str, Any]:
+    values = {}
+    for assignment in assignments.split(","):
+        key, _, number = assignment.partition("=")
+        try:
+            values[key.strip()] = float(number)
+        except ValueError:
+            raise InputError(
+                f"effect {text!r}: {assignment!r} is not parameter=number; write for instance "
+                "wheel_coulomb_friction:torque=0.25"
+            ) from None
+    return values

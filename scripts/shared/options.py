@@ -1,0 +1,289 @@
+"""What the commands share: options, tables, progress, and files that are never half-written."""
+
+from __future__ import annotations
+
+import json
+import math
+import os
+import platform
+import sys
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
+
+if TYPE_CHECKING:
+    from rich.console import Console
+
+STDOUT = Path("-")
+"""The file name that means standard output."""
+
+
+# --- options ---------------------------------------------------------------------------------
+
+
+def check_output(path: Path | None) -> Path | None:
+    """Typer callback: refuse an output file that cannot be made before anything is computed.
+
+    Raises
+    ------
+    InputError
+        If `path` is a folder, or its folder is missing or not writable.
+    """
+    if path is None or path == STDOUT:
+        return path
+    if path.is_dir():
+        raise _input_error(f"{path}: is a folder; name a file in it")
+    if not path.parent.is_dir():
+        raise _input_error(f"{path}: folder {path.parent} does not exist; create it first")
+    if not os.access(path if path.exists() else path.parent, os.W_OK):
+        raise _input_error(f"{path}: no permission to write there")
+    return path
+
+
+LogsArgument = Annotated[
+    list[Path],
+    typer.Argument(metavar="LOG...", help="Logs: .csv, .csv.gz or .parquet, 20 Hz to 1 kHz."),
+]
+ModelArgument = Annotated[
+    str,
+    typer.Argument(metavar="MODEL", help="Model file (JSON), or 'paper' for the published one."),
+]
+OutputModelOption = Annotated[
+    Path | None,
+    typer.Option(
+        "--output", "-o", metavar="MODEL", callback=check_output, help="Write the model file here."
+    ),
+]
+GeometryOption = Annotated[
+    str | None,
+    typer.Option(
+        "--geometry",
+        metavar="FILE",
+        help="Another platform's l, h, R, r (m) and m1 (kg): a JSON file or a model.",
+    ),
+]
+JsonOption = Annotated[
+    Path | None,
+    typer.Option(
+        "--json",
+        metavar="F",
+        callback=check_output,
+        help="Write the result as JSON to F; '-' is standard output (tables then go to stderr).",
+    ),
+]
+PlotsOption = Annotated[
+    Path | None,
+    typer.Option("--plots", metavar="DIR", help="Draw plots into this folder (extra: plots)."),
+]
+ReportOption = Annotated[
+    Path | None,
+    typer.Option(
+        "--report",
+        metavar="F.html",
+        callback=check_output,
+        help="Write tables and pictures as one web page (extra: plots).",
+    ),
+]
+MechanismOption = Annotated[
+    str | None,
+    typer.Option(
+        "--mechanism", metavar="NAME", help="mecanum or axis; only checked: the model says it."
+    ),
+]
+LogsOfOption = Annotated[
+    str,
+    typer.Option("--mechanism", metavar="NAME", help="What the logs are of: mecanum, axis."),
+]
+UnitOption = Annotated[
+    str,
+    typer.Option("--unit", help="Of an axis' position: rad (rad/s, N m) or m (m/s, N)."),
+]
+SeedOption = Annotated[
+    int, typer.Option("--seed", metavar="N", min=0, help="Seed of all random numbers.")
+]
+
+
+def check_pictures(folder: Path | None, report: Path | None) -> None:
+    """Refuse pictures (``--plots``, ``--report``) that cannot be drawn, before anything is done.
+
+    Raises
+    ------
+    InputError
+        If matplotlib is not installed, or there is something else where the folder should be.
+    """
+    if folder is None and report is None:
+        return
+    from identification.figures.style import matplotlib
+
+    matplotlib()
+    if folder is not None and not folder.is_dir():
+        there = next(part for part in (folder, *folder.absolute().parents) if part.exists())
+        if not there.is_dir():
+            raise _input_error(f"{folder}: cannot be made a folder: {there} is a file")
+        if not os.access(there, os.W_OK):
+            raise _input_error(f"{folder}: cannot be made a folder: no permission to write there")
+
+
+# --- files -----------------------------------------------------------------------------------
+
+
+def write_text(path: Path | str, text: str) -> None:
+    """Write `text` to the file `path` as a whole or not at all; "-" is standard output.
+
+    Raises
+    ------
+    InputError
+        If the file cannot be written.
+    """
+    if Path(path) == STDOUT:
+        sys.stdout.write(text)
+        return
+    from youbot_env.files import write_atomically  # as in `_input_error`
+
+    write_atomically(path, text)
+
+
+def write_json(path: Path | str, data: Any) -> None:
+    """Write `data` as JSON, like `write_text`.
+
+    NumPy arrays and numbers and paths become their plain counterparts; NaN and infinities, which
+    JSON lacks, become null.
+    """
+    write_text(path, json.dumps(_plain(data), indent=2, allow_nan=False) + "\n")
+
+
+def write_result(path: Path | None, result: Mapping[str, Any], seed: int | None = None) -> None:
+    """Write a command's result with its `provenance`, where the user asked for it (`--json`)."""
+    if path is not None:
+        write_json(path, {**result, **provenance(seed)})
+
+
+def provenance(seed: int | None = None) -> dict[str, Any]:
+    """What it takes to repeat a result: this package's version, the seed, the versions beneath."""
+    from importlib.metadata import version  # 35 ms that only a result file needs
+
+    versions = {name: version(name) for name in ("numpy", "scipy", "numba")}
+    return {
+        "version": version("youbot"),
+        "seed": seed,
+        "versions": {"python": platform.python_version(), **versions},
+    }
+
+
+def _plain(value: Any) -> Any:
+    if isinstance(value, Mapping):
+        return {str(key): _plain(item) for key, item in value.items()}
+    if isinstance(value, (list, tuple)):
+        return [_plain(item) for item in value]
+    if hasattr(value, "tolist"):  # NumPy arrays and scalars, without importing NumPy
+        return _plain(value.tolist())
+    if isinstance(value, float):
+        return value if math.isfinite(value) else None
+    return str(value) if isinstance(value, os.PathLike) else value
+
+
+def _input_error(message: str) -> ValueError:
+    # Imported here because loading the package would slow `youbot --help` down.
+    from youbot_env.errors import InputError
+
+    return InputError(message)
+
+
+# --- the terminal ----------------------------------------------------------------------------
+
+
+def console(json: Path | None = None) -> Console:
+    """Where a command prints: standard output, or standard error if that is for the JSON."""
+    from rich.console import Console
+
+    class PlainConsole(Console):
+        def on_broken_pipe(self) -> None:
+            raise BrokenPipeError  # Rich would exit with status 1, `cli.main` knows better
+
+    return PlainConsole(stderr=json == STDOUT, highlight=False, markup=False, emoji=False)
+
+
+def show_table(
+    console: Console,
+    title: str,
+    headers: Sequence[str],
+    rows: Sequence[Sequence[object]],
+    left: Sequence[str] = (),
+) -> None:
+    """Print a table: the first column and those named in `left` to the left, others to the right.
+
+    Cells are shown as `str` gives them (brackets are no markup); long text folds at the width of
+    the terminal, or at 80 columns where there is none.
+    """
+    from rich import box
+    from rich.table import Table
+    from rich.text import Text
+
+    table = Table(title=Text(title), title_justify="left", box=box.SIMPLE_HEAD, pad_edge=False)
+    for index, header in enumerate(headers):
+        is_text = index == 0 or header in left
+        table.add_column(
+            Text(header),
+            justify="left" if is_text else "right",
+            overflow="fold",
+            no_wrap=not is_text,
+        )
+    for row in rows:
+        table.add_row(*(Text(str(cell)) for cell in row))
+    console.print(table)
+
+
+def number(value: float | None, digits: int = 4) -> str:
+    """`value` with `digits` significant digits; "-" where there is none."""
+    return "-" if value is None or not math.isfinite(value) else f"{value:.{digits}g}"
+
+
+def percent(share: float) -> str:
+    """A share such as 0.0123 as "1.23 %"; "-" where it is not a number."""
+    return f"{100 * share:.2f} %" if share == share else "-"
+
+
+def with_std(value: float, std: float) -> str:
+    """`value ± std`, both to the second significant digit of the standard deviation."""
+    if not (math.isfinite(value) and math.isfinite(std) and std > 0):
+        return number(value)
+    return f"{to_digit_of(value, std)} ± {to_digit_of(std, std)}"
+
+
+def to_digit_of(value: float, std: float) -> str:
+    """`value` to the second significant digit of its standard deviation `std` > 0."""
+    return f"{value:.{max(0, 1 - math.floor(math.log10(std)))}f}"
+
+
+def x_legend(names: Sequence[str], scaling: str = "as in the paper") -> str:
+    """Which parameter each x1, x2, ... stands for."""
+    pairs = (f"x{k + 1} {name}" for k, name in enumerate(names))
+    return f"x, scaled {scaling}: {', '.join(pairs)}"
+
+
+@contextmanager
+def progress(total: float, description: str) -> Iterator[Callable[..., None]]:
+    """A bar with the time left on standard error; yields `advance(steps=1)`.
+
+    Silent where standard error is no terminal. The bar goes away at the end, also on Ctrl-C.
+    """
+    if not sys.stderr.isatty():
+        yield lambda steps=1: None
+        return
+    from rich.console import Console
+    from rich.progress import (
+        BarColumn,
+        Progress,
+        TaskProgressColumn,
+        TextColumn,
+        TimeRemainingColumn,
+    )
+
+    columns = (TextColumn("{task.description}"), BarColumn(), TaskProgressColumn())
+    bar = Progress(*columns, TimeRemainingColumn(), console=Console(stderr=True), transient=True)
+    with bar:
+        task = bar.add_task(description, total=total)
+        yield lambda steps=1: bar.advance(task, steps)

@@ -1,0 +1,57 @@
+"""Pieces of work side by side: the same results in the same order, however many threads."""
+
+from __future__ import annotations
+
+import threading
+import time
+
+import pytest
+
+from identification.diagnosis.threads import MOST, THREADS, side_by_side, threads
+from youbot_env.errors import InputError
+
+
+@pytest.mark.parametrize("count", ["1", "3"])
+def test_results_come_in_order_and_progress_from_the_calling_thread(monkeypatch, count):
+    monkeypatch.setenv(THREADS, count)
+    callers = []
+
+    def work(item: int) -> int:
+        time.sleep(0.01 * (3 - item))  # the last begun is the first done
+        return item * item
+
+    found = side_by_side(work, range(4), lambda: callers.append(threading.current_thread()))
+    assert found == [0, 1, 4, 9]
+    assert callers == [threading.current_thread()] * 4
+
+
+def test_two_threads_work_at_once(monkeypatch):
+    monkeypatch.setenv(THREADS, "2")
+    meeting = threading.Barrier(2, timeout=5.0)
+    assert len(side_by_side(lambda _: meeting.wait(), range(2))) == 2
+
+
+@pytest.mark.parametrize("failure", [RuntimeError, KeyboardInterrupt])
+def test_after_a_failure_nothing_else_is_begun(monkeypatch, failure):
+    monkeypatch.setenv(THREADS, "1")
+    begun = []
+
+    def work(item: int) -> None:
+        begun.append(item)
+        time.sleep(0.2)
+        raise failure
+
+    with pytest.raises(failure):
+        side_by_side(work, range(20))
+    assert len(begun) < 5
+
+
+def test_threads_are_the_cores_unless_the_user_says(monkeypatch):
+    monkeypatch.delenv(THREADS, raising=False)
+    assert 1 <= threads() <= MOST
+    monkeypatch.setenv(THREADS, "7")
+    assert threads() == 7
+    for wrong in ("0", "two", "-1", "1.5"):
+        monkeypatch.setenv(THREADS, wrong)
+        with pytest.raises(InputError, match="YOUBOT_THREADS: .* whole number"):
+            threads()

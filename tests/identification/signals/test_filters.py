@@ -1,0 +1,56 @@
+import numpy as np
+import pytest
+
+from identification.signals.filters import block_mean, filter_samples, first_order, settled
+
+
+def naive(start, end, rate, dt):
+    """The same recursion, one step at a time, from the exact response to a ramp."""
+    decay = np.exp(-rate * dt)
+    out = [np.zeros_like(start[0])]
+    for a, b in zip(start, end, strict=True):
+        slope = (b - a) / dt
+        # Particular solution of y' = rate (u - y) for u = a + slope t: u - slope / rate.
+        constant = out[-1] - (a - slope / rate)
+        out.append(constant * decay + b - slope / rate)
+    return np.array(out)
+
+
+@pytest.mark.parametrize("count", [2, 63, 64, 65, 129, 1000])
+def test_blocks_change_nothing(count):
+    rng = np.random.default_rng(0)
+    start, end = rng.standard_normal((2, count, 3))
+    expected = naive(start, end, 10.0, 0.01)
+    np.testing.assert_allclose(first_order(start, end, 10.0, 0.01), expected, atol=1e-12)
+
+
+def test_filtered_derivative_is_the_papers_exactly():
+    """a_f p/(p + a_f) s = a_f (s - s_f) for a signal that is linear between samples."""
+    rng = np.random.default_rng(1)
+    signal = np.cumsum(rng.standard_normal((400, 3)), axis=0)
+    signal -= signal[0]
+    slope = np.diff(signal, axis=0) / 0.02
+    filtered = first_order(slope, slope, 10.0, 0.02)
+    paper = 10.0 * (signal - filter_samples(signal, 10.0, 0.02))
+    np.testing.assert_allclose(filtered, paper, atol=1e-10)
+
+
+def test_response_to_a_slow_sine_is_that_of_the_continuous_filter():
+    dt, rate, omega = 0.01, 10.0, 2.0
+    time = np.arange(0, 20, dt)
+    filtered = filter_samples(np.sin(omega * time)[:, None], rate, dt)[:, 0]
+    gain, phase = rate / np.hypot(rate, omega), np.arctan2(omega, rate)
+    late = settled(rate, dt) * 3
+    expected = gain * np.sin(omega * time - phase)
+    # First-order hold of a sine loses (omega dt)^2 / 12 of its size.
+    np.testing.assert_allclose(filtered[late:], expected[late:], atol=5e-5)
+
+
+def test_start_is_forgotten_after_the_settling_time():
+    dt, rate = 0.01, 10.0
+    filtered = filter_samples(np.ones((200, 1)), rate, dt)[:, 0]
+    assert abs(filtered[settled(rate, dt)] - 1.0) < 0.007
+
+
+def test_block_mean_leaves_incomplete_blocks_out():
+    np.testing.assert_allclose(block_mean(np.arange(11.0)[:, None], 4)[:, 0], [1.5, 5.5])

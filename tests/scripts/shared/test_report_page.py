@@ -1,0 +1,80 @@
+"""A report is one file that shows what it was given, runs nothing and fetches nothing."""
+
+from __future__ import annotations
+
+import base64
+import io
+import re
+from html.parser import HTMLParser
+
+import numpy as np
+import pytest
+from PIL import Image
+
+from identification.figures.time_series import motion_figure
+from youbot_scripts.cli import command_line
+from youbot_scripts.shared.report_page import Picture, Words, page, pictures
+from youbot_scripts.shared.tables import Table
+
+EVIL = '<script>alert(1)</script> & "x" <img src=http://evil>'
+
+
+class Reader(HTMLParser):
+    """Tags and texts of a page, as a browser would see them."""
+
+    def __init__(self, text: str) -> None:
+        super().__init__()
+        self.tags: list[str] = []
+        self.texts: list[str] = []
+        self.sources: list[str] = []
+        self.feed(text)
+
+    def handle_starttag(self, tag: str, attrs: list[tuple[str, str | None]]) -> None:
+        self.tags.append(tag)
+        self.sources += [value or "" for name, value in attrs if name in ("src", "href")]
+
+    def handle_data(self, data: str) -> None:
+        self.texts.append(data)
+
+
+def everywhere(text: str) -> str:
+    """A page on which a text stands in every place that takes one."""
+    table = Table(text, (text, "b"), ((text, 1),), (text,), text, left=("b",))
+    parts = [Words([text], "verdict", text), table, Picture(text, b"")]
+    return page(text, parts, {text: text}, command=text)
+
+
+def test_names_are_text_wherever_they_stand():
+    found, plain = Reader(everywhere(EVIL)), Reader(everywhere("name"))
+    assert found.tags == plain.tags and "script" not in found.tags
+    assert found.sources == plain.sources == ["data:image/png;base64,"]
+    assert "".join(found.texts).count(EVIL) == "".join(plain.texts).count("name") >= 9
+
+
+def test_parts_come_in_order_and_tables_are_whole():
+    table = Table(
+        "T", ("name", "value", "unit"), (("a", 1.5, "m"), ("b", "-", "s")), left=("unit",)
+    )
+    text = page("P", [Words(["first"]), table, Words(["last"])], {"seed": 7})
+    cells = re.findall(r"<td(?: class=\"text\")?>([^<]*)</td>", text)
+    assert cells == ["a", "1.5", "m", "b", "-", "s"]
+    assert text.index("first") < text.index("<table>") < text.index("last")
+    assert '<td class="text">m</td>' in text and "seed 7" in text
+
+
+def test_a_table_without_rows_is_its_notes():
+    text = page("P", [Table("T", ("a", "b"), (), ("nothing to tell",))], {})
+    assert "nothing to tell" in text and "<table>" not in text
+
+
+def test_pictures_are_in_the_page():
+    figure = motion_figure(np.arange(9.0), np.ones((9, 3)), None, name="run")
+    text = page("P", pictures([("motion", figure)]), {})
+    (data,) = re.findall(r'src="data:image/png;base64,([^"]+)"', text)
+    with Image.open(io.BytesIO(base64.b64decode(data))) as picture:
+        assert picture.format == "PNG" and picture.width == 1000
+
+
+def test_outside_a_command_the_process_s_own_line_is_told(monkeypatch: pytest.MonkeyPatch):
+    monkeypatch.setattr("sys.argv", ["x", "identify", "a b.csv"])
+    assert command_line() == "youbot identify 'a b.csv'"

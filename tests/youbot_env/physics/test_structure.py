@@ -1,0 +1,79 @@
+"""Structures of any mechanism: keys of caches, small when pickled, in the key of their kernels."""
+
+from __future__ import annotations
+
+import pickle
+import sys
+
+import pytest
+
+from identification.mechanisms.axis_dynamics import SYSTEM, AxisStructure
+from youbot_env.errors import InputError
+from youbot_env.physics.effect import CATALOGUE
+from youbot_env.physics.structure import Composition, Structure
+from youbot_env.simulation.generated_code import INVERSE, MECANUM, System
+
+CASES = [
+    pytest.param(Structure, ("wheel_coulomb_friction", "actuator_lag"), id="platform"),
+    pytest.param(AxisStructure, ("spring", "actuator_lag"), id="axis"),
+]
+
+
+@pytest.mark.parametrize(("kind", "effects"), CASES)
+def test_equal_effects_make_equal_keys(kind: type[Composition], effects: tuple[str, ...]):
+    assert kind(effects) == kind(effects) != kind(effects[::-1])
+    assert len({kind(effects), kind(effects), kind()}) == 2
+
+
+def test_structures_of_two_mechanisms_differ():
+    assert Structure() != AxisStructure()
+
+
+@pytest.mark.parametrize(("kind", "effects"), CASES)
+def test_theta_and_the_state_follow_the_effects(kind: type[Composition], effects: tuple[str, ...]):
+    bare, full = kind(), kind(effects)
+    added = full.parameter_names[len(bare.parameter_names) :]
+    assert {name.split(".")[0] for name in added} == set(effects)
+    assert full.slices[-1][1].stop == len(full.parameter_names)
+    assert not bare.has_actuator and full.has_actuator
+    assert full.state_names == bare.state_names + kind.drive_state
+    assert bare.wrenches == bare.slices and full.wrenches == full.slices[:-1]
+
+
+@pytest.mark.parametrize(("kind", "effects"), CASES)
+def test_a_pickle_holds_names_and_finds_the_effects_again(
+    kind: type[Composition], effects: tuple[str, ...]
+):
+    structure = kind(effects)
+    size = len(pickle.dumps(structure))
+    assert structure.components[-1].name == effects[-1]  # what is worked out stays at home
+    assert len(pickle.dumps(structure)) == size
+    again = pickle.loads(pickle.dumps(structure))
+    assert again == structure and again.components == structure.components
+
+
+@pytest.mark.parametrize("kind", [Structure, AxisStructure])
+def test_structures_refuse_what_cannot_be(kind: type[Composition]):
+    name = kind.catalogue.names()[0]
+    with pytest.raises(InputError, match="named twice"):
+        kind((name, name))
+    with pytest.raises(InputError, match="unknown effect 'nothing'"):
+        kind(("nothing",))
+
+
+def test_a_platform_holds_one_actuator(monkeypatch: pytest.MonkeyPatch):
+    monkeypatch.setitem(CATALOGUE._effects, "second_lag", CATALOGUE["actuator_lag"])
+    with pytest.raises(InputError, match="one actuator effect"):
+        Structure(("actuator_lag", "second_lag"))
+
+
+@pytest.mark.parametrize(
+    ("structure", "system"),
+    [(Structure(), MECANUM), (Structure(), INVERSE), (AxisStructure(), SYSTEM)],
+)
+def test_the_key_of_a_kernel_reads_what_orders_its_arguments(
+    structure: Composition, system: System
+):
+    """A changed order of theta or of the state must not meet a kernel of the old one."""
+    homes = {home.__module__ for home in type(structure).__mro__ if home is not object}
+    assert homes <= set(system.sources) <= set(sys.modules)

@@ -1,0 +1,1 @@
+"""A plant with real rollers on a floor, simulated by MuJoCo."""

@@ -1,0 +1,1 @@
+"""The equations of motion in print, from the functions that are simulated."""

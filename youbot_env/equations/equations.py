@@ -1,0 +1,337 @@
+"""The equations of motion in print: the effects' own functions, evaluated on sympy symbols.
+
+Nothing here states physics. Wheel and roller rates stay symbols of their own (``phi1'``,
+``gamma1'``) where an effect is not linear in them; elsewhere no slip turns them into the twist.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from dataclasses import dataclass
+from functools import cached_property
+from types import SimpleNamespace
+from typing import Any, Literal
+
+import sympy
+
+from youbot_env.equations.printing import Group, collected, join, latex, text, tidy, with_values
+from youbot_env.errors import InputError
+from youbot_env.model.model import Model
+from youbot_env.physics.effect import (
+    ACTUATOR,
+    BASE,
+    BODY,
+    CHANNEL,
+    CLOCK,
+    ROLLER,
+    WHEEL,
+    WORLD,
+    Actuator,
+    Body,
+    Channel,
+    Clock,
+    Effect,
+    Place,
+    Roller,
+    Wheel,
+    World,
+)
+from youbot_env.physics.geometry import Geometry, body_force, roller_rates, wheel_rates
+from youbot_env.physics.namespaces import floats, symbols
+from youbot_env.physics.points import Base, Instant, Points, component_wrench
+from youbot_env.physics.structure import Structure
+
+Form = Literal["text", "latex", "numeric"]
+
+SIDES = ("F_X", "F_Y", "M_W")
+"""Right-hand sides of the three equations of motion."""
+
+WORDS: dict[Place, tuple[str, ...]] = {
+    BODY: ("dF_X", "dF_Y", "dM_W"),
+    WORLD: ("dF_x", "dF_y", "dM"),
+    WHEEL: ("dM",),
+    ROLLER: ("dM_roller",),
+    ACTUATOR: ("M_command",),
+    CHANNEL: ("M_true",),
+    CLOCK: ("T_late",),
+}
+"""What an effect's function returns, by the place where it acts."""
+
+
+def equation(what: Structure | Model, form: Form = "text") -> str:
+    """The three equations of motion, one a line, and below them what their symbols stand for.
+
+    Parameters
+    ----------
+    what : a structure, or a model
+    form : "text" and "latex" print parameters by name, "numeric" a model's values (6 digits, SI)
+
+    Raises
+    ------
+    InputError
+        If the form is unknown, or numbers are asked of a structure.
+    """
+    structure = what.structure if isinstance(what, Model) else what
+    if form not in ("text", "latex", "numeric"):
+        raise InputError(f"form {form!r}: choose text, latex or numeric")
+    if form == "numeric" and not isinstance(what, Model):
+        raise InputError("numbers need a model: a structure holds no values")
+    motion = Equations(structure)
+    values = motion.values(what) if form == "numeric" and isinstance(what, Model) else {}
+    show = latex if form == "latex" else text
+    lines = [
+        f"{join(groups, show)} = {show(sympy.Symbol(side))}"
+        for groups, side in zip(motion.groups(values), SIDES, strict=True)
+    ]
+    return "\n".join(lines + motion.legend(show, values))
+
+
+def formula(item: Effect, form: Literal["text", "latex"] = "text") -> str:
+    """One line: what an effect adds to the motion's demand (``d...``), from its own function.
+
+    Printed in its public form; that of the base model as in the paper, with m = m0 - 4 m1.
+    ``[...]`` is one where it is true and zero elsewhere; ``T_late`` is how late torques act.
+    Parameters and points are those of one wheel: ``phi'`` its rate, ``phi''`` its acceleration,
+    ``M`` the torque that acts on it, ``gamma'`` its roller's rate; ``xC``, ``yC`` lead from O to
+    the centre of mass along world axes.
+    """
+    if item.public is not None and item.name not in BASE:
+        stated = _real(parameter.name for parameter in item.public_parameters)
+        values = item.public.inverse(symbols(), _LENGTHS, *stated)
+    else:
+        values = _real(_SPACED.get(parameter.name, parameter.name) for parameter in item.parameters)
+    point = _POINTS[item.acts_at]
+    found = item.function(symbols(), point, *values)
+    returned = found if isinstance(found, tuple) else (found,)
+    motion = set().union(*(sympy.sympify(part).free_symbols for part in _flat(point)))
+    show = latex if form == "latex" else text
+    return ";  ".join(
+        f"{show(sympy.Symbol(word))} = {join(collected(value, motion - set(_BASE)), show)}"
+        for word, value in zip(WORDS[item.acts_at], returned, strict=True)
+    )
+
+
+def try_out(item: Effect) -> None:
+    """Evaluate an effect on numbers and on symbols.
+
+    Raises
+    ------
+    InputError
+        If it does not return what its place asks for: one value, or three at the body and in the
+        world.
+    """
+    point, count = _POINTS[item.acts_at], len(WORDS[item.acts_at])
+    plain = [0.3 + 0.1 * k for k in range(len(item.parameter_names))]
+    _try_public(item, plain)
+    trials = (
+        ("numbers", floats, _numeric(point), plain),
+        ("symbols", symbols(), point, _real(item.parameter_names)),
+    )
+    for kind, xp, where, values in trials:
+        try:
+            found = item.evaluate(xp, where, values)
+        except Exception as error:
+            hint = ": use the functions of xp, such as xp.tanh, and xp.where instead of if"
+            raise InputError(
+                f"effect {item.name}: fails on {kind} ({type(error).__name__}: {error})"
+                + (hint if kind == "symbols" else "")
+            ) from None
+        parts = found if isinstance(found, tuple) else (found,)
+        is_value = all(isinstance(part, (int, float, sympy.Expr)) for part in parts)
+        if len(parts) != count or not is_value:
+            wanted = "one number" if count == 1 else "three numbers (a tuple)"
+            raise InputError(f"effect {item.name}: returns {found!r}, not {wanted}")
+
+
+def _try_public(item: Effect, values: list[float]) -> None:
+    """There and back again must be the same values, and no strength no error."""
+    if item.public is None:
+        return
+    geometry = Geometry()
+    try:
+        there = item.to_public(geometry, values)
+        back = item.to_internal(floats, geometry, there)
+        nothing = item.to_public(geometry, item.defaults.values())
+        item.to_internal(symbols(), _LENGTHS, _real(item.public_names))
+    except Exception as error:
+        raise InputError(
+            f"effect {item.name}: its public form fails ({type(error).__name__}: {error})"
+        ) from None
+    if len(there) != len(item.public_names) or len(nothing) != len(there):
+        raise InputError(f"effect {item.name}: forward must return one value a public parameter")
+    if len(back) != len(values) or any(
+        not abs(a - b) <= 1e-9 for a, b in zip(back, values, strict=True)
+    ):
+        raise InputError(f"effect {item.name}: inverse does not undo forward: {values} -> {back}")
+
+
+def _numeric(point: Any) -> Any:
+    """The same point with numbers in place of symbols."""
+    parts = (_numeric(part) if isinstance(part, tuple) else 0.7 for part in point)
+    return type(point)(*parts) if hasattr(point, "_fields") else tuple(parts)
+
+
+def _flat(point: Any) -> Iterable[Any]:
+    for part in point:
+        yield from _flat(part) if isinstance(part, tuple) else (part,)
+
+
+def _real(names: str | Iterable[str]) -> list[sympy.Symbol]:
+    names = names.split() if isinstance(names, str) else names
+    return [sympy.Symbol(name, real=True) for name in names]
+
+
+_SPACED = {"m_aX": "m aX", "m_aY": "m aY"}
+
+_LENGTHS = SimpleNamespace(**{name: _real(name)[0] for name in ("l", "h", "R", "r", "m1")})
+"""The geometry of a public form, as symbols."""
+
+_BASE = Base(*_real(["m0", "I0", "m aX", "m aY", "I1", "mu1", "mu2"]))
+_TWIST, _ACCELERATION = _real("VX VY W"), _real("VX' VY' W'")
+_POSE, _TIME = _real("x y psi"), _real("t")[0]
+
+_POINTS: dict[Place, Any] = {
+    BODY: Body(tuple(_TWIST), tuple(_ACCELERATION), _TIME, _BASE),  # type: ignore[arg-type]
+    WHEEL: Wheel(*_real("phi' phi'' phi M t"), base=_BASE),
+    ROLLER: Roller(*_real("gamma' gamma'' t"), base=_BASE),
+    WORLD: World(*_real("x y psi x' y' xC yC t"), base=_BASE),
+    ACTUATOR: Actuator(*_real("M M' t")),
+    CHANNEL: Channel(*_real("M t")),
+    CLOCK: Clock(),
+}
+
+
+class _OpenPoints(Points):
+    """Points whose wheel and roller rates are symbols, so that each component can be read."""
+
+    @cached_property
+    def wheels(self) -> list[Wheel]:
+        return [
+            Wheel(*_real(f"phi{i}' phi{i}'' phi{i} M{i} t"), base=self.base) for i in range(1, 5)
+        ]
+
+    @cached_property
+    def rollers(self) -> list[Roller]:
+        return [Roller(*_real(f"gamma{i}' gamma{i}'' t"), base=self.base) for i in range(1, 5)]
+
+
+@dataclass(frozen=True)
+class Equations:
+    """The equations of motion of a structure as sympy expressions."""
+
+    structure: Structure
+
+    @cached_property
+    def geometry(self) -> Any:
+        """Symbols of the lengths, with l + h = L as the paper abbreviates."""
+        h, R, r, L = _real("h R r L")
+        return SimpleNamespace(l=L - h, h=h, R=R, r=r)
+
+    @cached_property
+    def theta(self) -> list[sympy.Symbol]:
+        """Symbols of the parameters: short where no other parameter has that name."""
+        names = [name.split(".")[-1] for name in self.structure.parameter_names]
+        found: list[str] = []
+        for full, short in zip(self.structure.parameter_names, names, strict=True):
+            effect = full.rpartition(".")[0]
+            found.append(short if names.count(short) == 1 else f"{short}_{effect}")
+        return _real(_SPACED.get(name, name) for name in found)
+
+    @cached_property
+    def points(self) -> _OpenPoints:
+        """Where the components are evaluated."""
+        at = Instant(tuple(_TWIST), tuple(_ACCELERATION), tuple(_POSE), time=_TIME)  # type: ignore[arg-type]
+        return _OpenPoints(symbols(), self.geometry, self.theta, at, self.structure.carriers)
+
+    @cached_property
+    def no_slip(self) -> dict[sympy.Symbol, Any]:
+        """Wheel and roller rates and accelerations in terms of the twist."""
+        g, p = self.geometry, self.points
+        rows = [
+            *zip((w.rate for w in p.wheels), wheel_rates(g, p.at.twist), strict=True),
+            *zip((r.rate for r in p.rollers), roller_rates(g, p.at.twist), strict=True),
+            *zip(
+                (w.acceleration for w in p.wheels),
+                wheel_rates(g, p.at.acceleration),
+                strict=True,
+            ),
+            *zip(
+                (r.acceleration for r in p.rollers),
+                roller_rates(g, p.at.acceleration),
+                strict=True,
+            ),
+        ]
+        return {symbol: tidy(value) for symbol, value in rows}
+
+    @cached_property
+    def sides(self) -> tuple[Any, Any, Any]:
+        """Demanded F_X, F_Y, M_W."""
+        totals = [sympy.Integer(0)] * 3
+        for item, where in self.structure.wrenches:
+            force = component_wrench(symbols(), item, self.theta[where], self.points)
+            for axis in range(3):
+                totals[axis] += self._readable(tidy(sympy.sympify(force[axis])))
+        return tuple(sympy.expand(total) for total in totals)  # type: ignore[return-value]
+
+    def _readable(self, part: Any) -> Any:
+        rates = [symbol for symbol in self.no_slip if part.has(symbol)]
+        if not rates or not part.is_polynomial(*rates):
+            return part
+        is_linear = sympy.Poly(part, *rates).total_degree() == 1
+        return part.subs(self.no_slip) if is_linear else part
+
+    @cached_property
+    def motion(self) -> list[sympy.Symbol]:
+        """Symbols of the motion, as opposed to parameters and lengths."""
+        angles = [symbol for wheel in self.points.wheels for symbol in (wheel.angle, wheel.torque)]
+        return [*_TWIST, *_ACCELERATION, *_POSE, _TIME, *self.no_slip, *angles]
+
+    def values(self, model: Model) -> dict[sympy.Symbol, float]:
+        """A model's numbers for the parameters and lengths."""
+        g = model.geometry
+        lengths = zip(_real("h R r L"), (g.h, g.R, g.r, g.L), strict=True)
+        return dict(lengths) | dict(zip(self.theta, model.theta.tolist(), strict=True))
+
+    def groups(self, values: dict[sympy.Symbol, float]) -> list[list[Group]]:
+        """Each side as groups (coefficient, motion): accelerations first, then by degree."""
+        return [self._grouped(side, axis, values) for axis, side in enumerate(self.sides)]
+
+    def _grouped(self, side: Any, axis: int, values: dict[sympy.Symbol, float]) -> list[Group]:
+        rows = collected(side, set(self.motion))
+        rows.sort(key=lambda row: self._rank(row[1], axis))
+        return [(with_values(c, values), with_values(m, values)) for c, m in rows]
+
+    def _rank(self, motion: Any, axis: int) -> tuple[Any, ...]:
+        for i, symbol in enumerate(_ACCELERATION):
+            if motion.has(symbol):
+                return 0, i != axis, i, ""
+        if motion.is_polynomial(*_TWIST):
+            degree = sympy.Poly(motion, *_TWIST).total_degree() if motion.has(*_TWIST) else 0
+            return 1, -degree, motion == _TWIST[2] ** 2, sympy.default_sort_key(motion)
+        return 2, 0, 0, sympy.default_sort_key(motion)
+
+    def legend(self, show: Any, values: dict[sympy.Symbol, float]) -> list[str]:
+        """What the forces are, what drives and channels do, and which rates stand in a line."""
+        torque = [wheel.torque for wheel in self.points.wheels]
+        force = body_force(self.geometry, torque)
+        lines = [
+            f"{show(sympy.Symbol(side))} = {show(with_values(tidy(value), values))}"
+            for side, value in zip(SIDES, force, strict=True)
+        ]
+        for symbol, value in self.no_slip.items():
+            if any(side.has(symbol) for side in self.sides):
+                lines.append(f"{show(symbol)} = {show(with_values(value, values))}")
+        others = [item for item in self.structure.components if item.acts_at.kind != "wrench"]
+        lines += self._stated(show)
+        return lines + [formula(item, "latex" if show is latex else "text") for item in others]
+
+    def _stated(self, show: Any) -> list[str]:
+        """Parameters of the equations in terms of those that a model holds."""
+        lines = []
+        for item, where in self.structure.slices[len(BASE) :]:
+            stated = _real(item.public_names)
+            inner = item.to_internal(symbols(), _LENGTHS, stated)
+            for symbol, value in zip(self.theta[where], inner, strict=True):
+                if value not in stated:
+                    lines.append(f"{show(symbol)} = {show(sympy.sympify(value))}")
+        return lines

@@ -1,0 +1,1 @@
+"""A model: parameters with uncertainty, effects, geometry, history; and its file."""

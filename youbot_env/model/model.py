@@ -1,0 +1,320 @@
+"""A model: geometry, parameters with uncertainty, effects, and what they were fitted on."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from youbot_env.errors import InputError
+from youbot_env.physics import inverse_dynamics as dynamics
+from youbot_env.physics.effect import CATALOGUE
+from youbot_env.physics.geometry import Geometry
+from youbot_env.physics.points import Instant
+from youbot_env.physics.stated_parameters import to_public, to_theta
+from youbot_env.physics.structure import Structure
+
+Array = NDArray[np.float64]
+
+BASE_UNITS = {
+    "m0": "kg",
+    "I0": "kg m^2",
+    "I1": "kg m^2",
+    "aX": "m",
+    "aY": "m",
+    "mu1": "N m s",
+    "mu2": "N m s",
+}
+"""The paper's seven parameters, in its order, with their SI units."""
+
+
+@dataclass(frozen=True)
+class Estimate:
+    """A parameter's value, SI unit and standard deviation (None: not known)."""
+
+    value: float
+    unit: str
+    std: float | None = None
+
+
+@dataclass(frozen=True)
+class Model:
+    """Dynamic model of one mecanum platform. Immutable; every change returns a new model.
+
+    Attributes
+    ----------
+    geometry : lengths and wheel mass that are known beforehand
+    parameters : the paper's seven by name: m0, I0, I1, aX, aY, mu1, mu2
+    effects : for each added effect its parameters by name
+    covariance : (k, k) of the parameters named in ``covariance_names``, SI units, or None
+    logs : name and sha256 of each log that it was fitted on
+    errors : its errors on those logs
+    provenance : seed, versions, settings of the fit
+
+    Raises
+    ------
+    InputError
+        If a parameter is missing, not finite or not physical.
+    """
+
+    geometry: Geometry
+    parameters: Mapping[str, Estimate]
+    effects: Mapping[str, Mapping[str, Estimate]] = field(default_factory=dict)
+    covariance: Array | None = None
+    covariance_names: tuple[str, ...] = ()
+    logs: tuple[Mapping[str, str], ...] = ()
+    errors: Mapping[str, Any] = field(default_factory=dict)
+    name: str = "model"
+    provenance: Mapping[str, Any] = field(default_factory=dict)
+
+    def __post_init__(self) -> None:
+        missing = [name for name in BASE_UNITS if name not in self.parameters]
+        if missing:
+            raise InputError(f"model {self.name}: parameter {missing[0]!r} is missing")
+        for name, value in self.values.items():
+            if not np.isfinite(value):
+                raise InputError(f"model {self.name}: {name} = {value!r} is not a finite number")
+        self._check_bounds()
+        self._check_physical()
+        self._check_covariance()
+
+    def _check_bounds(self) -> None:
+        for effect in self.effects:
+            for key in CATALOGUE[effect].public_names:
+                known = CATALOGUE[effect].public_parameter(key)
+                if fault := known.fault(self.values[f"{effect}.{key}"]):
+                    raise InputError(f"model {self.name}: effect {effect}: {key} = {fault}")
+
+    def _check_physical(self) -> None:
+        value = {name: self.parameters[name].value for name in BASE_UNITS}
+        for name in ("m0", "I0"):
+            if value[name] <= 0:
+                raise InputError(f"model {self.name}: {name} = {value[name]:g} must be positive")
+        for name in ("I1", "mu1", "mu2"):
+            if value[name] < 0:
+                raise InputError(
+                    f"model {self.name}: {name} = {value[name]:g} must not be negative"
+                )
+        if value["m0"] <= 4 * self.geometry.m1:
+            raise InputError(
+                f"model {self.name}: m0 = {value['m0']:g} kg must exceed the mass of the four "
+                f"wheels, {4 * self.geometry.m1:g} kg"
+            )
+        if np.linalg.eigvalsh(self.mass_matrix()).min() <= 0:
+            raise InputError(
+                f"model {self.name}: the mass matrix is not positive definite "
+                "(a centre of mass that far out needs a larger I0)"
+            )
+
+    def _check_covariance(self) -> None:
+        names, where = self.covariance_names, f"model {self.name}: covariance"
+        if self.covariance is None:
+            return
+        strangers = [name for name in names if name not in self.values]
+        if strangers or len(set(names)) < len(names):
+            raise InputError(f"{where}: names {', '.join(names)} must be parameters, each once")
+        if self.covariance.shape != (len(names), len(names)):
+            raise InputError(f"{where} must be {len(names)} x {len(names)}, one row a name")
+        # Correlations, so that parameters of different size weigh alike.
+        scale = np.sqrt(np.abs(np.diag(self.covariance)))
+        unit = self.covariance / np.outer(scale, scale).clip(min=1e-300)
+        if not np.allclose(unit, unit.T, atol=1e-6) or np.diag(self.covariance).min(initial=0) < 0:
+            raise InputError(f"{where} must be symmetric with variances on its diagonal")
+        if len(names) and np.linalg.eigvalsh(unit).min() < -1e-6 * len(names):
+            raise InputError(f"{where} is not positive semidefinite")
+
+    @cached_property
+    def structure(self) -> Structure:
+        """Which effects it holds, and so the order of ``theta``."""
+        return Structure(tuple(self.effects))
+
+    @cached_property
+    def values(self) -> dict[str, float]:
+        """All parameters by full name: m0 ... mu2, then ``effect.parameter``."""
+        found = {name: float(self.parameters[name].value) for name in BASE_UNITS}
+        for effect, parameters in self.effects.items():
+            for name in CATALOGUE[effect].public_names:
+                if name not in parameters:
+                    raise InputError(f"model {self.name}: effect {effect} lacks {name!r}")
+                found[f"{effect}.{name}"] = float(parameters[name].value)
+        return found
+
+    @cached_property
+    def theta(self) -> Array:
+        """(P,) parameters in the order and form of ``structure.parameter_names`` (m_aX = m aX)."""
+        return to_theta(self.structure, self.geometry, self.values)
+
+    @cached_property
+    def lengths(self) -> Array:
+        """(4,): l, h, R, r [m], as the kernels take them."""
+        g = self.geometry
+        return np.array([g.l, g.h, g.R, g.r])
+
+    @cached_property
+    def delay(self) -> float:
+        """[s] by which torques act later than the interface says so; 0 without such an effect."""
+        return float(dynamics.torque_delay(np, self.structure, self.theta))
+
+    def with_theta(self, theta: Sequence[float] | Array) -> Model:
+        """The same model at other parameters (P,), without the old ones' uncertainty."""
+        return self.with_values(to_public(self.structure, self.geometry, theta))
+
+    def with_values(self, values: Mapping[str, float]) -> Model:
+        """The same model with the parameters named (full names) replaced and no covariance.
+
+        Raises
+        ------
+        InputError
+            If a name is unknown or a result is not physical.
+        """
+        unknown = [name for name in values if name not in self.values]
+        if unknown:
+            raise InputError(
+                f"model {self.name}: no parameter {unknown[0]!r}; it has {', '.join(self.values)}"
+            )
+        merged = self.values | {name: float(value) for name, value in values.items()}
+        parameters = {name: Estimate(merged[name], unit) for name, unit in BASE_UNITS.items()}
+        effects = {
+            effect: {
+                name: Estimate(
+                    merged[f"{effect}.{name}"], CATALOGUE[effect].public_parameter(name).unit
+                )
+                for name in CATALOGUE[effect].public_names
+            }
+            for effect in self.effects
+        }
+        return replace(
+            self, parameters=parameters, effects=effects, covariance=None, covariance_names=()
+        )
+
+    def with_effect(self, name: str, **values: float) -> Model:
+        """The model plus (or with other values of) one effect of the catalogue.
+
+        Parameters that are not named keep their default: zero, or the shape constant's.
+
+        Raises
+        ------
+        InputError
+            If the effect or a parameter is unknown or a value is out of its bounds.
+        """
+        effect = CATALOGUE[name]
+        estimates = {
+            key: Estimate(float(value), effect.public_parameter(key).unit)
+            for key, value in (effect.public_defaults | values).items()
+        }
+        effects = dict(self.effects) | {name: estimates}
+        return replace(self, effects=effects, covariance=None, covariance_names=())
+
+    def without_effects(self) -> Model:
+        """The base model alone, at the same parameters."""
+        return replace(self, effects={}, covariance=None, covariance_names=())
+
+    def sample(self, rng: np.random.Generator) -> Model:
+        """A model drawn from this one's covariance; draws that are not physical are drawn again.
+
+        Raises
+        ------
+        InputError
+            If the model has no covariance, or hardly a draw is physical.
+        """
+        if self.covariance is None:
+            raise InputError(f"model {self.name}: it holds no covariance to draw from")
+        mean = np.array([self.values[name] for name in self.covariance_names])
+        for _ in range(1000):
+            # The covariance was checked on construction, with parameters of one scale.
+            draw = rng.multivariate_normal(mean, self.covariance, check_valid="ignore")
+            try:
+                return self.with_values(dict(zip(self.covariance_names, draw, strict=True)))
+            except InputError:
+                continue
+        raise InputError(f"model {self.name}: its uncertainty reaches far past physical values")
+
+    # Evaluation on arrays -----------------------------------------------------------------------
+
+    def wrench(self, twist: ArrayLike, acceleration: ArrayLike, **at: ArrayLike) -> Array:
+        """Generalised force (..., 3) [N, N, N m] that a motion demands.
+
+        Parameters
+        ----------
+        twist, acceleration : (..., 3) body twist and its time derivative
+        at : pose (..., 3), wheel_angle (..., 4), torque (..., 4) that acts, time (...)
+        """
+        instant = _instant(twist, acceleration, at)
+        return _stack(dynamics.wrench(np, self.structure, self.geometry, self.theta, instant))
+
+    def inverse_dynamics(self, twist: ArrayLike, acceleration: ArrayLike, **at: ArrayLike) -> Array:
+        """Interface torques (..., 4) [N m] that drive a motion (see :meth:`wrench`).
+
+        A model with an actuator reads ``torque_rate`` (..., 4) [N m/s], the rate of the torques
+        that act at the wheels. Where torques act late they must be commanded ``delay`` before the
+        motion: feed forward from the reference that much ahead.
+        """
+        instant = _instant(twist, acceleration, at)
+        return _stack(
+            dynamics.inverse_dynamics(np, self.structure, self.geometry, self.theta, instant)
+        )
+
+    def forward_dynamics(self, twist: ArrayLike, torque: ArrayLike, **at: ArrayLike) -> Array:
+        """Acceleration (..., 3) of the body twist under acting wheel torques (..., 4) [N m]."""
+        instant = _instant(twist, np.zeros(3), {**at, "torque": torque})
+        return _stack(
+            dynamics.forward_dynamics(np, self.structure, self.geometry, self.theta, instant)
+        )
+
+    def state_derivative(self, state: ArrayLike, torque: ArrayLike) -> Array:
+        """Time derivative (..., S) of the state (``structure.state_names``) under torques (..., 4).
+
+        ``torque`` [N m] is what the interface commands or logs (``delay`` earlier, with a delay).
+        """
+        return _stack(
+            dynamics.state_derivative(
+                np, self.structure, self.geometry, self.theta, _parts(state), _parts(torque)
+            )
+        )
+
+    def mass_matrix(self) -> Array:
+        """(3, 3) mass matrix of (VX', VY', W') at rest [kg, kg m, kg m^2]."""
+        rows = dynamics.mass_matrix(
+            np, self.structure, self.geometry, self.theta, Instant((0.0, 0.0, 0.0))
+        )
+        return np.array(rows, dtype=float)
+
+    def linearise(
+        self, state: ArrayLike, torque: ArrayLike, *, step: float = 1e-6
+    ) -> tuple[Array, Array]:
+        """A (S, S) and B (S, 4) of the state's derivative at a state (S,) and torques (4,).
+
+        Central differences of the model itself: exact to about 1e-9 of the largest entry, to 1e-6
+        where a wheel with dry friction stands still.
+        """
+        x = np.concatenate([np.asarray(state, float), np.asarray(torque, float)])
+        size = len(self.structure.state_names)
+        shifts = step * np.eye(len(x))
+        ahead = self.state_derivative((x + shifts)[:, :size], (x + shifts)[:, size:])
+        behind = self.state_derivative((x - shifts)[:, :size], (x - shifts)[:, size:])
+        jacobian = (ahead - behind).T / (2 * step)
+        return jacobian[:, :size], jacobian[:, size:]
+
+
+def _parts(array: ArrayLike) -> tuple[Any, ...]:
+    return tuple(np.moveaxis(np.asarray(array, float), -1, 0))
+
+
+def _instant(twist: ArrayLike, acceleration: ArrayLike, at: Mapping[str, ArrayLike]) -> Instant:
+    known = {"pose", "wheel_angle", "torque", "torque_rate", "time"}
+    for key in at:
+        if key not in known:
+            raise InputError(f"unknown argument {key!r}; known are {', '.join(sorted(known))}")
+    parts = {
+        key: np.asarray(value, float) if key == "time" else _parts(value)
+        for key, value in at.items()
+    }
+    return Instant(_parts(twist), _parts(acceleration), **parts)  # type: ignore[arg-type]
+
+
+def _stack(components: Sequence[Any]) -> Array:
+    return np.stack(np.broadcast_arrays(*components), axis=-1).astype(float)

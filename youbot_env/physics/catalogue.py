@@ -1,0 +1,425 @@
+"""The effects themselves: the four components of the base model, then what can be added to them.
+
+To add an effect, write one function and register it; nothing else in the project changes.
+"""
+
+from __future__ import annotations
+
+from math import atan2, hypot
+
+from youbot_env.physics.effect import (
+    ACTUATOR,
+    BASE,
+    BODY,
+    CHANNEL,
+    CLOCK,
+    ROLLER,
+    WHEEL,
+    WORLD,
+    Parameter,
+    Public,
+    effect,
+)
+
+GRAVITY = 9.80665
+"""Standard gravity [m/s^2]."""
+
+_PAPER = "Identification of the KUKA youBot's parameters, RFBR 16-01-00429-a"
+
+
+def _per(moment: float, strength: float) -> float:
+    """moment / strength; zero where there is no strength, and so no place that it acts at."""
+    return moment / strength if strength else 0.0
+
+
+def _centre_of_mass(geometry, m0, I0, m_aX, m_aY):  # noqa: N803
+    mass = m0 - 4 * geometry.m1
+    return m0, I0, _per(m_aX, mass), _per(m_aY, mass)
+
+
+def _mass_moments(xp, geometry, m0, I0, aX, aY):  # noqa: N803
+    mass = m0 - 4 * geometry.m1
+    return m0, I0, mass * aX, mass * aY
+
+
+_MASS = Parameter("m0", "kg", lower=0.0, size=35.0)
+_INERTIA = Parameter("I0", "kg m^2", lower=0.0, size=4.0)
+
+
+@effect(
+    registry=BASE,
+    acts_at=BODY,
+    parameters=[
+        _MASS,
+        _INERTIA,
+        Parameter("m_aX", "kg m", size=0.5),
+        Parameter("m_aY", "kg m", size=0.5),
+    ],
+    public=Public(
+        parameters=(
+            _MASS,
+            _INERTIA,
+            Parameter("aX", "m", size=0.02),
+            Parameter("aY", "m", size=0.02),
+        ),
+        forward=_centre_of_mass,
+        inverse=_mass_moments,
+    ),
+    source=f"Appell's equations; {_PAPER}",
+    recognise="Part of the base model.",
+)
+def rigid_body(xp, body, m0, I0, m_aX, m_aY):  # noqa: N803
+    """Planar rigid body with an eccentric centre of mass, about O in the body frame."""
+    (vx, vy, wz), (ax, ay, alpha) = body.twist, body.acceleration
+    return (
+        m0 * (ax - wz * vy) - m_aY * alpha - m_aX * wz * wz,
+        m0 * (ay + wz * vx) + m_aX * alpha - m_aY * wz * wz,
+        I0 * alpha + m_aX * (ay + wz * vx) - m_aY * (ax - wz * vy),
+    )
+
+
+@effect(
+    registry=BASE,
+    acts_at=WHEEL,
+    parameters=[Parameter("I1", "kg m^2", lower=0.0, size=0.006)],
+    source=f"Appell's equations; {_PAPER}",
+    recognise="Part of the base model.",
+)
+def wheel_inertia(xp, wheel, I1):  # noqa: N803
+    """Spin inertia of a wheel and its drive [N m]: I1 phi''."""
+    return I1 * wheel.acceleration
+
+
+@effect(
+    registry=BASE,
+    acts_at=WHEEL,
+    parameters=[Parameter("mu1", "N m s", lower=0.0, size=0.1)],
+    source=_PAPER,
+    recognise="Part of the base model.",
+    dissipative=True,
+)
+def wheel_viscous_friction(xp, wheel, mu1):
+    """Viscous friction of a wheel joint [N m]: mu1 phi'."""
+    return mu1 * wheel.rate
+
+
+@effect(
+    registry=BASE,
+    acts_at=ROLLER,
+    parameters=[Parameter("mu2", "N m s", lower=0.0, size=0.005)],
+    source=_PAPER,
+    recognise="Part of the base model.",
+    dissipative=True,
+)
+def roller_viscous_friction(xp, roller, mu2):
+    """Viscous friction of a roller axle [N m]: mu2 gamma'."""
+    return mu2 * roller.rate
+
+
+@effect(
+    acts_at=WHEEL,
+    parameters=[
+        Parameter("torque", "N m", lower=0.0, upper=5.0, size=0.25),
+        Parameter("smoothing", "rad/s", default=0.03, lower=1e-3, upper=1.0),
+    ],
+    source="Armstrong-Helouvry, Dupont, Canudas de Wit, Automatica 30(7), 1994",
+    recognise="The residual is a step that changes its sign where a wheel reverses.",
+    dissipative=True,
+)
+def wheel_coulomb_friction(xp, wheel, torque, smoothing):
+    """Dry friction of each wheel joint [N m]: f_c tanh(phi'/eps)."""
+    return torque * xp.tanh(wheel.rate / smoothing)
+
+
+@effect(
+    acts_at=WHEEL,
+    parameters=[
+        Parameter(
+            "extra",
+            "N m s",
+            lower=0.0,
+            upper=2.0,
+            size=0.1,
+            each_wheel=True,
+            relative_to="least",
+            absorbed_by="mu1",
+        )
+    ],
+    source="Viscous friction as in the base model, one coefficient a wheel",
+    recognise="The residual grows with the speed of one wheel alone: that wheel drags.",
+    dissipative=True,
+)
+def uneven_wheel_friction(xp, wheel, extra):
+    """Viscous friction of one wheel beyond that of the freest one [N m]: k_i phi_i'."""
+    return extra * wheel.rate
+
+
+@effect(
+    acts_at=WORLD,
+    parameters=[
+        Parameter("tilt_x", "rad", lower=-0.3, upper=0.3, size=0.018),
+        Parameter("tilt_y", "rad", lower=-0.3, upper=0.3, size=0.018),
+    ],
+    source="Weight on a plane inclined by small angles about both world axes",
+    recognise="The residual is a constant force in the world: turned around, its sign flips.",
+)
+def floor_tilt(xp, world, tilt_x, tilt_y):
+    """Weight along a floor that rises towards world +X, +Y [N]: m0 g sin(tilt) at the CoM."""
+    weight = world.base.m0 * GRAVITY
+    force_x, force_y = weight * xp.sin(tilt_x), weight * xp.sin(tilt_y)
+    return force_x, force_y, world.com_x * force_y - world.com_y * force_x
+
+
+@effect(
+    acts_at=WHEEL,
+    parameters=[
+        Parameter("share", "1", lower=0.0, upper=0.9, size=0.3),
+        Parameter("smoothing", "rad/s", default=0.03, lower=1e-3, upper=1.0),
+    ],
+    source="Gear losses that grow with the transmitted torque: Linderoth et al., IROS 2013",
+    recognise="Friction that grows when the robot accelerates or climbs, not only with speed.",
+    dissipative=True,
+)
+def load_dependent_friction(xp, wheel, share, smoothing):
+    """Gear friction in proportion to the transmitted torque [N m]: s |M| tanh(phi'/eps)."""
+    return share * xp.abs(wheel.torque) * xp.tanh(wheel.rate / smoothing)
+
+
+@effect(
+    acts_at=ACTUATOR,
+    parameters=[Parameter("time_constant", "s", lower=0.0, upper=1.0, size=0.1)],
+    source="First-order model of a drive's current loop",
+    recognise="The residual follows the rate of the torque: the robot answers late.",
+)
+def actuator_lag(xp, drive, time_constant):
+    """Command behind a drive that follows with a first-order lag [N m]: M + tau M'."""
+    return drive.torque + time_constant * drive.torque_rate
+
+
+@effect(
+    acts_at=CHANNEL,
+    parameters=[
+        Parameter("gain", "1", lower=-0.9, upper=2.0, size=0.2, each_wheel=True, relative_to="mean")
+    ],
+    source="Spread of motor torque constants and current sensors",
+    recognise="The residual follows the torque of one wheel: its torque is mis-scaled in the log.",
+)
+def torque_gain_error(xp, channel, gain):
+    """True torque behind a mis-scaled channel [N m]: (1 + g_i) M_i."""
+    return (1 + gain) * channel.torque
+
+
+@effect(
+    acts_at=WHEEL,
+    parameters=[
+        Parameter("torque", "N m", lower=0.0, upper=5.0, size=0.2),
+        Parameter("breakaway", "N m", lower=0.0, upper=5.0, size=0.15),
+        Parameter(
+            "stribeck_speed", "rad/s", default=0.5, lower=0.15, upper=5.0, grid=(0.2, 0.5, 1.2, 3.0)
+        ),
+        Parameter("smoothing", "rad/s", default=0.03, lower=1e-3, upper=1.0),
+    ],
+    source="Stribeck curve: Armstrong-Helouvry, Dupont, Canudas de Wit, Automatica 30(7), 1994",
+    recognise="As Coulomb friction, with an extra peak where a wheel hardly turns.",
+    dissipative=True,
+)
+def wheel_stribeck_friction(xp, wheel, torque, breakaway, stribeck_speed, smoothing):
+    """Dry friction with breakaway [N m]: (f_c + f_b exp(-(phi'/v_s)^2)) tanh(phi'/eps)."""
+    peak = breakaway * xp.exp(-((wheel.rate / stribeck_speed) ** 2))
+    return (torque + peak) * xp.tanh(wheel.rate / smoothing)
+
+
+@effect(
+    acts_at=ROLLER,
+    parameters=[
+        Parameter("torque", "N m", lower=0.0, upper=1.0, size=0.03),
+        Parameter("smoothing", "rad/s", default=0.1, lower=1e-3, upper=5.0),
+    ],
+    source="Coulomb friction, at the rollers' bushings",
+    recognise="A step in the residual where VY + W x_i reverses; none in driving straight ahead.",
+    dissipative=True,
+)
+def roller_coulomb_friction(xp, roller, torque, smoothing):
+    """Dry friction of each roller axle [N m]: f_c tanh(gamma'/eps)."""
+    return torque * xp.tanh(roller.rate / smoothing)
+
+
+@effect(
+    acts_at=WHEEL,
+    parameters=[Parameter("coefficient", "N m s^2", lower=0.0, upper=1.0, size=0.01)],
+    source="Turbulent (churning) losses: quadratic in the speed",
+    recognise="The residual bends upwards with the speed of the wheels.",
+    dissipative=True,
+)
+def quadratic_friction(xp, wheel, coefficient):
+    """Friction that grows with the square of a wheel's speed [N m]: k phi' |phi'|."""
+    return coefficient * wheel.rate * xp.abs(wheel.rate)
+
+
+@effect(
+    acts_at=WHEEL,
+    parameters=[
+        Parameter("fraction", "1", lower=0.0, upper=10.0, size=0.5),
+        Parameter(
+            "time_constant",
+            "s",
+            default=30.0,
+            lower=2.0,
+            upper=600.0,
+            grid=(6.0, 15.0, 40.0, 100.0),
+        ),
+    ],
+    source="Grease that warms up: exponential approach to the warm friction",
+    recognise="Friction that fades over the first minute of each log.",
+    dissipative=True,
+)
+def friction_warmup(xp, wheel, fraction, time_constant):
+    """Extra viscous friction of cold wheel joints [N m]: mu1 f exp(-t/T) phi'."""
+    return wheel.base.mu1 * fraction * xp.exp(-wheel.time / time_constant) * wheel.rate
+
+
+@effect(
+    acts_at=ROLLER,
+    parameters=[Parameter("inertia", "kg m^2", lower=0.0, upper=1e-2, size=1e-3)],
+    source="Spin inertia of the rollers, which the base model neglects",
+    recognise="Sideways and turning motion feel heavier than driving ahead.",
+)
+def roller_inertia(xp, roller, inertia):
+    """Spin inertia of each roller on the floor [N m]: I_r gamma''."""
+    return inertia * roller.acceleration
+
+
+_CYCLES = Parameter(
+    "cycles",
+    "1",
+    default=12.0,
+    lower=1.0,
+    upper=40.0,
+    grid=tuple(float(n) for n in range(1, 41)),
+    whole=True,
+)
+
+
+@effect(
+    acts_at=WHEEL,
+    parameters=[Parameter("sine", "N m", size=0.2), Parameter("cosine", "N m", size=0.2), _CYCLES],
+    public=Public(
+        parameters=(
+            Parameter("amplitude", "N m", lower=0.0, upper=5.0, size=0.2),
+            Parameter("phase", "rad", lower=-6.3, upper=6.3, size=0.5),
+            _CYCLES,
+        ),
+        forward=lambda geometry, sine, cosine, cycles: (
+            hypot(sine, cosine),
+            atan2(cosine, sine),
+            cycles,
+        ),
+        inverse=lambda xp, geometry, amplitude, phase, cycles: (
+            amplitude * xp.cos(phase),
+            amplitude * xp.sin(phase),
+            cycles,
+        ),
+    ),
+    source="Cogging and gear errors: Holtz, Springob, IEEE Trans. Ind. Electron. 43(2), 1996",
+    recognise="The residual swings with the angle of each wheel, faster the faster it turns.",
+)
+def torque_ripple(xp, wheel, sine, cosine, cycles):
+    """Periodic resistance of each wheel [N m]: a sin(n phi + p) = a cos p sin(n phi) + ..."""
+    return sine * xp.sin(cycles * wheel.angle) + cosine * xp.cos(cycles * wheel.angle)
+
+
+@effect(
+    acts_at=WORLD,
+    parameters=[
+        # Not down to zero, so that a constant pull can still be stated as that of a far anchor.
+        Parameter("stiffness", "N/m", lower=1e-3, upper=1e4, size=5.0),
+        Parameter("pull_x", "N", size=5.0),
+        Parameter("pull_y", "N", size=5.0),
+    ],
+    public=Public(
+        parameters=(
+            Parameter("stiffness", "N/m", lower=0.0, upper=1e4, size=5.0),
+            Parameter("anchor_x", "m", size=1.0),
+            Parameter("anchor_y", "m", size=1.0),
+        ),
+        forward=lambda geometry, stiffness, pull_x, pull_y: (
+            stiffness,
+            _per(pull_x, stiffness),
+            _per(pull_y, stiffness),
+        ),
+        inverse=lambda xp, geometry, stiffness, anchor_x, anchor_y: (
+            stiffness,
+            stiffness * anchor_x,
+            stiffness * anchor_y,
+        ),
+    ),
+    source="Hooke's law: a cable or hose that pulls O towards a point of the world",
+    recognise="A force in the world that grows with the distance from one point of the floor.",
+)
+def tether(xp, world, stiffness, pull_x, pull_y):
+    """Force against a spring from O to an anchor [N]: k (x - x_A), k (y - y_A)."""
+    return stiffness * world.x - pull_x, stiffness * world.y - pull_y, 0.0
+
+
+LIGHTEST = 0.01
+"""Mass [kg] under which a payload's moments are not taken for those of a mass far out."""
+
+_TIME = Parameter(
+    "time",
+    "s",
+    default=30.0,
+    lower=0.0,
+    grid=tuple(float(t) for t in range(5, 125, 5)),
+    instant=True,
+)
+
+
+def _payload(xp, time, mass, mass_x, mass_y, start):
+    """What a payload adds to m0, I0, m aX, m aY once it is on."""
+    # Of the time's own precision: on tensors two plain numbers would be single.
+    is_on = xp.where(time >= start, 1.0 + 0.0 * time, 0.0 * time)
+    inertia = (mass_x**2 + mass_y**2) / xp.maximum(mass, LIGHTEST)
+    return is_on * mass, is_on * inertia, is_on * mass_x, is_on * mass_y
+
+
+@effect(
+    acts_at=BODY,
+    parameters=[
+        Parameter("mass", "kg", lower=LIGHTEST, upper=200.0, size=20.0),
+        Parameter("mass_x", "kg m", size=0.5),
+        Parameter("mass_y", "kg m", size=0.5),
+        _TIME,
+    ],
+    public=Public(
+        parameters=(
+            Parameter("mass", "kg", lower=0.0, upper=200.0, size=20.0),
+            Parameter("x", "m", size=0.1),
+            Parameter("y", "m", size=0.1),
+            _TIME,
+        ),
+        forward=lambda geometry, mass, mass_x, mass_y, time: (
+            mass,
+            _per(mass_x, mass),
+            _per(mass_y, mass),
+            time,
+        ),
+        inverse=lambda xp, geometry, mass, x, y, time: (mass, mass * x, mass * y, time),
+    ),
+    source="Rigid body dynamics: a point mass on the platform, from one moment on",
+    recognise="From one moment of the log on the platform is heavier, or its mass lies elsewhere.",
+    carries=_payload,
+)
+def payload_change(xp, body, mass, mass_x, mass_y, time):
+    """Wrench of a point mass at (x, y) that was put on at ``time``: m (a + ...), as the body's."""
+    return rigid_body(xp, body, *_payload(xp, body.time, mass, mass_x, mass_y, time))
+
+
+@effect(
+    acts_at=CLOCK,
+    parameters=[Parameter("delay", "s", lower=-0.2, upper=0.5, size=0.1)],
+    source="Communication and computation between torque command, drive and log",
+    recognise="The speeds answer late, by a time that is the same for slow and fast motion.",
+)
+def torque_delay(xp, clock, delay):
+    """Time [s] by which the true torque follows the logged one: M_true(t) = M(t - d)."""
+    return delay

@@ -1,0 +1,405 @@
+"""What a physical effect is, where it can act, and the registry that holds them all.
+
+An effect is one plain function, registered with its parameters, units, bounds, source and one
+sentence on how to recognise it. Its first argument ``xp`` is the namespace that does the
+arithmetic (`numpy`, :data:`youbot_env.physics.namespaces.floats`, tensors, or sympy symbols); its
+second is the point at which it acts; the rest are its parameters, by name::
+
+    @effect(
+        acts_at=WHEEL,
+        parameters=[Parameter("torque", "N m", lower=0.0, size=0.25),
+                    Parameter("smoothing", "rad/s", default=0.03)],
+        source="Armstrong-Helouvry 1994", recognise="The residual jumps where a wheel reverses.")
+    def wheel_coulomb_friction(xp, wheel, torque, smoothing):
+        return torque * xp.tanh(wheel.rate / smoothing)
+
+*Wrench* effects say what a motion demands (so resistance is positive with the speed); an
+*actuator* says which command a torque and its rate demand; a *channel* says which torque was truly
+there when the interface (the log, the command) said ``torque``; a *shift* says how much later [s]
+than that it was there. Simulation, regression and feed-forward are all derived from these
+statements.
+
+A function takes its parameters in the form in which it is linear, or nearly so, since that is how
+they are identified. Where people state them in another form (an anchor's place, not its pull), the
+effect has a :class:`Public` form, and models, files and tables hold that one.
+"""
+
+from __future__ import annotations
+
+import inspect
+from collections.abc import Callable, Iterable, Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass
+from math import isfinite
+from typing import Any, NamedTuple
+
+from youbot_env.errors import InputError
+from youbot_env.physics.geometry import WHEELS
+
+
+class Body(NamedTuple):
+    """The platform at O, body frame. An effect here returns (F_X, F_Y, M_W) [N, N, N m]."""
+
+    twist: tuple[Any, Any, Any]
+    acceleration: tuple[Any, Any, Any]
+    time: Any
+    base: Any
+
+
+class Wheel(NamedTuple):
+    """One wheel joint. An effect here returns the joint torque [N m] that the motion demands."""
+
+    rate: Any
+    acceleration: Any
+    angle: Any
+    torque: Any
+    time: Any
+    base: Any
+
+
+class Roller(NamedTuple):
+    """The roller on the floor of one wheel. An effect here returns its axle's torque [N m]."""
+
+    rate: Any
+    acceleration: Any
+    time: Any
+    base: Any
+
+
+class World(NamedTuple):
+    """The platform seen from the world frame.
+
+    ``com_x``, ``com_y`` [m] lead from O to the centre of mass, along world axes. An effect here
+    returns (force along world X, along world Y, moment about O) [N, N, N m].
+    """
+
+    x: Any
+    y: Any
+    yaw: Any
+    velocity_x: Any
+    velocity_y: Any
+    com_x: Any
+    com_y: Any
+    time: Any
+    base: Any
+
+
+class Actuator(NamedTuple):
+    """One drive. An effect here returns the command [N m] that ``torque`` and its rate demand."""
+
+    torque: Any
+    torque_rate: Any
+    time: Any
+
+
+class Channel(NamedTuple):
+    """One torque channel. An effect here returns the true torque [N m] behind ``torque``."""
+
+    torque: Any
+    time: Any
+
+
+class Clock(NamedTuple):
+    """The clock of all torque channels. An effect here returns the delay d [s] that is constant:
+    the true torque at t is what the interface said at t - d."""
+
+
+@dataclass(frozen=True)
+class Place:
+    """Where an effect acts: its kind, its words for a table, and whether it acts at each wheel."""
+
+    name: str
+    kind: str
+    point: type
+    each_wheel: bool
+
+
+BODY = Place("body", "wrench", Body, False)
+WHEEL = Place("wheel joint", "wrench", Wheel, True)
+ROLLER = Place("roller axle", "wrench", Roller, True)
+WORLD = Place("world", "wrench", World, False)
+ACTUATOR = Place("drive", "actuator", Actuator, True)
+CHANNEL = Place("log channel", "channel", Channel, True)
+CLOCK = Place("log clock", "shift", Clock, False)
+
+
+INSTANT_STEP = 0.25
+"""Half the step [s] over which the slope in an instant is taken: some samples of any log, and what
+a search over instants leaves unsettled."""
+
+
+@dataclass(frozen=True)
+class Parameter:
+    """One parameter of an effect.
+
+    Attributes
+    ----------
+    name, unit : its name (an argument of the effect's function) and SI unit
+    default : a shape constant's value; None for a parameter that is identified linearly
+    lower, upper : physical bounds
+    size : the size at which the effect matters ("catalogue size"), also the scale of its column
+    each_wheel : one value a wheel, called ``<name>_fl`` ... ``<name>_br``
+    relative_to : "mean" or "least" for values of which only differences can be seen; the common
+        part belongs to ``absorbed_by``, a base parameter (None: it cannot be known)
+    grid : values of a shape constant that a search should try
+    instant : whether a shape constant is a time in the log, so that a search goes to its end
+    whole : whether a shape constant counts something, so that nothing lies between two values and
+        a search has the last word; others are fitted with the rest in the end
+    """
+
+    name: str
+    unit: str
+    default: float | None = None
+    lower: float = float("-inf")
+    upper: float = float("inf")
+    size: float = 1.0
+    each_wheel: bool = False
+    relative_to: str | None = None
+    absorbed_by: str | None = None
+    grid: tuple[float, ...] = ()
+    instant: bool = False
+    whole: bool = False
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """The scalar parameters that this one stands for."""
+        if self.each_wheel:
+            return tuple(f"{self.name}_{wheel}" for wheel in WHEELS)
+        return (self.name,)
+
+    @property
+    def is_shape(self) -> bool:
+        """Whether it is a shape constant (it has a default) and is not identified linearly."""
+        return self.default is not None
+
+    @property
+    def difference(self) -> float:
+        """Half the step over which the force's slope in it is taken.
+
+        An instant moves a jump of the force from sample to sample: its slope shows over many.
+        """
+        return INSTANT_STEP if self.instant else 1e-3 * self.size
+
+    def fault(self, value: float) -> str:
+        """What is wrong with a value, as "3 kg is outside [0, 2]"; "" within the bounds."""
+        # A fit that ends at a bound may lie outside it by its rounding.
+        slack = 1e-9 * self.size
+        if isfinite(value) and self.lower - slack <= value <= self.upper + slack:
+            return ""
+        return f"{value:g} {self.unit} is outside [{self.lower:g}, {self.upper:g}]"
+
+
+@dataclass(frozen=True)
+class Public:
+    """How people state an effect's parameters, where its function takes them in another form.
+
+    Attributes
+    ----------
+    parameters : as models, files and tables hold them
+    forward : ``forward(geometry, *internal)`` returns their values, from the function's own ones;
+        plain numbers. At zero strength it must stay finite (a place that nothing shows is zero).
+    inverse : ``inverse(xp, geometry, *public)`` returns the function's own values; in the
+        arithmetic of ``xp``, since printed formulas use it
+    """
+
+    parameters: tuple[Parameter, ...]
+    forward: Callable[..., tuple[float, ...]]
+    inverse: Callable[..., tuple[Any, ...]]
+
+
+@dataclass(frozen=True)
+class Effect:
+    """A registered effect: one function and what a person must know to use it."""
+
+    name: str
+    acts_at: Place
+    function: Callable[..., Any]
+    parameters: tuple[Parameter, ...]
+    source: str
+    recognise: str
+    dissipative: bool = False
+    public: Public | None = None
+    carries: Callable[..., Any] | None = None
+
+    @property
+    def parameter_names(self) -> tuple[str, ...]:
+        """Scalar parameter names, in the order in which ``evaluate`` takes their values."""
+        return _names(self.parameters)
+
+    def parameter(self, name: str) -> Parameter:
+        """The declaration behind a scalar parameter name of the function."""
+        return self._declared(name, self.parameters)
+
+    @property
+    def public_parameters(self) -> tuple[Parameter, ...]:
+        """The parameters as people state them; the function's own without a public form."""
+        return self.public.parameters if self.public else self.parameters
+
+    @property
+    def public_names(self) -> tuple[str, ...]:
+        """Scalar names of the parameters as people state them."""
+        return _names(self.public_parameters)
+
+    @property
+    def defaults(self) -> dict[str, float]:
+        """A value for each parameter name: shape constants at their default, others at zero."""
+        return _defaults(self.parameters)
+
+    @property
+    def public_defaults(self) -> dict[str, float]:
+        """The same for each public name."""
+        return _defaults(self.public_parameters)
+
+    def public_parameter(self, name: str) -> Parameter:
+        """The declaration behind a scalar public name."""
+        return self._declared(name, self.public_parameters)
+
+    def _declared(self, name: str, parameters: Iterable[Parameter]) -> Parameter:
+        for parameter in parameters:
+            if name in parameter.names:
+                return parameter
+        known = ", ".join(_names(parameters))
+        raise InputError(f"effect {self.name}: no parameter {name!r}; it has {known}")
+
+    def to_public(self, geometry: Any, values: Iterable[float]) -> tuple[float, ...]:
+        """Values as people state them, from those that ``evaluate`` takes."""
+        values = tuple(float(value) for value in values)
+        return self.public.forward(geometry, *values) if self.public else values
+
+    def to_internal(self, xp: Any, geometry: Any, values: Iterable[Any]) -> tuple[Any, ...]:
+        """Values that ``evaluate`` takes, from those that people state."""
+        return self.public.inverse(xp, geometry, *values) if self.public else tuple(values)
+
+    def evaluate(self, xp: Any, point: Any, values: Any, wheel: int = 0) -> Any:
+        """Call the function at ``point`` (of wheel number ``wheel``) with scalar ``values``."""
+        arguments, start = [], 0
+        for parameter in self.parameters:
+            arguments.append(values[start + wheel] if parameter.each_wheel else values[start])
+            start += len(parameter.names)
+        return self.function(xp, point, *arguments)
+
+
+def _names(parameters: Iterable[Parameter]) -> tuple[str, ...]:
+    return tuple(name for parameter in parameters for name in parameter.names)
+
+
+def _defaults(parameters: Iterable[Parameter]) -> dict[str, float]:
+    return {name: item.default or 0.0 for item in parameters for name in item.names}
+
+
+class Registry:
+    """Effects by name, in the order of registration."""
+
+    def __init__(self) -> None:
+        self._effects: dict[str, Effect] = {}
+
+    def add(self, new: Effect) -> None:
+        """Register an effect.
+
+        Raises
+        ------
+        InputError
+            If the name is taken by another effect.
+        """
+        known = self._effects.get(new.name)
+        if known is not None and known.function.__code__ != new.function.__code__:
+            raise InputError(f"effect {new.name!r} is already registered: choose another name")
+        self._effects[new.name] = new
+
+    def __getitem__(self, name: str) -> Effect:
+        try:
+            return self._effects[name]
+        except KeyError:
+            raise InputError(
+                f"unknown effect {name!r}; known are {', '.join(self._effects) or 'none'} "
+                "(`youbot effects` explains them)"
+            ) from None
+
+    def __contains__(self, name: object) -> bool:
+        return name in self._effects
+
+    def __iter__(self):
+        return iter(self._effects.values())
+
+    def __len__(self) -> int:
+        return len(self._effects)
+
+    def names(self) -> tuple[str, ...]:
+        """All registered names."""
+        return tuple(self._effects)
+
+    @contextmanager
+    def restored_on_error(self) -> Iterator[None]:
+        """Take back what was registered in this block if it ends in an exception."""
+        before = dict(self._effects)
+        try:
+            yield
+        except BaseException:
+            self._effects = before
+            raise
+
+
+CATALOGUE = Registry()
+"""Effects that can be added to the base model."""
+
+BASE = Registry()
+"""The components that make up the base model of the paper."""
+
+
+def effect(
+    *,
+    acts_at: Place,
+    parameters: Iterable[Parameter],
+    source: str,
+    recognise: str,
+    dissipative: bool = False,
+    public: Public | None = None,
+    carries: Callable[..., Any] | None = None,
+    registry: Registry = CATALOGUE,
+) -> Callable[[Callable[..., Any]], Callable[..., Any]]:
+    """Register the decorated function as an effect under its own name.
+
+    Parameters
+    ----------
+    acts_at : BODY, WHEEL, ROLLER, WORLD, ACTUATOR, CHANNEL or CLOCK
+    parameters : what it takes after ``xp`` and the point, by name and in this order
+    source : where the formula comes from
+    recognise : one sentence on how a user sees it in measurements
+    dissipative : True for friction, which must never add energy (tested)
+    public : how people state the parameters, if not as the function takes them
+    carries : for a load, ``carries(xp, time, *parameters)``: the m0, I0, m aX, m aY that other
+        effects (a slope) must reckon with beyond the platform's own
+
+    Raises
+    ------
+    InputError
+        If the function's arguments are not ``xp``, the point and the declared parameters.
+    """
+    declared = tuple(parameters)
+
+    def register(function: Callable[..., Any]) -> Callable[..., Any]:
+        name = getattr(function, "__name__", "effect")
+        takes = list(inspect.signature(function).parameters)[2:]
+        if takes != [parameter.name for parameter in declared]:
+            raise InputError(
+                f"effect {name!r}: the function takes {takes} after (xp, point), "
+                f"but declares {[parameter.name for parameter in declared]}"
+            )
+        registry.add(
+            Effect(
+                *(
+                    name,
+                    acts_at,
+                    function,
+                    declared,
+                    source,
+                    recognise,
+                    dissipative,
+                    public,
+                    carries,
+                )
+            )
+        )
+        return function
+
+    return register

@@ -1,0 +1,1 @@
+"""Compiled simulation, generated from the physics: steppers, free runs, plants."""

@@ -1,0 +1,266 @@
+"""Compiled steppers: generated source, compiled by numba, cached on disk per set of effects."""
+
+from __future__ import annotations
+
+import atexit
+import hashlib
+import importlib.util
+import os
+import sys
+import tempfile
+from collections.abc import Callable
+from dataclasses import dataclass
+from functools import cache, lru_cache
+from pathlib import Path
+from types import CodeType, FunctionType, ModuleType
+from typing import Any
+
+import numpy as np
+import platformdirs
+
+import youbot_env
+from youbot_env.simulation.generated_code import INVERSE, LENGTHS, MECANUM, MOTION, System
+
+
+@dataclass(frozen=True)
+class Kernel:
+    """Compiled functions for one set of effects.
+
+    advance(state, torque, lengths, theta, duration, substeps)
+        ``state`` (n, S) moves on in place by ``duration`` [s] under the interface torques
+        ``torque`` (n, 4) [N m], held constant. ``lengths`` (4,): l, h, R, r [m];
+        ``theta`` (n, P) in the order of ``structure.parameter_names``. One platform is a batch of
+        one: the same code.
+    derivative(*state, *torque, *lengths, *theta)
+        Rates of the state's components, a tuple of scalars.
+    """
+
+    structure: Any
+    advance: Any
+    derivative: Any
+
+
+@dataclass(frozen=True)
+class InverseKernel:
+    """Compiled inverse dynamics for one set of effects.
+
+    acting(motion, lengths, theta, tolerance, torque)
+        Least-norm torques that act at the wheels, ``torque`` (n, 4) [N m], which motions (n, 14)
+        demand: rows as ``inverse.MOTION``. Torques that depend on themselves (losses under load)
+        are sought, from the values that ``torque`` comes with, until they move by no more than
+        ``tolerance`` [N m] in sum.
+    several(motion, lengths, thetas, tolerance, torque)
+        The same, ``torque`` (k, n, 4), at each of several parameters ``thetas`` (k, P).
+    interface(torque, rate, time, theta, out)
+        Interface torques ``out`` (4,) behind which ``torque`` (4,) acts and changes at ``rate``
+        (4,) [N m/s] at ``time`` [s]; they belong to a time earlier by ``Model.delay``.
+    held(motion, hold, lengths, theta, tolerance, torque, mean, out)
+        The interface torques ``out`` (4,) that, held for ``hold`` [s], do best what the motions
+        (3, 14) at the start, the middle and the end of the hold demand: they make the mean (4,) of
+        the acting torques (Simpson's rule) and their mean rate. ``torque`` (3, 4) as above.
+    """
+
+    structure: Any
+    acting: Any
+    several: Any
+    interface: Any
+    held: Any
+
+
+@lru_cache(maxsize=64)
+def kernel(structure: Any, system: System = MECANUM) -> Kernel:
+    """The compiled kernel of a structure of a mechanism; compiles at the first use on a machine.
+
+    A cached file that is torn or damaged is written again.
+    """
+    return _built(structure, system, _compiled)
+
+
+@lru_cache(maxsize=64)
+def rollout(structure: Any, system: System = MECANUM) -> Any:
+    """The compiled free run of the same module, alone: half of what there is to compile.
+
+    rollout(start, torque, duration, lengths, theta, substeps, out)
+        From ``start`` (S,) under ``torque`` (N, 4), linear between samples that lie ``duration``
+        (N - 1,) [s] apart; fills ``out`` (N, S).
+    """
+    return _built(structure, system, _compiled_rollout)
+
+
+@lru_cache(maxsize=64)
+def inverse_kernel(structure: Any) -> InverseKernel:
+    """The same of the platform's inverse dynamics: a module of its own, since few need it."""
+    return _built(structure, INVERSE, _compiled_inverse)
+
+
+def _built(structure: Any, system: Any, compiled: Callable[[Any, Any, Path], Any]) -> Any:
+    for _ in range(2):
+        path = _cached_source(structure, system)
+        try:
+            return compiled(structure, system, path)
+        except Exception:
+            # Whatever a damaged cache raises (it holds Python source and numba's pickles), the cure
+            # is the same; if the physics itself does not compile, the last attempt says so.
+            _forget(path)
+    return compiled(structure, system, _private_source(structure, system))
+
+
+def cache_folder() -> Path:
+    """Where generated kernels live; the environment variable YOUBOT_CACHE_DIR moves it."""
+    chosen = os.environ.get("YOUBOT_CACHE_DIR")
+    return Path(chosen) if chosen else Path(platformdirs.user_cache_dir("youbot")) / "kernels"
+
+
+def _compiled(structure: Any, system: System, path: Path) -> Kernel:
+    """Load a generated module and run what is wanted of it once, so that damage shows here."""
+    module = _load(path)
+    size, count = len(structure.state_names), len(structure.parameter_names)
+    found = Kernel(structure, module.advance, module.derivative)
+    state, torque = np.zeros((2, size)), np.zeros((2, system.inputs))
+    found.advance(state, torque, np.ones(len(system.lengths)), np.ones((2, count)), 0.0, 1)
+    return found
+
+
+def _compiled_rollout(structure: Any, system: System, path: Path) -> Any:
+    run = _load(path).rollout
+    size, count = len(structure.state_names), len(structure.parameter_names)
+    start, torque, out = np.zeros(size), np.zeros((2, system.inputs)), np.empty((2, size))
+    run(start, torque, np.zeros(1), np.ones(len(system.lengths)), np.ones(count), 1, out)
+    return run
+
+
+def _compiled_inverse(structure: Any, system: Any, path: Path) -> InverseKernel:
+    module = _load(path)
+    found = InverseKernel(structure, module.acting, module.several, module.interface, module.held)
+    motion, torque = np.zeros((3, len(MOTION))), np.zeros((3, 4))
+    lengths, theta = np.ones(len(LENGTHS)), np.ones(len(structure.parameter_names))
+    found.held(motion, 1.0, lengths, theta, 1.0, torque, np.empty(4), np.empty(4))
+    found.acting(motion, lengths, theta, 1.0, torque)
+    found.several(motion, lengths, theta[None], 1.0, torque[None])
+    found.interface(torque[0], torque[0], 0.0, theta, np.empty(4))
+    return found
+
+
+def _cached_source(structure: Any, system: Any = MECANUM) -> Path:
+    path = cache_folder() / f"{system.prefix}_{_key(structure, system)}.py"
+    if _is_intact(path):
+        return path
+    try:
+        return _write(path, _sealed_source(structure, system))
+    except OSError:
+        return _private_source(structure, system)
+
+
+def _private_source(structure: Any, system: Any) -> Path:
+    """A read-only home must not keep anybody from simulating: compile for this process alone."""
+    path = _private_folder() / f"{system.prefix}_{_key(structure, system)}.py"
+    return _write(path, _sealed_source(structure, system))
+
+
+def _sealed_source(structure: Any, system: Any) -> str:
+    source = system.source(structure)
+    return f"{_SEAL}{_checksum(source)}\n{source}"
+
+
+_SEAL = "# sha256 of what follows: "
+
+
+def _checksum(source: str) -> str:
+    return hashlib.sha256(source.encode()).hexdigest()
+
+
+def _is_intact(path: Path) -> bool:
+    """Whether a generated file is there, whole, and where numba can write beside it."""
+    try:
+        first, source = path.read_text("utf-8").split("\n", 1)
+    except (OSError, ValueError):
+        return False
+    return first == _SEAL + _checksum(source) and os.access(path.parent, os.W_OK)
+
+
+@cache
+def _private_folder() -> Path:
+    folder = tempfile.TemporaryDirectory(prefix="youbot-", ignore_cleanup_errors=True)
+    atexit.register(folder.cleanup)
+    return Path(folder.name)
+
+
+def _write(path: Path, source: str) -> Path:
+    path.parent.mkdir(parents=True, exist_ok=True)
+    handle, temporary = tempfile.mkstemp(dir=path.parent, suffix=".tmp")
+    try:
+        with os.fdopen(handle, "w", encoding="utf-8") as stream:
+            stream.write(source)
+        os.replace(temporary, path)
+    finally:
+        Path(temporary).unlink(missing_ok=True)
+    return path
+
+
+def _forget(path: Path) -> None:
+    """Remove a generated file with all that numba and Python cached for it."""
+    sys.modules.pop(_module_name(path), None)
+    for stale in (path, *(path.parent / "__pycache__").glob(f"{path.stem}.*")):
+        try:
+            stale.unlink(missing_ok=True)
+        except OSError:
+            continue  # not ours to remove; the next attempt goes elsewhere or fails by itself
+
+
+def _key(structure: Any, system: Any = MECANUM) -> str:
+    """Changes with whatever could change the generated source."""
+    digest = hashlib.sha256(youbot_env.__version__.encode())
+    for name in system.sources:
+        digest.update(Path(str(sys.modules[name].__file__)).read_bytes())
+    for item in structure.components:
+        digest.update(repr((item.name, item.acts_at.name, item.parameter_names)).encode())
+        digest.update(repr([parameter.each_wheel for parameter in item.parameters]).encode())
+        _digest_function(digest, item.function, set())
+    return digest.hexdigest()[:24]
+
+
+def _digest_function(digest: Any, function: Any, seen: set[int]) -> None:
+    """What a function computes: its bytecode, constants, and the values and functions it uses."""
+    if id(function) in seen:
+        return
+    seen.add(id(function))
+    names = _digest_code(digest, function.__code__)
+    cells = [cell.cell_contents for cell in function.__closure__ or ()]
+    used = [function.__globals__[name] for name in names if name in function.__globals__]
+    for value in (*cells, *(function.__defaults__ or ()), *used):
+        if isinstance(value, FunctionType):
+            _digest_function(digest, value, seen)
+        elif isinstance(value, ModuleType):
+            shared = [getattr(value, name, None) for name in names]
+            digest.update(repr([v for v in shared if isinstance(v, (int, float))]).encode())
+        else:
+            digest.update(repr(value).encode())
+
+
+def _digest_code(digest: Any, code: CodeType) -> list[str]:
+    """Digest code with what is nested in it; returns the names that it refers to."""
+    digest.update(code.co_code)
+    names = list(code.co_names)
+    for constant in code.co_consts:
+        if isinstance(constant, CodeType):
+            names += _digest_code(digest, constant)
+        else:
+            digest.update(repr(constant).encode())
+    digest.update(repr(code.co_names).encode())
+    return names
+
+
+def _module_name(path: Path) -> str:
+    return f"_youbot_{path.stem}"
+
+
+def _load(path: Path) -> ModuleType:
+    name = _module_name(path)
+    if name in sys.modules:
+        return sys.modules[name]
+    spec = importlib.util.spec_from_file_location(name, path)
+    assert spec is not None and spec.loader is not None
+    module = importlib.util.module_from_spec(spec)
+    spec.loader.exec_module(module)
+    sys.modules[name] = module
+    return module

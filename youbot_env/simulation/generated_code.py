@@ -1,0 +1,336 @@
+"""Turns the one definition of physics into straight-line source for a compiler.
+
+The equations are traced once on sympy symbols, common subexpressions are shared, and the result is
+printed as Python that numba compiles. Nothing here knows an equation of motion.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from types import SimpleNamespace
+from typing import Any, ClassVar
+
+from youbot_env.physics import inverse_dynamics as dynamics
+from youbot_env.physics.geometry import allocate
+from youbot_env.physics.inverse_dynamics import state_derivative
+from youbot_env.physics.namespaces import symbols
+from youbot_env.physics.points import Instant
+
+
+@dataclass(frozen=True)
+class System:
+    """What a stepper is generated from, for any mechanism.
+
+    derivative(xp, structure, lengths, theta, state, torque) : time derivative of the state;
+    inputs : how many torques it takes; lengths : names of the geometry that it reads;
+    sources : names of the modules that it is written in, for the cache's key
+    """
+
+    prefix: ClassVar[str] = "kernel"
+
+    derivative: Callable[..., tuple[Any, ...]]
+    inputs: int
+    lengths: tuple[str, ...]
+    sources: tuple[str, ...]
+
+    def source(self, structure: Any) -> str:
+        """See :func:`kernel_source`."""
+        return kernel_source(structure, self)
+
+
+MECANUM = System(
+    state_derivative,
+    inputs=4,
+    lengths=("l", "h", "R", "r"),
+    sources=(
+        "youbot_env.simulation.generated_code",
+        *(
+            f"youbot_env.physics.{name}"
+            for name in (
+                "effect",
+                "geometry",
+                "inverse_dynamics",
+                "namespaces",
+                "points",
+                "structure",
+            )
+        ),
+    ),
+)
+"""The platform."""
+
+
+def kernel_source(structure: Any, system: System = MECANUM) -> str:
+    """Python source of a module with ``derivative``, ``advance`` and ``rollout``.
+
+    ``structure`` tells ``state_names`` and ``parameter_names``.
+    """
+    size = len(structure.state_names)
+    names = {
+        "state": [f"s{i}" for i in range(size)],
+        "torque": [f"u{i + 1}" for i in range(system.inputs)],
+        "lengths": [f"g_{name}" for name in system.lengths],
+        "theta": [f"p{i}" for i in range(len(structure.parameter_names))],
+    }
+    derivative = _derivative(structure, system, names)
+    return "\n\n".join([HEADER, derivative, _step(size, names), _loops(size, names)])
+
+
+HEADER = '''"""Generated from the effects' own functions; written again when they change."""
+
+from math import cos, exp, sin, sqrt, tanh
+
+from numba import njit'''
+
+
+def _derivative(structure: Any, system: System, names: dict[str, list[str]]) -> str:
+    symbol = {key: real_symbols(group) for key, group in names.items()}
+    geometry = SimpleNamespace(**dict(zip(system.lengths, symbol["lengths"], strict=True)))
+    rates = system.derivative(
+        symbols(), structure, geometry, symbol["theta"], symbol["state"], symbol["torque"]
+    )
+    return function_source(
+        "derivative", [name for group in names.values() for name in group], rates
+    )
+
+
+def real_symbols(names: Sequence[str]) -> list[Any]:
+    """Sympy symbols that stand for the arguments of a generated function."""
+    import sympy
+
+    return [sympy.Symbol(name, real=True) for name in names]
+
+
+def function_source(name: str, arguments: Sequence[str], results: Sequence[Any]) -> str:
+    """A compiled function of scalars that returns a tuple of expressions in its arguments."""
+    import sympy
+
+    shared, values = sympy.cse([sympy.sympify(result) for result in results], order="none")
+    printer = _printer()
+    lines = [f"    {part} = {printer.doprint(value)}" for part, value in shared]
+    returned = ",\n        ".join(printer.doprint(value) for value in values)
+    return (
+        f"@njit(cache=True, error_model='numpy')\ndef {name}({', '.join(arguments)}):\n"
+        + "\n".join(lines)
+        + f"\n    return (\n        {returned},\n    )"
+    )
+
+
+def _printer() -> Any:
+    from sympy.printing.pycode import PythonCodePrinter
+
+    class Printer(PythonCodePrinter):
+        def _print_sign(self, expr: Any) -> str:
+            # Sympy's copysign(1, x) is not zero at zero.
+            x = self._print(expr.args[0])
+            return f"(1.0 if {x} > 0 else -1.0 if {x} < 0 else 0.0)"
+
+    return Printer({"fully_qualified_modules": False})
+
+
+def _step(size: int, names: dict[str, list[str]]) -> str:
+    """One classical Runge-Kutta step with the torque going linearly from u to w."""
+    state, torque = names["state"], names["torque"]
+    ends = [f"w{i + 1}" for i in range(len(torque))]
+    rest = ", ".join(names["lengths"] + names["theta"])
+
+    def call(stage: str, point: list[str], drive: list[str]) -> str:
+        results = ", ".join(f"{stage}{i}" for i in range(size))
+        return f"    {results} = derivative({', '.join(point + drive)}, {rest})"
+
+    def shifted(stage: str, factor: str) -> list[str]:
+        return [f"{state[i]} + {factor} * {stage}{i}" for i in range(size)]
+
+    middle = [f"0.5 * ({a} + {b})" for a, b in zip(torque, ends, strict=True)]
+    results = ",\n        ".join(
+        f"{state[i]} + dt / 6.0 * (a{i} + 2.0 * (b{i} + c{i}) + d{i})" for i in range(size)
+    )
+    return "\n".join(
+        [
+            "@njit(cache=True, error_model='numpy')",
+            f"def step({', '.join(state + torque + ends)}, dt, {rest}):",
+            call("a", state, torque),
+            call("b", shifted("a", "0.5 * dt"), middle),
+            call("c", shifted("b", "0.5 * dt"), middle),
+            call("d", shifted("c", "dt"), ends),
+            f"    return (\n        {results},\n    )",
+        ]
+    )
+
+
+def _loops(size: int, names: dict[str, list[str]]) -> str:
+    state, torque = names["state"], names["torque"]
+    inputs = len(torque)
+    ends = [f"w{i + 1}" for i in range(inputs)]
+    group = {name: ", ".join(names[name]) for name in names}
+    lengths = ", ".join(f"lengths[{i}]" for i in range(len(names["lengths"])))
+    unpacked = f"{group['lengths']} = {lengths}" if lengths else "pass"
+
+    def theta(row: str) -> str:
+        return ", ".join(f"theta[{row}{i}]" for i in range(len(names["theta"])))
+
+    def at(array: str, row: str, count: int) -> str:
+        return ", ".join(f"{array}[{row}, {i}]" for i in range(count))
+
+    def store(array: str, row: str, indent: str) -> str:
+        return "\n".join(f"{indent}{array}[{row}, {i}] = {state[i]}" for i in range(size))
+
+    rest = ", ".join(names["lengths"] + names["theta"])
+    now = [f"v{i + 1}" for i in range(inputs)]
+    then = [f"x{i + 1}" for i in range(inputs)]
+    ramp = "\n".join(
+        f"            {now[i]} = {torque[i]} + ({ends[i]} - {torque[i]}) * (j * part)\n"
+        f"            {then[i]} = {torque[i]} + ({ends[i]} - {torque[i]}) * ((j + 1) * part)"
+        for i in range(inputs)
+    )
+    return f"""@njit(cache=True, error_model='numpy')
+def advance(state, torque, lengths, theta, duration, substeps):
+    {unpacked}
+    dt = duration / substeps
+    for row in range(state.shape[0]):
+        {group["state"]} = {at("state", "row", size)}
+        {group["torque"]} = {at("torque", "row", inputs)}
+        {group["theta"]} = {theta("row, ")}
+        for j in range(substeps):
+            {group["state"]} = step(
+                {group["state"]}, {group["torque"]}, {group["torque"]}, dt, {rest}
+            )
+{store("state", "row", "        ")}
+
+
+@njit(cache=True, error_model='numpy')
+def rollout(start, torque, duration, lengths, theta, substeps, out):
+    {unpacked}
+    {group["theta"]} = {theta("")}
+    {group["state"]} = {", ".join(f"start[{i}]" for i in range(size))}
+{store("out", "0", "    ")}
+    part = 1.0 / substeps
+    for k in range(torque.shape[0] - 1):
+        {group["torque"]} = {at("torque", "k", inputs)}
+        {", ".join(ends)} = {at("torque", "k + 1", inputs)}
+        dt = duration[k] * part
+        for j in range(substeps):
+{ramp}
+            {group["state"]} = step(
+                {group["state"]}, {", ".join(now + then)}, dt, {rest}
+            )
+{store("out", "k + 1", "        ")}
+"""
+
+
+MOTION = (
+    *("vx", "vy", "wz", "ax", "ay", "alpha", "x", "y", "yaw"),
+    *("q1", "q2", "q3", "q4", "time"),
+)
+"""Columns of a motion's row: twist, acceleration, pose, wheel angles, time."""
+
+TORQUES = ("u1", "u2", "u3", "u4")
+
+RATES = ("w1", "w2", "w3", "w4")
+
+LENGTHS = MECANUM.lengths
+
+ROUNDS = 400
+"""Rounds in which torques that depend on themselves come to rest: 0.9 is the largest share, and
+0.9^400 is below rounding. A share of 0.3 takes 30."""
+
+SANE = 1e6
+"""Sum of torques [N m] beyond which, or at NaN, a first guess is thrown away."""
+
+
+@dataclass(frozen=True)
+class Inverse:
+    """What the inverse dynamics of the platform is generated from, for the cache of kernels."""
+
+    prefix: ClassVar[str] = "inverse"
+    sources: tuple[str, ...] = MECANUM.sources
+
+    def source(self, structure: Any) -> str:
+        """Python source of a module with what ``kernels.InverseKernel`` holds."""
+        return "\n\n".join(
+            [HEADER, _demand(structure), _command(structure), _inverse_loops(structure)]
+        )
+
+
+INVERSE = Inverse()
+
+
+def _theta(structure: Any) -> list[str]:
+    return [f"p{i}" for i in range(len(structure.parameter_names))]
+
+
+def _demand(structure: Any) -> str:
+    """Least-norm torques that a motion demands while given torques act."""
+    motion, torque = real_symbols(MOTION), real_symbols(TORQUES)
+    lengths, theta = (
+        real_symbols([f"g_{name}" for name in LENGTHS]),
+        real_symbols(_theta(structure)),
+    )
+    geometry = SimpleNamespace(**dict(zip(LENGTHS, lengths, strict=True)))
+    at = Instant(
+        twist=tuple(motion[0:3]),
+        acceleration=tuple(motion[3:6]),
+        pose=tuple(motion[6:9]),
+        wheel_angle=tuple(motion[9:13]),
+        torque=tuple(torque),
+        time=motion[13],
+    )
+    force = dynamics.wrench(symbols(), structure, geometry, theta, at)
+    arguments = [str(symbol) for symbol in (*motion, *torque, *lengths, *theta)]
+    return function_source("demand", arguments, allocate(geometry, force))
+
+
+def _command(structure: Any) -> str:
+    """Interface torques behind which given torques act and change at given rates."""
+    torque, rate, theta = (real_symbols(n) for n in (TORQUES, RATES, _theta(structure)))
+    (time,) = real_symbols(["time"])
+    still = (0.0, 0.0, 0.0)
+    at = Instant(still, torque=tuple(torque), torque_rate=tuple(rate), time=time)
+    results = dynamics.interface_torque(symbols(), structure, theta, at)
+    arguments = [str(symbol) for symbol in (*torque, *rate, time, *theta)]
+    return function_source("command", arguments, results)
+
+
+def _inverse_loops(structure: Any) -> str:
+    theta = ", ".join(f"theta[{i}]" for i in range(len(structure.parameter_names)))
+    lengths = ", ".join(f"lengths[{i}]" for i in range(len(LENGTHS)))
+    row = ", ".join(f"motion[k, {i}]" for i in range(len(MOTION)))
+    rounds = ROUNDS if structure.depends_on_load else 1
+    return f"""@njit(cache=True, error_model='numpy')
+def acting(motion, lengths, theta, tolerance, torque):
+    for k in range(motion.shape[0]):
+        a, b, c, d = torque[k, 0], torque[k, 1], torque[k, 2], torque[k, 3]
+        if not abs(a) + abs(b) + abs(c) + abs(d) < {SANE}:
+            a, b, c, d = 0.0, 0.0, 0.0, 0.0
+        for _ in range({rounds}):
+            u1, u2, u3, u4 = demand({row}, a, b, c, d, {lengths}, {theta})
+            moved = abs(u1 - a) + abs(u2 - b) + abs(u3 - c) + abs(u4 - d)
+            a, b, c, d = u1, u2, u3, u4
+            if moved <= tolerance:
+                break
+        torque[k, 0], torque[k, 1], torque[k, 2], torque[k, 3] = a, b, c, d
+
+
+@njit(cache=True, error_model='numpy')
+def several(motion, lengths, thetas, tolerance, torque):
+    for j in range(thetas.shape[0]):
+        acting(motion, lengths, thetas[j], tolerance, torque[j])
+
+
+@njit(cache=True, error_model='numpy')
+def interface(torque, rate, time, theta, out):
+    out[0], out[1], out[2], out[3] = command(
+        torque[0], torque[1], torque[2], torque[3],
+        rate[0], rate[1], rate[2], rate[3], time, {theta}
+    )
+
+
+@njit(cache=True, error_model='numpy')
+def held(motion, hold, lengths, theta, tolerance, torque, mean, out):
+    acting(motion, lengths, theta, tolerance, torque)
+    for i in range(4):
+        mean[i] = (torque[0, i] + 4.0 * torque[1, i] + torque[2, i]) / 6.0
+        out[i] = (torque[2, i] - torque[0, i]) / hold
+    interface(mean, out, motion[1, 13], theta, out)
+"""

@@ -1,0 +1,304 @@
+"""The plant: one platform, or several side by side, moved on by an identified model."""
+
+from __future__ import annotations
+
+import math
+import os
+from collections import deque
+from collections.abc import Sequence
+from dataclasses import replace
+from typing import Any, Protocol
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from youbot_env.errors import InputError
+from youbot_env.model.model import Model
+from youbot_env.model.model_file import load_model
+from youbot_env.physics import inverse_dynamics as dynamics
+from youbot_env.physics.effect import ACTUATOR, CATALOGUE, CHANNEL, CLOCK
+from youbot_env.physics.geometry import Geometry
+from youbot_env.physics.structure import DRIVE_STATE, STATE
+from youbot_env.simulation.compiled import kernel
+from youbot_env.simulation.free_run import initial_state, substeps
+
+Array = NDArray[np.float64]
+
+SLIVER = 1e-9
+"""Share of an interval that is rounding, not a piece of its own."""
+
+
+class DelayLine:
+    """A pipe through which the commands of one platform, each held for a while, reach its drives.
+
+    Before the first command no torque is on its way.
+
+    Parameters
+    ----------
+    delay : [s], the length of the pipe
+
+    Attributes
+    ----------
+    acting : (4,) torques [N m] that left the pipe last
+
+    Raises
+    ------
+    InputError
+        If the delay is negative: a log's may be, but nothing acts before it is commanded.
+    """
+
+    def __init__(self, delay: float) -> None:
+        if delay < 0:
+            raise InputError(
+                f"torque_delay: {delay:g} s belongs to a log whose torques are late; a plant "
+                "cannot act before it is commanded: give it a delay of at least 0"
+            )
+        self.acting: Array = np.zeros(4)
+        self._pipe: deque[tuple[Array, float]] = deque([(self.acting, delay)])
+
+    def passed(self, command: Array, duration: float) -> list[tuple[Array, float]]:
+        """What acts while ``command`` (4,) is held for ``duration`` [s]: torques and their times.
+
+        The times add up to ``duration``.
+        """
+        self._pipe.append((command.copy(), duration))
+        pieces, left, rounding = [], duration, SLIVER * duration
+        while left > 0.0:
+            torque, length = self._pipe.popleft()
+            if length > left + rounding:
+                self._pipe.appendleft((torque, length - left))
+            if length <= rounding < left:
+                continue
+            taken = left if length > left - rounding else length
+            pieces.append((torque, taken))
+            left -= taken
+        self.acting = pieces[-1][0]
+        return pieces
+
+
+TWIST, POSE, WHEEL_ANGLE = slice(0, 3), slice(3, 6), slice(6, 10)
+"""Where they stand in a state (see ``STATE``)."""
+
+DRIVES = slice(len(STATE), len(STATE) + len(DRIVE_STATE))
+"""Where the acting torques stand in the state of a model with an actuator."""
+
+SMOOTH_FINENESS = 3
+"""How many times finer than friction's kinks the base model and its drives are resolved: they carry
+the whole speed and torque, a dry friction's kink the last mm/s alone."""
+
+
+class Platforms(Protocol):
+    """What drives, records and environments ask of platforms that stand side by side.
+
+    Attributes
+    ----------
+    models : the model of each platform
+    states : (n, S) in the order of ``models[0].structure.state_names``, live
+    wheel_rates : (n, 4) [rad/s], live; (0, 4) where no wheel slips and the twist tells its rate
+    """
+
+    geometry: Geometry
+    models: list[Model]
+    states: Array
+    wheel_rates: Array
+
+    def reset(
+        self, model: Model | None = None, *, row: int | Sequence[int] | None = None, **start: Any
+    ) -> Array:
+        """Put platforms (None: all) at a start; see :meth:`Plant.reset`."""
+        ...
+
+    def advance(self, torque: Array, duration: float) -> None:
+        """Move on by ``duration`` [s] under torques (n, 4) [N m], C-contiguous, that are held."""
+        ...
+
+    def acting_torque(self, command: Array) -> Array:
+        """Torques (n, 4) [N m] that act at the wheels now, under the commands (n, 4)."""
+        ...
+
+
+class StateRows:
+    """How platforms that stand side by side, or one alone, show their rows of ``states``."""
+
+    states: Array
+    _single: bool
+
+    def _seen(self, where: slice) -> Array:
+        return (self.states[0, where] if self._single else self.states[:, where]).copy()
+
+    @property
+    def state(self) -> Array:
+        """(S,) or (n, S), a copy, in the order of ``model.structure.state_names``."""
+        return self._seen(slice(None))
+
+    @property
+    def twist(self) -> Array:
+        """(3,) or (n, 3): VX, VY, W [m/s, m/s, rad/s] of O in the body frame."""
+        return self._seen(TWIST)
+
+    @property
+    def pose(self) -> Array:
+        """(3,) or (n, 3): x, y, yaw [m, m, rad] of O in the world; yaw does not wrap."""
+        return self._seen(POSE)
+
+    @property
+    def wheel_angle(self) -> Array:
+        """(4,) or (n, 4) [rad]: fl, fr, bl, br."""
+        return self._seen(WHEEL_ANGLE)
+
+
+class Plant(StateRows):
+    """A mecanum platform that integrates its model under wheel torques.
+
+    Where the model has a delay, a torque acts that much after its step, and none after a reset.
+    This is what ``YouBotTracking-v0`` runs on, and the way to put an identified model into an
+    environment of one's own::
+
+        plant = Plant(load_model("model.json").with_effect("floor_tilt", tilt_x=0.02))
+        plant.reset(twist=(0.1, 0.0, 0.0))
+        plant.step((0.5, 0.5, 0.5, 0.5), 0.01)
+        plant.twist  # VX, VY, W
+
+    Parameters
+    ----------
+    model : a model, a model file, or a shipped model's name
+    platforms : number of platforms; every array then has a leading axis of that length. None is
+        one platform without such an axis. A platform's motion does not depend on its neighbours.
+    substeps : Runge-Kutta steps per ``step``; None chooses as many as the model and the duration
+        need for an error in velocity below 1e-7 m/s (1e-5 m/s beside the kink of a dry friction).
+
+    Attributes
+    ----------
+    states : (n, S) in the order of ``model.structure.state_names``, live, not a copy
+    wheel_rates : (0, 4): no wheel slips, so ``wheel_speed`` follows from the twist
+    models : the model of each platform
+
+    Raises
+    ------
+    InputError
+        If the model cannot be read or is too stiff to simulate.
+    """
+
+    def __init__(
+        self,
+        model: str | os.PathLike[str] | Model = "paper",
+        *,
+        platforms: int | None = None,
+        substeps: int | None = None,
+    ) -> None:
+        model = load_model(model)
+        self._single = platforms is None
+        count = 1 if platforms is None else platforms
+        if count < 1 or (substeps is not None and substeps < 1):
+            raise InputError("plant: platforms and substeps must be at least 1")
+        self.structure = model.structure
+        self.geometry = model.geometry
+        self.models = [model] * count
+        self.states: Array = np.tile(initial_state(model), (count, 1))
+        self.wheel_rates: Array = np.empty((0, 4))
+        self._theta: Array = np.tile(model.theta, (count, 1))
+        self._lengths = model.lengths
+        self._substeps = substeps
+        self._needed: dict[float, int] = {}
+        late = count if self.structure.at(CLOCK) else 0
+        self._lines = [DelayLine(model.delay) for _ in range(late)]
+        self._advance: Any = kernel(self.structure).advance
+
+    def reset(
+        self, model: Model | None = None, *, row: int | Sequence[int] | None = None, **start: Any
+    ) -> Array:
+        """Put platforms at a start and return the state.
+
+        Parameters
+        ----------
+        model : from now on theirs; it must have the first one's effects and geometry. None keeps.
+        row : the platforms, None for all
+        start : twist, pose, wheel_angle, torque, time, as for ``initial_state``; zero by default
+        """
+        rows = np.arange(len(self.states)) if row is None else np.atleast_1d(row)
+        for index in rows.tolist():
+            if model is not None and model is not self.models[index]:
+                self._use(model, index)
+            self.states[index] = initial_state(self.models[index], **start)
+            if self._lines:
+                self._lines[index] = DelayLine(self.models[index].delay)
+        return self.state
+
+    def _use(self, model: Model, row: int) -> None:
+        if model.structure != self.structure or model.geometry != self.geometry:
+            raise InputError(
+                f"plant: model {model.name} has other effects or another geometry than the plant "
+                f"was built with ({', '.join(self.structure.effects) or 'no effects'})"
+            )
+        self.models[row] = model
+        self._theta[row] = model.theta
+        self._needed.clear()
+
+    def step(self, torque: ArrayLike, duration: float) -> Array:
+        """Move on by ``duration`` [s] under interface torques (4,) or (n, 4) [N m], held constant.
+
+        Returns the new state, (S,) or (n, S).
+        """
+        self.advance(checked_torque(torque, len(self.states), single=self._single), duration)
+        return self.state
+
+    def advance(self, torque: Array, duration: float) -> None:
+        """``step`` for C-contiguous rows (n, 4), unchecked and without a result."""
+        count = self._needed.get(duration) or self._count(duration)
+        if not self._lines:
+            self._advance(self.states, torque, self._lengths, self._theta, duration, count)
+            return
+        for row, line in enumerate(self._lines):
+            state, theta = self.states[row : row + 1], self._theta[row : row + 1]
+            for acting, piece in line.passed(torque[row], duration):
+                steps = math.ceil(count * piece / duration)
+                self._advance(state, acting[None], self._lengths, theta, piece, steps)
+
+    def _count(self, duration: float) -> int:
+        distinct = {id(model): model for model in self.models}.values()
+        needed = self._substeps or max(plant_substeps(model, duration) for model in distinct)
+        self._needed[duration] = needed
+        return needed
+
+    def acting_torque(self, command: Array) -> Array:
+        """Torques (n, 4) [N m] that act at the wheels now, under the commands (n, 4)."""
+        if self.structure.has_actuator:
+            return self.states[:, DRIVES].copy()
+        if self._lines:
+            command = np.stack([line.acting for line in self._lines])
+        if not self.structure.at(CHANNEL):
+            return command
+        time = self.states[:, len(STATE) - 1]
+        found = dynamics.channel_torque(np, self.structure, self._theta.T, list(command.T), time)
+        return np.stack(np.broadcast_arrays(*found), axis=-1)
+
+    @property
+    def wheel_speed(self) -> Array:
+        """(4,) or (n, 4) [rad/s]: fl, fr, bl, br."""
+        return self.geometry.wheel_speeds(self.twist)
+
+    def __getstate__(self) -> dict[str, Any]:
+        return {**self.__dict__, "_advance": None}  # compiled code is found again, not carried
+
+    def __setstate__(self, state: dict[str, Any]) -> None:
+        self.__dict__.update(state)
+        self._advance = kernel(self.structure).advance
+
+
+def checked_torque(torque: ArrayLike, platforms: int, *, single: bool) -> Array:
+    """The torques of a step as rows (n, 4), or InputError if they have another shape."""
+    wheel_torque = np.array(torque, float)
+    if wheel_torque.shape != ((4,) if single else (platforms, 4)):
+        raise InputError(f"plant: four torques per platform, not shape {wheel_torque.shape}")
+    return wheel_torque.reshape(-1, 4)
+
+
+def plant_substeps(model: Model, duration: float) -> int:
+    """Runge-Kutta steps per ``duration`` [s] that keep what ``Plant`` promises."""
+    drives = {
+        name: values
+        for name, values in model.effects.items()
+        if CATALOGUE[name].acts_at is ACTUATOR
+    }
+    smooth = replace(model, effects=drives, covariance=None, covariance_names=())
+    return max(substeps(smooth, SMOOTH_FINENESS * duration), substeps(model, duration))

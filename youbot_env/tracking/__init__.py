@@ -1,0 +1,1 @@
+"""The Gymnasium environments that follow a reference: task, actuation, sensors, drawing."""

@@ -1,0 +1,99 @@
+"""From an action to the torque at the interface: limit, delay, memory of past actions."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numba import njit
+from numpy.typing import NDArray
+
+from youbot_env.errors import InputError
+from youbot_env.motions.base import finite
+from youbot_env.physics import hardware
+from youbot_env.physics.geometry import WHEELS
+
+BOUND_TOLERANCE = 1e-6
+"""How far past +-1 an action may lie: rounding of float32, no more. It is cut to +-1."""
+
+AT_LIMIT = 1.0 - 1e-6
+"""An action this large counts as saturated."""
+
+
+@dataclass(frozen=True)
+class Actuation:
+    """What happens to an action (4,) in [-1, 1] on its way to the drives.
+
+    Attributes
+    ----------
+    torque_limit : wheel torque [N m] that an action of 1 commands
+    delay : whole control periods by which a command acts late
+
+    Raises
+    ------
+    InputError
+        If a number cannot be.
+    """
+
+    torque_limit: float = hardware.MAX_WHEEL_TORQUE
+    delay: int = 0
+
+    def __post_init__(self) -> None:
+        limit = finite("torque_limit", self.torque_limit, positive=True)
+        object.__setattr__(self, "torque_limit", limit)
+        whole_number("delay", self.delay, least=0)
+
+
+def whole_number(name: str, value: object, *, least: int) -> int:
+    """``value`` as an int of at least ``least``, or InputError."""
+    if isinstance(value, bool) or not isinstance(value, (int, np.integer)) or value < least:
+        raise InputError(f"{name}: {value!r} must be a whole number of at least {least}")
+    return int(value)
+
+
+def action_rows(action: Any, count: int, *, single: bool) -> NDArray[np.float64]:
+    """The action as C-contiguous rows (count, 4), or InputError if it has another shape."""
+    shape = (4,) if single else (count, 4)
+    try:
+        rows = np.array(action, np.float64)
+    except (TypeError, ValueError):
+        raise InputError(f"action: {action!r} does not hold numbers") from None
+    if rows.shape != shape:
+        raise InputError(f"action: shape {rows.shape}, expected {shape} (fl, fr, bl, br)")
+    return rows.reshape(count, 4)
+
+
+def reject(action: NDArray[np.float64], index: int) -> InputError:
+    """The error for the element ``index`` of actions (n, 4) that ``command`` refused."""
+    row, wheel = divmod(index, 4)
+    where = f"wheel {WHEELS[wheel]}" + (f" of environment {row}" if len(action) > 1 else "")
+    value = float(action[row, wheel])
+    return InputError(f"action: {value!r} at {where} is not a number from -1 to 1; clip it first")
+
+
+@njit(cache=True)
+def command(action, queue, clock, delay, limit, commanded, delivered, saturated):
+    """Take actions (n, 4) into the queue and fill the torques (n, 4) [N m] of this period.
+
+    ``queue`` (n, k, 4) holds past actions, the newest first; ``clock`` (n,) counts periods.
+    ``commanded`` is what the action asks for now, ``delivered`` what arrives at the drives after
+    ``delay`` periods, ``saturated`` (n, 4) whether the action is at its bound.
+    Returns -1, or the flat index of the first element out of bounds, with nothing changed.
+    """
+    rows, slots = action.shape[0], queue.shape[1]
+    for row in range(rows):
+        for wheel in range(4):
+            if not abs(action[row, wheel]) <= 1.0 + BOUND_TOLERANCE:  # so that NaN fails too
+                return 4 * row + wheel
+    for row in range(rows):
+        clock[row] += 1
+        for wheel in range(4):
+            for slot in range(slots - 1, 0, -1):
+                queue[row, slot, wheel] = queue[row, slot - 1, wheel]
+            value = min(max(action[row, wheel], -1.0), 1.0)
+            queue[row, 0, wheel] = value
+            commanded[row, wheel] = limit * value
+            delivered[row, wheel] = limit * queue[row, delay, wheel]
+            saturated[row, wheel] = abs(value) >= AT_LIMIT
+    return -1

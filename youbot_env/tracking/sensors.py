@@ -1,0 +1,92 @@
+"""What the wheels' encoders tell: speeds with noise, from whole counts if wished."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+from numba import njit
+from numpy.typing import NDArray
+
+from youbot_env.motions.base import finite
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class Sensors:
+    """How wheel speeds are measured.
+
+    Attributes
+    ----------
+    wheel_speed_noise : standard deviation [rad/s] of white noise on each wheel speed
+    encoder_ticks : counts per turn of a wheel; speeds are then the counts of one control period
+        over its length, so the mean speed over the period in steps of one count. None measures
+        the speed at the instant. The youBot has 103,352 (``hardware.ENCODER_TICKS``).
+
+    Raises
+    ------
+    InputError
+        If a number cannot be.
+    """
+
+    wheel_speed_noise: float = 0.0
+    encoder_ticks: float | None = None
+
+    def __post_init__(self) -> None:
+        finite("wheel_speed_noise", self.wheel_speed_noise, least=0.0)
+        if self.encoder_ticks is not None:
+            finite("encoder_ticks", self.encoder_ticks, positive=True)
+
+    @property
+    def resolution(self) -> float:
+        """Wheel angle per count [rad]; 0 without an encoder."""
+        return 0.0 if self.encoder_ticks is None else 2 * math.pi / self.encoder_ticks
+
+    def noise(self, rng: np.random.Generator, samples: int) -> Array:
+        """Errors (samples, 4) [rad/s] of the wheel speeds of a whole episode."""
+        if self.wheel_speed_noise == 0:
+            return np.zeros((samples, 4))
+        return self.wheel_speed_noise * rng.standard_normal((samples, 4))
+
+
+@njit(cache=True)
+def sense(
+    rows,
+    states,
+    rates,
+    kinematics,
+    noise,
+    clock,
+    counts,
+    resolution,
+    period,
+    wheel_speed,
+    body_twist,
+):
+    """Fill measured wheel speeds (n, 4) [rad/s] and body twist (n, 3) of states (n, S).
+
+    ``rows`` (first, past the last) says of which platforms. ``kinematics`` (2, 4, 3): wheel rates
+    per twist, and the least-squares way back; ``rates`` (n, 4) are the wheels' own where they slip,
+    (0, 4) where the twist tells them; ``noise`` (n, N, 4) at the sample ``clock`` (n,);
+    ``counts`` (n, 4) are the encoders' last readings and move on.
+    """
+    for row in range(rows[0], rows[1]):
+        for axis in range(3):
+            body_twist[row, axis] = 0.0
+        for wheel in range(4):
+            speed = 0.0
+            if resolution > 0.0:
+                count = math.floor(states[row, 6 + wheel] / resolution)
+                speed = (count - counts[row, wheel]) * resolution / period
+                counts[row, wheel] = count
+            elif len(rates):
+                speed = rates[row, wheel]
+            else:
+                for axis in range(3):
+                    speed += kinematics[0, wheel, axis] * states[row, axis]
+            speed += noise[row, clock[row], wheel]
+            wheel_speed[row, wheel] = speed
+            for axis in range(3):
+                body_twist[row, axis] += kinematics[1, wheel, axis] * speed

@@ -1,0 +1,306 @@
+"""Platforms that track references side by side: the one stepper behind every environment.
+
+Every array has a leading row per platform, and one platform is a batch of one: the same code.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from youbot_env.contact.settings import Contact
+from youbot_env.errors import InputError
+from youbot_env.model.model import Model
+from youbot_env.motions.base import Motion, finite
+from youbot_env.simulation.plant import TWIST, WHEEL_ANGLE, Plant, Platforms, plant_substeps
+from youbot_env.tracking.actuation import Actuation, command, reject
+from youbot_env.tracking.randomisation import Same, Source
+from youbot_env.tracking.sensors import Sensors, sense
+from youbot_env.tracking.task import (
+    DIVERGED,
+    ENDED,
+    REPORT,
+    REPORT_WIDTH,
+    REWARD,
+    REWARD_WEIGHTS,
+    TERMS,
+    TrackingTask,
+    assess,
+    reference_table,
+    twist_scale,
+)
+
+Array = NDArray[np.float64]
+
+START_SIZES = {"twist": 3, "pose": 3, "wheel_angle": 4, "torque": 4, "time": 0}
+"""What an initial state may name, and how many numbers each takes (0: one plain number)."""
+
+PROBES = 32
+"""Draws of a randomised model that settle how fine all episodes are integrated."""
+
+
+@dataclass(frozen=True)
+class Setup:
+    """All that an environment is built from; checked once, here and in its parts.
+
+    Attributes
+    ----------
+    source : where each episode's model comes from
+    task, actuation, sensors : see there
+    period : control period [s]
+    steps : control periods in an episode
+    start : initial state by name, see ``START_SIZES``; zero where left out
+    reference : the same motion in each episode, or None for random ones
+    contact : None integrates the model; else MuJoCo moves bodies that have its parameters
+    """
+
+    source: Source
+    task: TrackingTask = field(default_factory=TrackingTask)
+    actuation: Actuation = field(default_factory=Actuation)
+    sensors: Sensors = field(default_factory=Sensors)
+    period: float = 0.01
+    steps: int = 1000
+    start: Mapping[str, ArrayLike] = field(default_factory=dict)
+    reference: Motion | None = None
+    contact: Contact | None = None
+
+
+class Shown:
+    """What the platforms show after a call; new arrays each time, so what was handed out stays."""
+
+    __slots__ = (
+        *("observation", "report", "wheel_speed", "body_twist"),
+        *("commanded", "delivered", "applied", "saturated"),
+    )
+
+    def __init__(self, count: int, observation_size: int) -> None:
+        self.observation = np.empty((count, observation_size), np.float32)
+        self.report = np.empty((count, REPORT_WIDTH))
+        self.wheel_speed = np.empty((count, 4))
+        self.body_twist = np.empty((count, 3))
+        self.commanded = np.empty((count, 4))
+        self.delivered = np.empty((count, 4))
+        self.applied = self.delivered
+        self.saturated = np.empty((count, 4), np.bool_)
+
+    def copy(self) -> Shown:
+        """The same values in arrays of their own."""
+        twin = object.__new__(Shown)
+        for name in self.__slots__:
+            setattr(twin, name, getattr(self, name).copy())
+        return twin
+
+
+class Stepper:
+    """``platforms`` rows of one setup.
+
+    Attributes
+    ----------
+    setup : what it was built from
+    plant : the platforms
+    clock : (n,) control periods since each platform's reset
+    references : the motion that each follows
+    """
+
+    def __init__(self, setup: Setup, platforms: int = 1) -> None:
+        self.setup = setup
+        task, samples = setup.task, setup.steps + 1
+        model = setup.source.draw(np.random.default_rng(0))
+        checked_start(setup.start, twist_scale(model.geometry))
+        if setup.reference is None:  # so that what cannot be shows here, not at the first reset
+            task.reference(np.random.default_rng(0), samples * setup.period, model.geometry)
+        self.plant = self._plant(model, platforms)
+        self.references: list[Motion | None] = [setup.reference] * platforms
+        self.clock = np.zeros(platforms, np.int64)
+        self._parameters: list[dict[str, float]] = [model.values] * platforms
+        self._numbers = task.numbers(model.geometry)
+        self._shape = (task.preview, task.action_history)
+        jacobian = model.geometry.wheel_jacobian
+        self._kinematics = np.stack([jacobian, model.geometry.body_twist(np.eye(4))])
+        self._table = np.zeros((platforms, samples + task.preview, 6))
+        self._noise = np.zeros((platforms, samples, 4))
+        self._counts = np.zeros((platforms, 4))
+        slots = max(setup.actuation.delay + 1, task.action_history, 2)
+        self._queue = np.zeros((platforms, slots, 4))
+        self._all = (0, platforms)
+        self._shown = Shown(platforms, task.observation_size)
+
+    def _plant(self, model: Model, platforms: int) -> Platforms:
+        if self.setup.contact is None:
+            return Plant(model, platforms=platforms, substeps=self._substeps())
+        from youbot_env.contact.plant import ContactPlant
+
+        return ContactPlant(model, self.setup.contact, platforms=platforms)
+
+    def _substeps(self) -> int:
+        """As fine as any draw needs: a platform's course must not depend on its neighbours."""
+        source, rng = self.setup.source, np.random.default_rng(0)
+        draws = 1 if isinstance(source, Same) else PROBES
+        models = [source.draw(rng) for _ in range(draws)]
+        return max(plant_substeps(model, self.setup.period) for model in models)
+
+    def reset(
+        self,
+        row: int,
+        rng: np.random.Generator,
+        start: Mapping[str, ArrayLike] | None = None,
+        reference: Motion | None = None,
+    ) -> None:
+        """Begin an episode of one platform.
+
+        Model, reference and noise draw from streams of their own, so that switching one on leaves
+        the others as they were under the same seed.
+        """
+        streams = [np.random.default_rng(seed) for seed in rng.integers(2**63, size=3)]
+        setup, geometry = self.setup, self.plant.geometry
+        chosen = checked_start({**setup.start, **(start or {})}, twist_scale(geometry))
+        model = setup.source.draw(streams[0])
+        samples = self._table.shape[1]
+        motion = reference or setup.reference
+        if motion is None:
+            motion = setup.task.reference(streams[1], samples * setup.period, geometry)
+        self.plant.reset(model, row=row, **chosen)
+        self._parameters[row] = model.values
+        self.references[row] = motion
+        self._table[row] = reference_table(motion, setup.period, samples)
+        self._noise[row] = setup.sensors.noise(streams[2], len(self._noise[row]))
+        self._rest(row)
+        self._look((row, row + 1))
+
+    def _rest(self, row: int) -> None:
+        """Past actions and readings as if the platform had been moving like this before."""
+        self.clock[row] = 0
+        self._queue[row] = 0.0
+        if resolution := self.setup.sensors.resolution:
+            state = self.plant.states[row]
+            slipping = self.plant.wheel_rates
+            rate = (
+                slipping[row] if len(slipping) else self.plant.geometry.wheel_speeds(state[TWIST])
+            )
+            turned = rate * self.setup.period
+            self._counts[row] = np.floor((state[WHEEL_ANGLE] - turned) / resolution)
+        shown = self._shown = self._shown.copy()
+        shown.commanded[row] = 0.0
+        shown.delivered[row] = 0.0
+        shown.saturated[row] = False
+
+    def step(self, action: Array) -> None:
+        """One control period under actions (n, 4), C-contiguous, in [-1, 1].
+
+        Raises
+        ------
+        InputError
+            If an action is NaN or out of bounds; nothing has moved then.
+        """
+        setup = self.setup
+        shown = Shown(len(action), self._shown.observation.shape[1])
+        refused = command(
+            action,
+            self._queue,
+            self.clock,
+            setup.actuation.delay,
+            setup.actuation.torque_limit,
+            shown.commanded,
+            shown.delivered,
+            shown.saturated,
+        )
+        if refused >= 0:
+            raise reject(action, refused)
+        self._shown = shown
+        self.plant.advance(shown.delivered, setup.period)
+        self._look(self._all)
+
+    def _look(self, rows: tuple[int, int]) -> None:
+        """Measure and judge the platforms from the first of ``rows`` to before the second."""
+        setup, shown, states = self.setup, self._shown, self.plant.states
+        shown.applied = self.plant.acting_torque(shown.delivered)
+        sense(
+            rows,
+            states,
+            self.plant.wheel_rates,
+            self._kinematics,
+            self._noise,
+            self.clock,
+            self._counts,
+            setup.sensors.resolution,
+            setup.period,
+            shown.wheel_speed,
+            shown.body_twist,
+        )
+        assess(
+            rows,
+            states,
+            shown.body_twist,
+            self._queue,
+            self._table,
+            self.clock,
+            self._numbers,
+            self._shape,
+            shown.observation,
+            shown.report,
+        )
+
+    @property
+    def observation(self) -> NDArray[np.float32]:
+        """(n, D) float32."""
+        return self._shown.observation
+
+    @property
+    def reward(self) -> Array:
+        """(n,), each in [0, 1]."""
+        return self._shown.report[:, REWARD]
+
+    @property
+    def terminated(self) -> NDArray[np.bool_]:
+        """(n,): whether the state has left every sane set."""
+        return self._shown.report[:, ENDED] != 0
+
+    def result(self, row: int) -> tuple[float, bool, dict[str, Any]]:
+        """Reward, whether terminated, and ``info`` of one platform."""
+        shown = self._shown
+        report = shown.report[row]
+        info: dict[str, Any] = {name: report[where] for name, where in REPORT.items()}
+        info["measured_twist"] = shown.body_twist[row]
+        info["wheel_speed"] = shown.wheel_speed[row]
+        info["commanded_torque"] = shown.commanded[row]
+        info["applied_torque"] = shown.applied[row]
+        info["saturated"] = shown.saturated[row]
+        *terms, reward, ended = report[TERMS.start :].tolist()
+        info["reward_terms"] = dict(zip(REWARD_WEIGHTS, terms, strict=True))
+        info["parameters"] = self._parameters[row].copy()
+        info["time"] = float(self.clock[row]) * self.setup.period
+        return reward, ended != 0.0, info
+
+
+def checked_start(start: Mapping[str, Any], scale: Array) -> dict[str, Array]:
+    """An initial state's parts as arrays of the right size, or InputError."""
+    found = {}
+    for name, value in start.items():
+        if name not in START_SIZES:
+            known = ", ".join(START_SIZES)
+            raise InputError(f"initial_state: unknown part {name!r}; known are {known}")
+        try:
+            part = np.array(value, float)
+        except (TypeError, ValueError):
+            raise InputError(f"initial_state {name}: {value!r} does not hold numbers") from None
+        size = START_SIZES[name]
+        if part.shape != ((size,) if size else ()) or not np.isfinite(part).all():
+            wanted = f"{size} finite numbers" if size else "a finite number"
+            raise InputError(f"initial_state {name}: {value!r} is not {wanted}")
+        found[name] = part
+    if "twist" in found and (np.abs(found["twist"]) > DIVERGED * scale).any():
+        raise InputError(f"initial_state twist: {start['twist']!r} is faster than any platform")
+    return found
+
+
+def episode_steps(length: object, period: float) -> int:
+    """Control periods in an episode of ``length`` [s]."""
+    seconds = finite("episode_length", length, positive=True)
+    steps = round(seconds / period)
+    if steps < 1:
+        raise InputError(f"episode_length: {seconds:g} s is shorter than a control period")
+    return steps
