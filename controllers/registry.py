@@ -57,11 +57,11 @@ def _gains(model: Model, loop: Loop) -> Settings:
 
 def _free_gains(model: Model, loop: Loop) -> Settings:
     """The best gains that are stable at all."""
-    from controllers.tuning.trials import Trial, references
-    from controllers.tuning.tunable_laws import KinematicStructure
+    from controllers.tuning.trials import TuningTrial, references
+    from controllers.tuning.tunable_laws import TunableKinematic
     from controllers.tuning.tuning import Bench
 
-    bench = Bench(KinematicStructure(model, loop), Trial(model, loop, references(model)))
+    bench = Bench(TunableKinematic(model, loop), TuningTrial(model, loop, references(model)))
     return bench.best(None).point
 
 

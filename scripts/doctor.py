@@ -23,7 +23,7 @@ if TYPE_CHECKING:
     from rich.console import Console
 
     from identification.logs.log import Log
-    from identification.mechanisms.registry import Kind
+    from identification.mechanisms.registry import MechanismKind
     from youbot_env.physics.geometry import Geometry
 
 EXAMPLES = (
@@ -66,7 +66,7 @@ def main(
         raise InputError(f"{len(broken)} of {len(reports)} logs cannot be used: {broken[0]}")
 
 
-def _examine(path: Path, of: Kind, geometry: Geometry | None, unit: str) -> dict[str, Any]:
+def _examine(path: Path, of: MechanismKind, geometry: Geometry | None, unit: str) -> dict[str, Any]:
     from identification.logs.findings import LogError
     from identification.logs.reading import read_log
     from youbot_env.errors import InputError

@@ -47,7 +47,7 @@ TYPICAL_NOTE = (
 )
 
 
-class Shown(NamedTuple):
+class ShownEffect(NamedTuple):
     """A catalogue and how it is printed.
 
     unit_of: what the size of a parameter with this unit is a multiple of ("": its unit)
@@ -107,7 +107,7 @@ def main(
     write_result(json, result)
 
 
-def shown(mechanism: str) -> Shown:
+def shown(mechanism: str) -> ShownEffect:
     """The catalogue of a mechanism.
 
     Raises
@@ -122,21 +122,23 @@ def shown(mechanism: str) -> Shown:
         from identification.mechanisms.axis_effects import AXIS_CATALOGUE
 
         formula, equation = axis_printing.formula, axis_printing.equation
-        return Shown(AXIS_CATALOGUE, formula, equation, lambda unit: TYPICAL[unit], TYPICAL_NOTE)
+        return ShownEffect(
+            AXIS_CATALOGUE, formula, equation, lambda unit: TYPICAL[unit], TYPICAL_NOTE
+        )
     from youbot_env.equations.equations import equation, formula
     from youbot_env.physics.effect import CATALOGUE
-    from youbot_env.physics.structure import Structure
+    from youbot_env.physics.structure import ModelStructure
 
-    return Shown(
+    return ShownEffect(
         CATALOGUE,
         formula,
-        lambda names, form: equation(Structure(tuple(names)), form),
+        lambda names, form: equation(ModelStructure(tuple(names)), form),
         lambda unit: "",
         "",
     )
 
 
-def describe(item: Effect, of: Shown) -> dict[str, Any]:
+def describe(item: Effect, of: ShownEffect) -> dict[str, Any]:
     """An effect as JSON; sizes, defaults and bounds of an axis are multiples of "times"."""
     return {
         "name": item.name,
@@ -163,7 +165,7 @@ def describe(item: Effect, of: Shown) -> dict[str, Any]:
     }
 
 
-def show(screen: Console, items: list[Effect], of: Shown, form: str) -> None:
+def show(screen: Console, items: list[Effect], of: ShownEffect, form: str) -> None:
     """Print the catalogue: a table, then for each effect how to recognise it."""
     rows = tuple(
         (item.name, item.acts_at.name, parameters(item), sizes(item, of)) for item in items
@@ -183,7 +185,7 @@ def parameters(item: Effect) -> str:
     )
 
 
-def sizes(item: Effect, of: Shown) -> str:
+def sizes(item: Effect, of: ShownEffect) -> str:
     """Catalogue sizes in the order of the parameters; a shape constant's default in brackets."""
     found = []
     for parameter in item.public_parameters:

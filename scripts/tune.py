@@ -14,8 +14,8 @@ import typer
 
 from controllers.interface import Loop
 from controllers.tuning.gains_file import gains_to_dict, save_gains
-from controllers.tuning.trials import Trial, references
-from controllers.tuning.tunable_laws import KinematicStructure, PIDStructure
+from controllers.tuning.trials import TuningTrial, references
+from controllers.tuning.tunable_laws import TunableKinematic, TunablePID
 from controllers.tuning.tuning import (
     ROUNDS,
     TORQUE_RATE_SHARE,
@@ -43,7 +43,7 @@ MOST_SECONDS = 2000.0
 """Of references: a search of an hour."""
 
 
-class Kind(StrEnum):
+class TunedKind(StrEnum):
     """What can be tuned."""
 
     KINEMATIC = "kinematic"
@@ -53,8 +53,8 @@ class Kind(StrEnum):
 def main(
     model: common.ModelArgument,
     controller: Annotated[
-        Kind, typer.Option(case_sensitive=False, help="Whose gains.")
-    ] = Kind.KINEMATIC,
+        TunedKind, typer.Option(case_sensitive=False, help="Whose gains.")
+    ] = TunedKind.KINEMATIC,
     rate: Annotated[float, typer.Option(metavar="HZ", help="Rate of the loop.")] = 100.0,
     delay: Annotated[
         float,
@@ -106,7 +106,7 @@ def main(
     that of its loop opened at its force with the other two closed, by the exact sampled model. The
     torque rate is the rms of the commands' change. The seed draws references and noise.
     """
-    if lead and controller is Kind.PID:
+    if lead and controller is TunedKind.PID:
         raise InputError("--lead: belongs to --controller kinematic")
     if finite("duration", duration, positive=True) * runs > MOST_SECONDS:
         raise InputError(f"--runs, --duration: more than {MOST_SECONDS:g} s of references in all")
@@ -116,20 +116,20 @@ def main(
     period = 1.0 / finite("rate", rate, positive=True)
     loop = Loop(period, delay * period, 0.5 * period, torque_limit, noise)
     motions = references(plant, count=runs, duration=duration, seed=seed)
-    trial = Trial(plant, loop, motions, duration, seed)
+    trial = TuningTrial(plant, loop, motions, duration, seed)
     margins = {"gain_margin": gain_margin, "phase_margin": phase_margin}
     with common.progress(3 * ROUNDS + 1, "tuning") as advance:
         limit = torque_rate or allowed_torque_rate(plant, loop, trial)
         wanted = Requirements(**margins, torque_rate=limit)
-        if controller is Kind.PID:
-            structure = PIDStructure(plant, loop, **margins)
+        if controller is TunedKind.PID:
+            structure = TunablePID(plant, loop, **margins)
         else:
-            structure = KinematicStructure(plant, loop, lead=lead)
+            structure = TunableKinematic(plant, loop, lead=lead)
         advance(1)
         bench = Bench(structure, trial)
         kept = {"tuned": wanted, "any rate": Requirements(**margins), "free": None}
         found = {name: bench.best(keep, advance) for name, keep in kept.items()}
-    if controller is Kind.KINEMATIC:
+    if controller is TunedKind.KINEMATIC:
         stock = [STOCK_PROPORTIONAL, STOCK_INTEGRAL, NO_LEAD]
         found["stock"] = bench.tuned(np.array(stock[: len(structure.names)]))
     gains = {

@@ -37,7 +37,7 @@ ROUNDING = 1e-9
 
 
 @dataclass(frozen=True, eq=False)
-class Design:
+class FeedbackDesign:
     """Numbers of the feedback.
 
     Attributes
@@ -64,7 +64,7 @@ class Design:
     mass: Array
 
 
-def design(model: Model, loop: Loop, bandwidth: float | None = None) -> Design:
+def design(model: Model, loop: Loop, bandwidth: float | None = None) -> FeedbackDesign:
     """Gains for a model in a loop.
 
     The estimator is the Kalman filter, the regulator the linear quadratic one, of the sampled
@@ -88,7 +88,7 @@ def design(model: Model, loop: Loop, bandwidth: float | None = None) -> Design:
         see = _estimator(keep, gain, period, bandwidth)
         on = _regulator(rate, lag, period, bandwidth)
         axes[axis] = (keep, gain, keep_part, gain_part, *see, *on, most[axis], jump[axis])
-    return Design(
+    return FeedbackDesign(
         bandwidth=float(bandwidth),
         axes=axes,
         timing=_timing(period, slots, part, lag, age, CONTRADICTION * loop.torque_limit),

@@ -16,14 +16,14 @@ from controllers.computed_torque.feedback import (
     correction,
     estimate,
 )
-from controllers.computed_torque.feedback_design import Design
+from controllers.computed_torque.feedback_design import FeedbackDesign
 from controllers.interface import Array, Loop
 from controllers.linear.linear_system import LinearSystem, closed, sampled_platform
 from controllers.linear.margins import Margins, frequency_grid, margins
 from youbot_env.model.model import Model
 
 
-def feedback_system(design: Design) -> LinearSystem:
+def feedback_system(design: FeedbackDesign) -> LinearSystem:
     """Body force (3,) [N, N, N m] per error (3,), reference minus measured twist."""
     axes = design.axes.copy()
     axes[:, MOST] = np.inf
@@ -59,7 +59,7 @@ def feedback_system(design: Design) -> LinearSystem:
     return LinearSystem(a, b, design.mass @ c, design.mass @ d, period)
 
 
-def closed_loop(design: Design, plant: Model, loop: Loop) -> LinearSystem:
+def closed_loop(design: FeedbackDesign, plant: Model, loop: Loop) -> LinearSystem:
     """The loop on a plant that need not be the controller's model.
 
     From a change of the reference that the feed-forward does not know to the twist.
@@ -67,7 +67,7 @@ def closed_loop(design: Design, plant: Model, loop: Loop) -> LinearSystem:
     return closed(sampled_platform(plant, loop), feedback_system(design))
 
 
-def feedback_margins(design: Design, plant: Model, loop: Loop) -> Margins:
+def feedback_margins(design: FeedbackDesign, plant: Model, loop: Loop) -> Margins:
     """Gain and phase margin at each axis' force command (the other axes closed)."""
     frequency = frequency_grid(loop.sample_time)
     platform = sampled_platform(plant, loop).response(frequency)

@@ -42,7 +42,7 @@ def effective_mass(model: Model) -> Inertia:
     return Inertia(mass, -mass @ plant.a[TWIST, TWIST])
 
 
-class Exerted:
+class CommandTracker:
     """Follows commanded wheel torques through the loop's delay and the drives' lag.
 
     Call once a sample: ``contradiction`` with what is measured, then ``command``.

@@ -68,7 +68,7 @@ class NoOptimumError(InputError):
     """The Riccati equation of these weights has no solution that a computer finds."""
 
 
-class Design(NamedTuple):
+class LQIDesign(NamedTuple):
     """Numbers of the loop; S states: twist, drives, commands and measurements on their way.
 
     Attributes
@@ -87,7 +87,7 @@ class Design(NamedTuple):
     force: Array
 
 
-def lqi(model: Model, loop: Loop, weights: Weights) -> Design:
+def lqi(model: Model, loop: Loop, weights: Weights) -> LQIDesign:
     """The optimal gains (extra: control), by the sampled twist model with its delays.
 
     Raises
@@ -121,7 +121,7 @@ def lqi(model: Model, loop: Loop, weights: Weights) -> Design:
     gain = np.zeros((3, len(plant.a)))
     gain[:, :size] = mass @ found[:, :size] @ scale
     state, force = _steady(plant)
-    return Design(plant, gain, fast * mass @ found[:, size:], state, force)
+    return LQIDesign(plant, gain, fast * mass @ found[:, size:], state, force)
 
 
 def _steady(plant: LinearSystem) -> tuple[Array, Array]:
@@ -134,7 +134,7 @@ def _steady(plant: LinearSystem) -> tuple[Array, Array]:
     return found[:size], found[size:]
 
 
-def linear_lqi(design: Design) -> LinearSystem:
+def linear_lqi(design: LQIDesign) -> LinearSystem:
     """Reference minus measured twist (3,) to force (3,), at reference zero: for poles and margins.
 
     States are the model of the platform that the controller carries, and the integral.
@@ -152,7 +152,7 @@ def linear_lqi(design: Design) -> LinearSystem:
     return LinearSystem(a + into @ c, b + into @ on_twist, c, on_twist, period)
 
 
-def lqi_margins(design: Design) -> tuple[Margins, bool]:
+def lqi_margins(design: LQIDesign) -> tuple[Margins, bool]:
     """Margins at each axis' force, and whether the loop with its own model is stable."""
     controller = linear_lqi(design)
     frequency = frequency_grid(float(design.plant.period or 0.0))

@@ -6,7 +6,7 @@ import numpy as np
 
 from controllers.allocation import within_limits
 from controllers.interface import Array, Loop, Observation, Reference
-from controllers.linear.drives import Exerted
+from controllers.linear.drives import CommandTracker
 from controllers.lqi.design import Weights, fastest, lqi
 from youbot_env.model.model import Model
 
@@ -53,7 +53,7 @@ class LQI:
         self._back = np.linalg.inv(self.design.integral)
         self._limit = np.full(4, loop.torque_limit)
         self._period = loop.sample_time
-        self._exerted = Exerted(model, loop)
+        self._exerted = CommandTracker(model, loop)
         self.reset()
 
     def reset(self) -> None:

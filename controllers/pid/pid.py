@@ -10,7 +10,7 @@ from numba import njit
 from controllers.allocation import within_limits
 from controllers.computed_torque.prediction import invent_past, reference_at, take
 from controllers.interface import Array, Loop, Observation, Reference
-from controllers.linear.drives import Exerted, effective_mass
+from controllers.linear.drives import CommandTracker, effective_mass
 from controllers.pid.design import PIDGains, derivative_filter, design, matrices
 from youbot_env.model.model import Model
 
@@ -124,7 +124,7 @@ class PID:
     def __init__(self, model: Model, loop: Loop, gains: PIDGains | None = None) -> None:
         self.gains = gains or design(model, loop)
         self._law = BodyLoops(model, loop, [self.gains])
-        self._exerted = Exerted(model, loop)
+        self._exerted = CommandTracker(model, loop)
         self._to_force = model.geometry.wheel_jacobian.T
         self._age = loop.measurement_delay / loop.sample_time
         self._period = loop.sample_time

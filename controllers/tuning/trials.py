@@ -68,7 +68,7 @@ class Score:
 
 
 @dataclass(frozen=True)
-class Trial:
+class TuningTrial:
     """One condition: platform, loop and the references to follow, with their measurement noise.
 
     The plant's own delay is moved into the loop's, where it is the same to the motion.
@@ -233,7 +233,7 @@ class _Pipe:
 class Rows:
     """Controllers, one a row, as a law: for those that are not written for many rows at once."""
 
-    def __init__(self, controllers: Sequence[Controller], trial: Trial) -> None:
+    def __init__(self, controllers: Sequence[Controller], trial: TuningTrial) -> None:
         self.controllers = controllers
         self.lead = np.zeros(len(controllers))
         wanted = max(int(getattr(c, "preview_needed", 0)) for c in controllers) + PREVIEW_MARGIN

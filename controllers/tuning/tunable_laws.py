@@ -23,7 +23,7 @@ DAMPINGS = 7
 """Dampings at which PID's bandwidths are sought; between them they are interpolated."""
 
 
-class Structure(Protocol):
+class TunableLaw(Protocol):
     """A control law with free numbers, as the search sees it.
 
     Attributes
@@ -67,7 +67,7 @@ class WheelLoops:
         return torque
 
 
-class KinematicStructure:
+class TunableKinematic:
     """Wheel-speed PI: its two gains are free, and on request the lead of its reference.
 
     Without slip four equal wheel loops are three loops of the body force: each wheel's gain times
@@ -101,7 +101,7 @@ class KinematicStructure:
         return WheelLoops(rows, self.model.geometry, self.loop)
 
 
-class PIDStructure:
+class TunablePID:
     """PID on the body twist: pole placement whose bandwidths and damping are free.
 
     ``share`` multiplies the bandwidths of the three axes that just keep the margins wanted; so one

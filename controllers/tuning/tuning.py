@@ -16,8 +16,8 @@ from controllers.interface import Array, Loop
 from controllers.kinematic import Gains
 from controllers.linear.linear_system import Complex, closed, sampled_platform
 from controllers.linear.margins import Margins, control_margins, frequency_grid, margins
-from controllers.tuning.trials import Score, Trial, references
-from controllers.tuning.tunable_laws import KinematicStructure, Structure
+from controllers.tuning.trials import Score, TuningTrial, references
+from controllers.tuning.tunable_laws import TunableKinematic, TunableLaw
 from youbot_env.errors import InputError, finite
 from youbot_env.model.model import Model
 
@@ -107,7 +107,7 @@ class Tuned:
 class Bench:
     """Judges points of a structure in one condition."""
 
-    def __init__(self, structure: Structure, trial: Trial) -> None:
+    def __init__(self, structure: TunableLaw, trial: TuningTrial) -> None:
         self.structure, self.trial = structure, trial
         self.plant = sampled_platform(trial.model, trial.loop)
         self.frequency = frequency_grid(trial.loop.sample_time)
@@ -193,7 +193,7 @@ class Bench:
         return points, cost
 
 
-def _nothing_keeps(structure: Structure, wanted: Requirements | None) -> str:
+def _nothing_keeps(structure: TunableLaw, wanted: Requirements | None) -> str:
     spans = ", ".join(
         f"{name} {low:g} to {high:g}"
         for name, (low, high) in zip(structure.names, structure.span, strict=True)
@@ -224,8 +224,8 @@ class Tuning:
 
 
 def tune(
-    structure: Structure,
-    trial: Trial,
+    structure: TunableLaw,
+    trial: TuningTrial,
     wanted: Requirements | None = None,
     progress: Progress | None = None,
 ) -> Tuning:
@@ -268,13 +268,13 @@ def tuned_kinematic(
     InputError
         If no gains keep what is wanted.
     """
-    trial = Trial(model, loop, references(model, count=runs, seed=seed), seed=seed)
+    trial = TuningTrial(model, loop, references(model, count=runs, seed=seed), seed=seed)
     wanted = wanted or Requirements(torque_rate=allowed_torque_rate(model, loop, trial))
-    bench = Bench(KinematicStructure(model, loop, lead=lead), trial)
+    bench = Bench(TunableKinematic(model, loop, lead=lead), trial)
     return Gains(**bench.best(wanted).point)
 
 
-def allowed_torque_rate(model: Model, loop: Loop, trial: Trial) -> float:
+def allowed_torque_rate(model: Model, loop: Loop, trial: TuningTrial) -> float:
     """1.1 times the torque rate (rms) [N m/s] of computed torque in the trial."""
     from controllers.computed_torque.computed_torque import ComputedTorque
 

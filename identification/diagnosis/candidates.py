@@ -21,7 +21,7 @@ from identification.fitting.regression_rows import (
     regression_rows,
     residual_of,
 )
-from identification.mechanisms.mechanism import Demand
+from identification.mechanisms.mechanism import DemandedForce
 from youbot_env.physics.effect import Parameter
 
 Array = NDArray[np.float64]
@@ -48,7 +48,7 @@ class Fitted:
         return cls(mechanism, theta, rows, free, _directions(mechanism, free), tuple(samples))
 
     @cached_property
-    def demands(self) -> tuple[Demand, ...]:
+    def demands(self) -> tuple[DemandedForce, ...]:
         """Of each log: what candidates on top of the structure need not find out again."""
         return tuple(self.mechanism.demand(self.theta, item) for item in self.samples)
 
@@ -224,7 +224,7 @@ def _try_shape(
     )
 
 
-def _columns(mechanism: Any, demand: Demand, samples: Any, new: Indices) -> Array:
+def _columns(mechanism: Any, demand: DemandedForce, samples: Any, new: Indices) -> Array:
     ends = np.moveaxis(demand.columns(new), 0, -1)
     return reduce(ends, samples.dt, RATE, mechanism.filter_rate)
 

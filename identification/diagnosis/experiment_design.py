@@ -15,7 +15,7 @@ from scipy.signal import bilinear, lfilter
 from identification.fitting.least_squares import gauge_basis
 from identification.fitting.regression_rows import regression_rows
 from identification.mechanisms.mecanum import Mecanum
-from identification.mechanisms.mecanum_samples import Samples
+from identification.mechanisms.mecanum_samples import MecanumSamples
 from youbot_env.motions.calibration import CALIBRATION, Motion, multisine, steps
 from youbot_env.physics.hardware import STOCK_INTEGRAL, STOCK_PROPORTIONAL
 
@@ -71,7 +71,7 @@ def followed(twist: Array, mechanism: Mecanum, theta: Array) -> Array:
     return np.asarray(lfilter(*bilinear(*loop, fs=1 / DT), twist, axis=0))
 
 
-def expected_samples(motion: Motion, mechanism: Mecanum, theta: Array) -> Samples:
+def expected_samples(motion: Motion, mechanism: Mecanum, theta: Array) -> MecanumSamples:
     """What a log of a motion would hold, without noise; torques are left at zero."""
     time = np.arange(0.0, motion.duration, DT)
     twist = followed(motion.twist(time), mechanism, theta)
@@ -82,7 +82,7 @@ def expected_samples(motion: Motion, mechanism: Mecanum, theta: Array) -> Sample
     speed = mechanism.geometry.wheel_speeds(twist)
     angle = np.column_stack([_integrate(speed[:, k]) for k in range(4)])
     pose = np.column_stack([x, y, yaw])
-    return Samples(motion.name, time, DT, twist, pose, angle, speed, np.zeros_like(speed))
+    return MecanumSamples(motion.name, time, DT, twist, pose, angle, speed, np.zeros_like(speed))
 
 
 def _integrate(rate: Array) -> Array:
@@ -90,7 +90,7 @@ def _integrate(rate: Array) -> Array:
 
 
 def separation(
-    favourite: tuple[Mecanum, Array], rival: tuple[Mecanum, Array], samples: Samples
+    favourite: tuple[Mecanum, Array], rival: tuple[Mecanum, Array], samples: MecanumSamples
 ) -> float:
     """Root mean square [N m] of what the rival's best fit leaves of the favourite's prediction."""
     mechanism, theta = favourite

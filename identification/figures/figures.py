@@ -18,7 +18,7 @@ from identification.fitting.errors import NoiseLevel, force_floor, force_traces
 from identification.fitting.identify import Identification
 from identification.logs.log import Log
 from identification.logs.recorded_motion import recorded_motion
-from identification.mechanisms.mechanism import Label
+from identification.mechanisms.mechanism import ParameterLabel
 from identification.mechanisms.quantities import Quantities
 from identification.mechanisms.registry import AnyModel, quantities_of
 from identification.residual_map.curves import Curve
@@ -173,7 +173,7 @@ def _estimates_figure(
     )
 
 
-def _axis_label(label: Label, effects: Sequence[str]) -> str:
+def _axis_label(label: ParameterLabel, effects: Sequence[str]) -> str:
     added = label.component in effects
     symbol = f"{label.component}\n{label.name}" if added else SYMBOLS.get(label.name, label.name)
     return f"{symbol}  [{label.parameter.unit.replace('^2', '²')}]"

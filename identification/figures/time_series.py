@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from identification.figures import style as look
 from identification.figures.style import percent, styled
 from identification.fitting.errors import Squares, Traces
-from identification.fitting.recursive import Course
+from identification.fitting.recursive import EstimateHistory
 from identification.mechanisms.quantities import FORCES, VELOCITIES, Quantities, Quantity
 
 if TYPE_CHECKING:
@@ -175,7 +175,7 @@ def motion_figure(
 
 @styled
 def estimates_figure(
-    course: Course,
+    course: EstimateHistory,
     labels: Sequence[str],
     batch: Array,
     *,

@@ -24,7 +24,7 @@ from identification.fitting.observability import (
     log_observability,
     refuse_blind,
 )
-from identification.fitting.recursive import Course, recursive_course
+from identification.fitting.recursive import EstimateHistory, recursive_course
 from identification.fitting.regression_rows import Rows, regression_rows
 from identification.logs.log import Log
 from identification.mechanisms.calibration_parts import Part
@@ -77,7 +77,7 @@ class Identification:
     samples: tuple[Any, ...]
     parts: tuple[PartReport, ...]
     total: Observability
-    course: Course | None = None
+    course: EstimateHistory | None = None
     warnings: tuple[str, ...] = field(default_factory=tuple)
 
     def to_dict(self) -> dict[str, Any]:

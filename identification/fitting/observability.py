@@ -16,7 +16,7 @@ from identification.mechanisms.mechanism import Mechanism
 from youbot_env.errors import InputError
 from youbot_env.motions.calibration import Motion
 from youbot_env.physics.geometry import Geometry
-from youbot_env.physics.structure import Structure
+from youbot_env.physics.structure import ModelStructure
 
 Array = NDArray[np.float64]
 
@@ -173,7 +173,7 @@ def motion_observability(
     ----------
     window : start and end [s]; a periodic motion should be given whole periods
     """
-    mechanism = Mecanum(geometry or Geometry(), Structure())
+    mechanism = Mecanum(geometry or Geometry(), ModelStructure())
     start, end = window or (0.0, motion.duration)
     time = np.arange(start, end - 0.5 * dt, dt)
     columns = ideal_columns(mechanism, motion.twist(time), motion.acceleration(time))
@@ -191,7 +191,7 @@ def ideal_columns(mechanism: Mecanum, twist: Array, acceleration: Array) -> Arra
     for k in PAPER_ORDER:
         unit = np.zeros(7)
         unit[k] = 1.0 / mechanism.scale[k]
-        force = wrench(np, Structure(), mechanism.geometry, unit, at)
+        force = wrench(np, ModelStructure(), mechanism.geometry, unit, at)
         force = np.stack(np.broadcast_arrays(*force, twist[:, 0])[:3], axis=-1)
         columns.append(force * mechanism.force_scale)
     return np.stack(columns, axis=-1)

@@ -59,7 +59,7 @@ class RecursiveLeastSquares:
 
 
 @dataclass(frozen=True)
-class Course:
+class EstimateHistory:
     """Estimates over time.
 
     time (n,): [s] since the first log's start, logs one after another; theta, std (n, F): the
@@ -71,7 +71,7 @@ class Course:
     std: Array
 
 
-def recursive_course(mechanism: Mechanism, fit: Fit) -> Course:
+def recursive_course(mechanism: Mechanism, fit: Fit) -> EstimateHistory:
     """Run the recursive estimator through a fit's rows; effects enter linearised at the fit.
 
     The filter's rows are correlated, so P alone would state too little; its shape over time is
@@ -88,4 +88,4 @@ def recursive_course(mechanism: Mechanism, fit: Fit) -> Course:
     ends = np.cumsum([0.0, *(rows.time[-1] for rows in fit.rows)])
     time = np.concatenate([end + rows.time for end, rows in zip(ends, fit.rows, strict=False)])
     std = np.array(spread)
-    return Course(time, np.array(course), std * (fit.std / std[-1]))
+    return EstimateHistory(time, np.array(course), std * (fit.std / std[-1]))

@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from identification.mechanisms.mechanism import Demand, Mechanism, Samples
+from identification.mechanisms.mechanism import DemandedForce, Mechanism, Samples
 from identification.signals.filters import FILTER_RATE, block_mean, first_order, settled
 
 Array = NDArray[np.float64]
@@ -65,14 +65,14 @@ def residual_of(mechanism: Mechanism, theta: Array, samples: Samples, rate: floa
     return reduce(residual, samples.dt, rate, mechanism.filter_rate)
 
 
-def residual_ends(mechanism: Mechanism, demand: Demand, samples: Samples) -> Array:
+def residual_ends(mechanism: Mechanism, demand: DemandedForce, samples: Samples) -> Array:
     """Measured less demanded force (2, N - 1, A) at both ends of each interval."""
     measured = mechanism.measured_force(samples)
     return np.stack([measured[:-1], measured[1:]]) - demand.force
 
 
 def residual_and_columns(
-    mechanism: Mechanism, demand: Demand, samples: Samples, free: Indices
+    mechanism: Mechanism, demand: DemandedForce, samples: Samples, free: Indices
 ) -> Array:
     """The same with the columns of the parameters ``free`` behind: (2, N - 1, A, 1 + F)."""
     residual = residual_ends(mechanism, demand, samples)

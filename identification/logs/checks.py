@@ -16,11 +16,11 @@ from identification.logs.columns import joint_columns
 from identification.logs.findings import Finding, Level
 from identification.logs.log import Log
 from identification.logs.timebase import runs_of
-from identification.logs.wheel_checks import WRONG_POWER, Limits, power_share
+from identification.logs.wheel_checks import WRONG_POWER, CheckLimits, power_share
 from identification.signals.noise import thinned, white_noise
 from youbot_env.physics.geometry import WHEELS, Geometry
 
-__all__ = ["Finding", "Limits", "check", "limits_for", "noise_estimate"]
+__all__ = ["Finding", "check", "limits_for", "noise_estimate"]
 
 MAX_WHEEL_SPEED = 50.0
 """[rad/s], 2.4 m/s: three times what the youBot's motors reach (0.8 m/s)."""
@@ -40,12 +40,12 @@ _RESTING_SLIP = 0.01
 
 def limits_for(
     log: Log, max_speed: float | None, max_effort: float | None, geometry: Geometry | None
-) -> Limits:
+) -> CheckLimits:
     """The given limits, completed by those of wheels; one axis, whose units may vary, has none."""
     wheels = log.joints == WHEELS
     speed = MAX_WHEEL_SPEED if wheels else np.inf
     effort = MAX_WHEEL_EFFORT if wheels else np.inf
-    return Limits(
+    return CheckLimits(
         speed if max_speed is None else max_speed,
         effort if max_effort is None else max_effort,
         geometry or Geometry(),
@@ -65,7 +65,7 @@ def noise_estimate(log: Log) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     return log.speed_noise, white_noise(log.effort, log.valid)
 
 
-def check(log: Log, limits: Limits) -> list[Finding]:
+def check(log: Log, limits: CheckLimits) -> list[Finding]:
     """All findings on a log's channels, errors among them; nothing is changed or raised.
 
     Each stage relies on what the ones before have judged sound, and is left out otherwise.
@@ -92,13 +92,13 @@ def _channels(log: Log, *kinds: str) -> Iterator[tuple[str, NDArray[np.float64]]
             yield from zip(joint_columns(kind, log.joints), block.T, strict=True)
 
 
-def _length(log: Log, limits: Limits) -> Iterator[Finding]:
+def _length(log: Log, limits: CheckLimits) -> Iterator[Finding]:
     if log.duration < MIN_MOTION:
         message = f"lasts only {log.duration:.3g} s"
         yield _at(log, "error", message, f"record at least {MIN_MOTION:g} s of motion")
 
 
-def _motion(log: Log, limits: Limits) -> Iterator[Finding]:
+def _motion(log: Log, limits: CheckLimits) -> Iterator[Finding]:
     speed = np.abs(log.velocity).max(axis=1)
     noise = float(log.speed_noise.max())
     usual = float(np.quantile(thinned(speed), 0.95))
@@ -115,7 +115,7 @@ def _motion(log: Log, limits: Limits) -> Iterator[Finding]:
         yield _at(log, "warning", message, cure)
 
 
-def _units(log: Log, limits: Limits) -> Iterator[Finding]:
+def _units(log: Log, limits: CheckLimits) -> Iterator[Finding]:
     cases = (
         ("velocity", limits.max_speed, "rad/s", "convert it to rad/s (rpm: times 0.10472; "
          "deg/s: times 0.0174533), or raise the limit"),
@@ -134,7 +134,7 @@ def _units(log: Log, limits: Limits) -> Iterator[Finding]:
                 yield _at(log, "warning", message, "check the unit", peak, column)
 
 
-def _dead_channels(log: Log, limits: Limits) -> Iterator[Finding]:
+def _dead_channels(log: Log, limits: CheckLimits) -> Iterator[Finding]:
     if not np.ptp(log.velocity, axis=0).any():
         return  # nothing moves: said already
     # Turning about a point beside it, a platform keeps two wheels at rest, and no wheel slips.
@@ -148,7 +148,7 @@ def _dead_channels(log: Log, limits: Limits) -> Iterator[Finding]:
                 yield _at(log, levels.get(kind, "warning"), message, cure, 0, column)
 
 
-def _frozen_channels(log: Log, limits: Limits) -> Iterator[Finding]:
+def _frozen_channels(log: Log, limits: CheckLimits) -> Iterator[Finding]:
     """A noisy channel that holds one value for long has stopped, unless it is at a limit."""
     least = max(10, int(_FREEZE / log.dt))
     for column, signal in _channels(log, "velocity", "effort"):
@@ -164,7 +164,7 @@ def _frozen_channels(log: Log, limits: Limits) -> Iterator[Finding]:
             yield _at(log, "error", message, cure, longest[0], column)
 
 
-def _stale_rows(log: Log, limits: Limits) -> Iterator[Finding]:
+def _stale_rows(log: Log, limits: CheckLimits) -> Iterator[Finding]:
     """Rows that repeat all the row before while something moves: logged faster than measured."""
     data = np.hstack([log.velocity, log.effort])
     moving = np.abs(log.velocity).max(axis=1) > 0
@@ -175,7 +175,7 @@ def _stale_rows(log: Log, limits: Limits) -> Iterator[Finding]:
         yield _at(log, "warning", message, "log at the rate at which is measured", at)
 
 
-def _saturation(log: Log, limits: Limits) -> Iterator[Finding]:
+def _saturation(log: Log, limits: CheckLimits) -> Iterator[Finding]:
     for column, signal in _channels(log, "effort", "command"):
         for extreme in (signal.min(), signal.max()):
             held = signal == extreme
@@ -187,7 +187,7 @@ def _saturation(log: Log, limits: Limits) -> Iterator[Finding]:
                 yield _at(log, "warning", message, cure, int(np.argmax(held)), column)
 
 
-def _power(log: Log, limits: Limits) -> Iterator[Finding]:
+def _power(log: Log, limits: CheckLimits) -> Iterator[Finding]:
     """Friction only takes energy, so over a run a joint's effort must on the whole give it."""
     wrong = power_share(log) < WRONG_POWER
     if not wrong.any():
@@ -199,7 +199,7 @@ def _power(log: Log, limits: Limits) -> Iterator[Finding]:
     yield _at(log, "error", message, cure)
 
 
-def _position(log: Log, limits: Limits) -> Iterator[Finding]:
+def _position(log: Log, limits: CheckLimits) -> Iterator[Finding]:
     """Positions against the integral of the speeds, over pieces of half a second."""
     if log.position is None:
         return

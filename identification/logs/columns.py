@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from identification.logs.findings import Finding, Level, LogError, fault
-from identification.logs.parsing import Table
+from identification.logs.parsing import LogTable
 from youbot_env.errors import InputError
 
 POSE = ("pose_x", "pose_y", "pose_yaw")
@@ -92,7 +92,7 @@ class Draft:
         return LogError(self.source, self.findings)
 
 
-def select(source: str, table: Table, joints: tuple[str, ...]) -> Draft:
+def select(source: str, table: LogTable, joints: tuple[str, ...]) -> Draft:
     """The channels of a log, chosen from a file's table.
 
     Raises
@@ -125,7 +125,7 @@ def select(source: str, table: Table, joints: tuple[str, ...]) -> Draft:
     return Draft(source, tuple(names), time, data, table.lines, valid, findings, required)
 
 
-def _missing(source: str, table: Table, name: str, known: set[str]) -> InputError:
+def _missing(source: str, table: LogTable, name: str, known: set[str]) -> InputError:
     strangers = {other.lower(): other for other in table.names if other not in known}
     near = difflib.get_close_matches(name.lower(), strangers, 1, 0.75)
     cure = f"a log needs it; this one has {', '.join(table.names[:12])}"

@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from identification.logs.findings import Finding, fault
-from identification.logs.parsing import GZIP_MAGIC, Table, parse_csv
+from identification.logs.parsing import GZIP_MAGIC, LogTable, parse_csv
 
 
 def read_bytes(path: Path) -> bytes:
@@ -38,7 +38,7 @@ def read_bytes(path: Path) -> bytes:
         raise fault(source, f"cannot be read ({error})", "check the path and the disk") from None
 
 
-def parser_for(path: Path) -> Callable[[str, bytes], Table]:
+def parser_for(path: Path) -> Callable[[str, bytes], LogTable]:
     """The parser for a file's ending (.csv, .csv.gz, .parquet)."""
     name = path.name.lower()
     if name.endswith(".parquet"):
@@ -50,7 +50,7 @@ def parser_for(path: Path) -> Callable[[str, bytes], Table]:
     raise fault(str(path), "unknown kind of file", "a log ends in .csv, .csv.gz or .parquet")
 
 
-def parse_gzip(source: str, content: bytes) -> Table:
+def parse_gzip(source: str, content: bytes) -> LogTable:
     """Table of a gzip-compressed CSV."""
     if content and not content.startswith(GZIP_MAGIC):
         table = parse_csv(source, content)
@@ -69,7 +69,7 @@ def parse_gzip(source: str, content: bytes) -> Table:
     return parse_csv(source, text)
 
 
-def parse_parquet(source: str, content: bytes) -> Table:
+def parse_parquet(source: str, content: bytes) -> LogTable:
     """Table of a Parquet file; its rows are counted from 1.
 
     Raises
@@ -91,7 +91,7 @@ def parse_parquet(source: str, content: bytes) -> Table:
     arrays = [_parquet_column(source, name, columns.column(name)) for name in names]
     values = np.column_stack(arrays) if arrays else np.empty((0, 0))
     values[~np.isfinite(values)] = np.nan
-    return Table(names, values, np.arange(1, len(values) + 1))
+    return LogTable(names, values, np.arange(1, len(values) + 1))
 
 
 def _parquet_column(source: str, name: str, column: Any) -> NDArray[np.float64]:

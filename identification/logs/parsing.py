@@ -25,7 +25,7 @@ _FOREIGN_DELIMITERS = {";": "semicolons", "\t": "tabs", "|": "bars", " ": "space
 
 
 @dataclass
-class Table:
+class LogTable:
     """Columns of a file as they stand; what is missing or infinite is NaN.
 
     ``values`` is (rows, columns), ``lines`` (rows,) the line of the file that each row came from,
@@ -39,7 +39,7 @@ class Table:
     header_row: int | None = None
 
 
-def parse_csv(source: str, content: bytes) -> Table:
+def parse_csv(source: str, content: bytes) -> LogTable:
     """Table of a CSV file's content.
 
     Raises
@@ -77,7 +77,7 @@ def _decode(source: str, content: bytes) -> str:
         raise fault(source, "is not UTF-8 text", "save it as UTF-8", row=row) from None
 
 
-def _parse_regular(content: bytes) -> Table | None:
+def _parse_regular(content: bytes) -> LogTable | None:
     """Table of a file of finite numbers, one full row a line; None of any other."""
     header, _, body = content.partition(b"\n")
     try:
@@ -96,10 +96,10 @@ def _parse_regular(content: bytes) -> Table | None:
     as_many = values.shape == (body.count(b"\n"), len(names))
     if not as_many or not np.isfinite(values).all():
         return None
-    return Table(names, values, np.arange(2, len(values) + 2), header_row=1)
+    return LogTable(names, values, np.arange(2, len(values) + 2), header_row=1)
 
 
-def _parse_cells(source: str, text: str) -> Table:
+def _parse_cells(source: str, text: str) -> LogTable:
     """Table of a file that may be irregular, cell by cell."""
     lines = text.split("\n")
     used = [i for i, line in enumerate(lines) if line.strip() and not line.startswith("#")]
@@ -124,7 +124,7 @@ def _parse_cells(source: str, text: str) -> Table:
     values = np.array(rows, float).reshape(len(rows), len(names))
     values[~np.isfinite(values)] = np.nan
     lines_used = np.array(used[1:], dtype=np.int64) + 1
-    return Table(names, values, lines_used, findings, header_row=used[0] + 1)
+    return LogTable(names, values, lines_used, findings, header_row=used[0] + 1)
 
 
 def _split(line: str) -> list[str]:

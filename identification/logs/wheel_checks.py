@@ -15,7 +15,7 @@ from youbot_env.physics.geometry import WHEELS, Geometry
 
 
 @dataclass(frozen=True)
-class Limits:
+class CheckLimits:
     """What cannot be exceeded: speed [rad/s] and effort [N m]; and the platform's geometry."""
 
     max_speed: float
@@ -62,7 +62,7 @@ def power_share(log: Log) -> NDArray[np.float64]:
     return np.where(gross > DRIVING * gross.max(), share, np.nan)
 
 
-def _identity(log: Log, limits: Limits) -> Iterator[Finding]:
+def _identity(log: Log, limits: CheckLimits) -> Iterator[Finding]:
     """The identity, and which change of sign, order or scale would make it hold."""
     ratio = slip_ratio(log.velocity)
     noise = float(np.sqrt(np.mean(log.speed_noise**2)))
@@ -85,7 +85,7 @@ def _identity(log: Log, limits: Limits) -> Iterator[Finding]:
         yield Finding("warning", f"the wheels slip: {measured}", cure=cure)
 
 
-def _moments_of_slip(log: Log, limits: Limits) -> Iterator[Finding]:
+def _moments_of_slip(log: Log, limits: CheckLimits) -> Iterator[Finding]:
     """Moments in which the identity fails: a wheel that slips, or whose encoder stands still."""
     window = max(int(_MOMENT / log.dt), 3)
     count = len(log) // window
@@ -152,7 +152,7 @@ def _scale_cure(wheel_speed: NDArray[np.float64], ratio: float) -> str:
     return f"velocity_{WHEELS[odd]} seems off by a factor: multiply it by {scale[odd]:.3g}"
 
 
-def _turning(log: Log, limits: Limits) -> Iterator[Finding]:
+def _turning(log: Log, limits: CheckLimits) -> Iterator[Finding]:
     """Yaw rate of the wheels against gyro and pose."""
     if log.gyro_z is None and log.pose is None:
         return
@@ -166,7 +166,7 @@ def _turning(log: Log, limits: Limits) -> Iterator[Finding]:
         yield from _compare("pose_yaw", turned, expected, "rad", _DEGREES, "degrees")
 
 
-def _travel(log: Log, limits: Limits) -> Iterator[Finding]:
+def _travel(log: Log, limits: CheckLimits) -> Iterator[Finding]:
     """Way that the wheels roll against the way of the pose."""
     if log.pose is None:
         return
@@ -206,7 +206,7 @@ def _compare(
         yield Finding("warning", message, column=column, cure=cure)
 
 
-CHECKS: tuple[Callable[[Log, Limits], Iterator[Finding]], ...] = (
+CHECKS: tuple[Callable[[Log, CheckLimits], Iterator[Finding]], ...] = (
     _identity,
     _moments_of_slip,
     _turning,

@@ -19,7 +19,7 @@ from identification.mechanisms.axis_dynamics import SYSTEM, AxisStructure, Insta
 from identification.mechanisms.axis_effects import AXIS_CATALOGUE, TURNING, Scales, fitted_to
 from identification.mechanisms.axis_samples import AxisSamples, axis_samples
 from identification.mechanisms.calibration_parts import Part
-from identification.mechanisms.mechanism import Label, Mechanism
+from identification.mechanisms.mechanism import Mechanism, ParameterLabel
 from identification.signals.filters import slope_ends
 from identification.signals.resampling import RATE_SMOOTHING, moved, smoothed
 from youbot_env.errors import InputError
@@ -72,11 +72,11 @@ class Axis(Mechanism):
         return np.array(values)
 
     @cached_property
-    def labels(self) -> tuple[Label, ...]:
+    def labels(self) -> tuple[ParameterLabel, ...]:
         """What is known of each parameter beforehand, in the order of theta."""
         components = [fitted_to(item, self.scales) for item in self.structure.components]
         return tuple(
-            Label(item.name, name, item.parameter(name), None)
+            ParameterLabel(item.name, name, item.parameter(name), None)
             for item in components
             for name in item.parameter_names
         )

@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from identification.mechanisms.mecanum_samples import Samples
+from identification.mechanisms.mecanum_samples import MecanumSamples
 
 WINDOW = 5.0
 """Seconds that are judged at once: about one period of a calibration motion."""
@@ -44,7 +44,7 @@ class Part:
         return float(self.samples.time[-1])
 
 
-def parts_of(samples: Samples) -> list[Part]:
+def parts_of(samples: MecanumSamples) -> list[Part]:
     """The motions of a log in order; a log too short to be judged is one part."""
     width = round(WINDOW / samples.dt)
     starts = range(0, len(samples) - width, max(1, round(STEP / samples.dt)))
@@ -70,7 +70,7 @@ def cut(samples: Any, start: int, stop: int) -> Any:
     )
 
 
-def kind_of_motion(samples: Samples) -> str:
+def kind_of_motion(samples: MecanumSamples) -> str:
     """Which of the paper's motions a stretch looks like: I, II, III, IV or "free"."""
     wheel = np.sqrt((samples.wheel_speed**2).mean(axis=0))
     still = wheel < STILL * wheel.max()

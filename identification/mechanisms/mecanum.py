@@ -15,14 +15,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from identification.logs.log import Log
-from identification.mechanisms.mecanum_force import Demand
-from identification.mechanisms.mecanum_samples import Samples, integral_of, samples_of
-from identification.mechanisms.mechanism import Label, Mechanism
+from identification.mechanisms.mecanum_force import MecanumForce
+from identification.mechanisms.mecanum_samples import MecanumSamples, integral_of, samples_of
+from identification.mechanisms.mechanism import Mechanism, ParameterLabel
 from identification.signals.filters import FILTER_RATE
 from youbot_env.physics import inverse_dynamics as dynamics
 from youbot_env.physics.effect import CATALOGUE, Parameter
 from youbot_env.physics.geometry import WHEELS, Geometry
-from youbot_env.physics.structure import Structure
+from youbot_env.physics.structure import ModelStructure
 
 Array = NDArray[np.float64]
 
@@ -36,7 +36,7 @@ class Mecanum(Mechanism):
     """A mecanum platform with given effects: what it measures, demands and simulates."""
 
     geometry: Geometry
-    structure: Structure = Structure()
+    structure: ModelStructure = ModelStructure()
 
     axes = ("VX", "VY", "W")
     joints = WHEELS
@@ -46,7 +46,7 @@ class Mecanum(Mechanism):
 
     def with_effects(self, effects: tuple[str, ...]) -> Mecanum:
         """The same mechanism with other effects beside the base model."""
-        return replace(self, structure=Structure(effects))
+        return replace(self, structure=ModelStructure(effects))
 
     def best_experiment(
         self,
@@ -71,14 +71,14 @@ class Mecanum(Mechanism):
         return 1.0 / self.force_scale
 
     @cached_property
-    def labels(self) -> tuple[Label, ...]:
+    def labels(self) -> tuple[ParameterLabel, ...]:
         """What is known of each parameter beforehand, in the order of theta."""
         found = []
         for item, _ in self.structure.slices:
             for name in item.parameter_names:
                 parameter = item.parameter(name)
                 group = f"{item.name}.{parameter.name}" if parameter.relative_to else None
-                found.append(Label(item.name, name, parameter, group))
+                found.append(ParameterLabel(item.name, name, parameter, group))
         return tuple(found)
 
     @cached_property
@@ -119,15 +119,15 @@ class Mecanum(Mechanism):
         rest = np.flatnonzero(self.free)[len(PAPER_ORDER) :]
         return np.array([*PAPER_ORDER, *rest], dtype=np.intp)
 
-    def samples(self, log: Log) -> Samples:
+    def samples(self, log: Log) -> MecanumSamples:
         """See :func:`samples_of`."""
         return samples_of(log, self.geometry)
 
-    def measured_force(self, samples: Samples) -> Array:
+    def measured_force(self, samples: MecanumSamples) -> Array:
         """(N, 3) generalised force of the logged torques [N m]."""
         return self.geometry.body_force(samples.torque) * self.force_scale
 
-    def measured_speed(self, samples: Samples) -> Array:
+    def measured_speed(self, samples: MecanumSamples) -> Array:
         """(N, 3) measured speeds (VX/L, VY/L, W) [rad/s]."""
         return samples.twist * self.speed_scale
 
@@ -136,8 +136,8 @@ class Mecanum(Mechanism):
         return self.geometry.wheel_speeds(speed / self.speed_scale)
 
     def noisy(
-        self, samples: Samples, speed: Array, torque: Array, rng: np.random.Generator
-    ) -> Samples:
+        self, samples: MecanumSamples, speed: Array, torque: Array, rng: np.random.Generator
+    ) -> MecanumSamples:
         """The samples with white noise of these standard deviations (4,) put on."""
         shape = samples.torque.shape
         extra = speed * rng.standard_normal(shape)
@@ -151,7 +151,7 @@ class Mecanum(Mechanism):
             torque=samples.torque + torque * rng.standard_normal(shape),
         )
 
-    def parts(self, samples: Samples) -> list[Any]:
+    def parts(self, samples: MecanumSamples) -> list[Any]:
         """Stretches that are judged apart: the calibration motions in the log."""
         from identification.mechanisms.calibration_parts import parts_of
 
@@ -178,7 +178,7 @@ class Mecanum(Mechanism):
 
         return warnings_of(model)
 
-    def free_run(self, theta: Array, samples: Samples) -> Array:
+    def free_run(self, theta: Array, samples: MecanumSamples) -> Array:
         """(N, 3) speeds (VX/L, VY/L, W) from the log's first sample, driven by its torques alone.
 
         A run that diverges holds inf or NaN from there on.
@@ -198,6 +198,8 @@ class Mecanum(Mechanism):
         )
         return states[:, :3] * self.speed_scale
 
-    def demand(self, theta: Array, samples: Samples, like: Demand | None = None) -> Demand:
+    def demand(
+        self, theta: Array, samples: MecanumSamples, like: MecanumForce | None = None
+    ) -> MecanumForce:
         """Generalised force that the logged motion demands at parameters theta (P,)."""
-        return Demand(self, np.asarray(theta, float), samples, like)
+        return MecanumForce(self, np.asarray(theta, float), samples, like)

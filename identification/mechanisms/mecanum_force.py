@@ -10,13 +10,13 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from identification.mechanisms.mecanum_samples import INTERNAL, Samples, internal_of
+from identification.mechanisms.mecanum_samples import INTERNAL, MecanumSamples, internal_of
 from identification.signals.filters import slope_ends
 from identification.signals.resampling import RATE_SMOOTHING, moved, smoothed
 from youbot_env.physics import inverse_dynamics as dynamics
 from youbot_env.physics.effect import BASE, CHANNEL, Effect
 from youbot_env.physics.geometry import Triple, allocate, body_force
-from youbot_env.physics.points import Instant, Points, component_wrench
+from youbot_env.physics.points import EffectPoints, Instant, component_wrench
 
 if TYPE_CHECKING:
     from identification.mechanisms.mecanum import Mecanum
@@ -36,7 +36,7 @@ def _ends(signal: Array) -> tuple[Array, ...]:
     return tuple(np.stack([signal[:-1, i], signal[1:, i]]) for i in range(signal.shape[1]))
 
 
-class Demand:
+class MecanumForce:
     """Force (2, N - 1, 3) demanded at both ends of each interval, and its columns in theta.
 
     The acceleration's mean over an interval is the difference of the twist, so the filtered force
@@ -44,7 +44,11 @@ class Demand:
     """
 
     def __init__(
-        self, mechanism: Mecanum, theta: Array, samples: Samples, like: Demand | None = None
+        self,
+        mechanism: Mecanum,
+        theta: Array,
+        samples: MecanumSamples,
+        like: MecanumForce | None = None,
     ) -> None:
         self.mechanism, self.theta, self.samples = mechanism, theta, samples
         self.instant = like.instant if like else self._instant()
@@ -84,7 +88,7 @@ class Demand:
             start=np.zeros((2, len(self.samples) - 1, 3)),
         )
 
-    def _component(self, item: Effect, values: Array, points: Points) -> Array:
+    def _component(self, item: Effect, values: Array, points: EffectPoints) -> Array:
         return self._scaled(component_wrench(np, item, values, points))
 
     def _scaled(self, force: Triple) -> Array:
@@ -126,7 +130,7 @@ class Demand:
             torque = list(self.instant.torque)
             torque[wheel] = torque[wheel] + shift
             at = replace(self.instant, torque=tuple(torque))
-            points = Points(
+            points = EffectPoints(
                 np, self.mechanism.geometry, self.theta, at, self.mechanism.structure.carriers
             )
             readers = self.mechanism.structure.load_readers
@@ -266,7 +270,7 @@ class Demand:
             where = next(place for item, place in structure.slices if item is owner)
             return self._component(owner, theta[where], self._points)
         changed = {owner.name, *structure.base_readers}
-        points = Points(np, self.mechanism.geometry, theta, self.instant, structure.carriers)
+        points = EffectPoints(np, self.mechanism.geometry, theta, self.instant, structure.carriers)
         return sum(
             (
                 self._component(item, theta[where], points)
@@ -277,6 +281,6 @@ class Demand:
         )
 
     @cached_property
-    def _points(self) -> Points:
+    def _points(self) -> EffectPoints:
         structure, geometry = self.mechanism.structure, self.mechanism.geometry
-        return Points(np, geometry, self.theta, self.instant, structure.carriers)
+        return EffectPoints(np, geometry, self.theta, self.instant, structure.carriers)

@@ -18,7 +18,7 @@ Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True)
-class Samples:
+class MecanumSamples:
     """One log as motion and torque on a uniform time base.
 
     name : of the log; time (N,) [s] from the log's start; dt [s]
@@ -103,7 +103,7 @@ def _wheel_angles(log: Log, geometry: Geometry, dt: float) -> tuple[Array, bool]
     return (integrated, False) if slips.any() else (rolled, True)
 
 
-def samples_of(log: Log, geometry: Geometry) -> Samples:
+def samples_of(log: Log, geometry: Geometry) -> MecanumSamples:
     """Motion and torque of a log.
 
     The twist is the least-squares projection of the four wheel speeds. Without pose columns the
@@ -129,4 +129,6 @@ def samples_of(log: Log, geometry: Geometry) -> Samples:
         )
         pose = np.column_stack([integral_of(velocity, dt), yaw])
     angle, measured = _wheel_angles(log, geometry, dt)
-    return Samples(log.name, time, dt, twist, pose, angle, log.velocity, log.effort, measured)
+    return MecanumSamples(
+        log.name, time, dt, twist, pose, angle, log.velocity, log.effort, measured
+    )

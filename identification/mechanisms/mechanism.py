@@ -19,7 +19,7 @@ from youbot_env.physics.effect import Parameter, Registry
 Array = NDArray[np.float64]
 
 
-class Label(NamedTuple):
+class ParameterLabel(NamedTuple):
     """A parameter's component, name and declaration; group: those it is relative to, if any."""
 
     component: str
@@ -45,7 +45,7 @@ class Samples(Protocol):
     def __len__(self) -> int: ...
 
 
-class Demand(Protocol):
+class DemandedForce(Protocol):
     """Force that a logged motion demands."""
 
     @property
@@ -82,7 +82,7 @@ class Mechanism(Protocol):
         return self.structure.parameter_names
 
     @property
-    def labels(self) -> tuple[Label, ...]:
+    def labels(self) -> tuple[ParameterLabel, ...]:
         """(P,) what is known of each parameter beforehand."""
         ...
 
@@ -145,7 +145,7 @@ class Mechanism(Protocol):
         """(N, A) measured speed."""
         ...
 
-    def demand(self, theta: Array, samples: Any, /, like: Any = None) -> Demand:
+    def demand(self, theta: Array, samples: Any, /, like: Any = None) -> DemandedForce:
         """Force that the logged motion demands at parameters theta.
 
         ``like``: the demand of the same samples at a structure that this one extends by what has

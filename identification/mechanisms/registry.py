@@ -33,7 +33,7 @@ else:
 
 
 @dataclass(frozen=True)
-class Kind:
+class MechanismKind:
     """One kind of mechanism: its model, what its logs hold, and how both become a mechanism.
 
     model: its class; joints: of its logs; build(model, geometry); start(logs, unit): base model
@@ -50,8 +50,8 @@ class Kind:
     quantities: Callable[[Any, Geometry | None], Quantities]
 
 
-def _mecanum() -> Kind:
-    return Kind(
+def _mecanum() -> MechanismKind:
+    return MechanismKind(
         Model,
         WHEELS,
         lambda model, geometry: Mecanum(geometry or model.geometry, model.structure),
@@ -63,7 +63,7 @@ def _mecanum() -> Kind:
 
 
 @cache
-def _axis() -> Kind:
+def _axis() -> MechanismKind:
     # Imported when one is met: most users have a platform, and starting is part of every command.
     from identification.mechanisms.axis_model import (
         AxisModel,
@@ -77,7 +77,7 @@ def _axis() -> Kind:
             raise InputError("--geometry is of a mecanum platform; the axis of this model has none")
         return model.axis
 
-    return Kind(
+    return MechanismKind(
         AxisModel,
         AXIS,
         build,
@@ -88,11 +88,11 @@ def _axis() -> Kind:
     )
 
 
-MECHANISMS: dict[str, Callable[[], Kind]] = {"mecanum": cache(_mecanum), "axis": _axis}
+MECHANISMS: dict[str, Callable[[], MechanismKind]] = {"mecanum": cache(_mecanum), "axis": _axis}
 """Kinds of mechanism by the name that model files and ``--mechanism`` give them."""
 
 
-def kind(name: str) -> Kind:
+def kind(name: str) -> MechanismKind:
     """A kind of mechanism by name.
 
     Raises
@@ -105,7 +105,7 @@ def kind(name: str) -> Kind:
     return MECHANISMS[name]()
 
 
-def kind_of(model: AnyModel) -> Kind:
+def kind_of(model: AnyModel) -> MechanismKind:
     """The kind of mechanism that a model is of."""
     kinds = (make() for make in MECHANISMS.values())
     return next(item for item in kinds if isinstance(model, item.model))

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from identification.residual_map.table import Table
+from identification.residual_map.table import ResidualTable
 from identification.residual_map.variables import Signals, smooth
 
 Array = NDArray[np.float64]
@@ -46,7 +46,7 @@ class Curve:
 
 
 def curves_of(
-    table: Table, residual: Sequence[Array], variable: str, cycles: int = 1
+    table: ResidualTable, residual: Sequence[Array], variable: str, cycles: int = 1
 ) -> list[Curve]:
     """Curves of the folds' residual (n, A) over a variable of the table.
 
@@ -151,7 +151,7 @@ def _fitted(
     knots: Array,
     features: Sequence[Array],
     residual: Sequence[Array],
-    table: Table,
+    table: ResidualTable,
 ) -> Curve:
     """Least squares, and standard errors that hold for residuals correlated within a block."""
     flexible, force = np.concatenate(features), np.concatenate(residual)

@@ -27,7 +27,7 @@ from identification.residual_map.held_out_shares import (
     sides_of,
     strongest_order,
 )
-from identification.residual_map.table import Table, make_table
+from identification.residual_map.table import ResidualTable, make_table
 
 if TYPE_CHECKING:
     from identification.mechanisms.mechanism import Mechanism
@@ -77,7 +77,7 @@ class ResidualMap:
 
     shares: tuple[Share, ...]
     refit: float = 0.0
-    _table: Table | None = field(default=None, repr=False, compare=False)
+    _table: ResidualTable | None = field(default=None, repr=False, compare=False)
     _residual: tuple[tuple[Array, ...], ...] = field(default=(), repr=False, compare=False)
 
     def to_list(self) -> list[dict[str, Any]]:

@@ -57,7 +57,7 @@ class Reduction:
 
 
 @dataclass(frozen=True)
-class Table:
+class ResidualTable:
     """All that a map is made of.
 
     parts: what is held out together, a log each or five blocks of a single one; index: places of
@@ -71,7 +71,7 @@ class Table:
     reductions: tuple[Reduction, ...]
 
 
-def make_table(mechanism: Mechanism, theta: Array, logs: Sequence[Any]) -> Table:
+def make_table(mechanism: Mechanism, theta: Array, logs: Sequence[Any]) -> ResidualTable:
     """Residual, columns and features of logs at theta (P,)."""
     slow = [slowed(samples) for samples in logs]
     seconds = sum(samples.dt * len(samples) for samples in slow)
@@ -98,7 +98,7 @@ def make_table(mechanism: Mechanism, theta: Array, logs: Sequence[Any]) -> Table
         for group, a, b in zip(found, edges, edges[1:], strict=False)
     }
     folds = parts if len(parts) > 1 else parts[0].pieces(BLOCKS)
-    return Table(tuple(found), index, tuple(folds), tuple(signals), tuple(reductions))
+    return ResidualTable(tuple(found), index, tuple(folds), tuple(signals), tuple(reductions))
 
 
 def _residual_and_signals(

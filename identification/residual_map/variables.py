@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from identification.mechanisms.mecanum import Mecanum
-from identification.mechanisms.mecanum_samples import Samples
+from identification.mechanisms.mecanum_samples import MecanumSamples
 from identification.signals.filters import block_mean, filter_samples
 from youbot_env.physics.geometry import WHEELS
 
@@ -88,7 +88,7 @@ def signals_of(mechanism: Mechanism, samples: Any, demanded: Array) -> Signals:
     return _of_axis(mechanism, samples, force)
 
 
-def _of_platform(mechanism: Mecanum, samples: Samples, force: Array) -> Signals:
+def _of_platform(mechanism: Mecanum, samples: MecanumSamples, force: Array) -> Signals:
     geometry, dt = mechanism.geometry, samples.dt
     rolling = geometry.wheel_speeds(samples.twist)
     rollers = samples.twist @ geometry.roller_jacobian[::2].T

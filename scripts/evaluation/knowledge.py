@@ -13,7 +13,7 @@ from youbot_env.errors import InputError
 from youbot_env.model.model import Model
 from youbot_env.model.model_file import load_model, model_from_dict, model_to_dict
 from youbot_env.physics.effect import CATALOGUE
-from youbot_scripts.evaluation.plants import LAG, Plant
+from youbot_scripts.evaluation.plants import LAG, PlantSource
 from youbot_scripts.recording.named_motions import motions_named
 
 KNOWN, IDENTIFIED, DIAGNOSED = "known", "identified", "diagnosed"
@@ -26,7 +26,7 @@ MOTIONS = "calibration,multisine_a"
 
 
 @dataclass(frozen=True)
-class Knowledge:
+class ModelSource:
     """How a model of a plant comes about.
 
     Attributes
@@ -65,7 +65,7 @@ class Knowledge:
         """Whether logs of the plant have to be made."""
         return self.how.split("+")[0] in (IDENTIFIED, DIAGNOSED)
 
-    def of(self, plant: Plant, seed: int = 0) -> Model:
+    def of(self, plant: PlantSource, seed: int = 0) -> Model:
         """The model of a plant, as it reads from a file.
 
         Raises
@@ -82,7 +82,7 @@ class Knowledge:
         # An interrupted run reads it from a file: the same digits here, so the same results.
         return model_from_dict(json.loads(json.dumps(model_to_dict(found))), self.how)
 
-    def _fitted(self, plant: Plant, logs: Sequence[Log], seed: int) -> Model:
+    def _fitted(self, plant: PlantSource, logs: Sequence[Log], seed: int) -> Model:
         start = replace(load_model("paper"), geometry=plant.truth.geometry)
         if plant.lag:
             start = start.with_effect(LAG)

@@ -24,7 +24,7 @@ SURPRISE = ", in the runs also "
 
 
 @dataclass(frozen=True)
-class Plant:
+class PlantSource:
     """A platform that is driven; what its controllers know of it is another matter.
 
     Attributes

@@ -12,9 +12,9 @@ from typing import Any
 from controllers import registry
 from youbot_env.errors import InputError, count, finite
 from youbot_scripts.evaluation.closed_loop import LoopSettings
-from youbot_scripts.evaluation.knowledge import IDENTIFIED, Knowledge
-from youbot_scripts.evaluation.plants import Plant
-from youbot_scripts.evaluation.trials import Condition, Course
+from youbot_scripts.evaluation.knowledge import IDENTIFIED, ModelSource
+from youbot_scripts.evaluation.plants import PlantSource
+from youbot_scripts.evaluation.trials import Condition, ReferenceMotion
 
 Band = tuple[float, float]
 
@@ -34,15 +34,12 @@ class Settings:
 
     Attributes
     ----------
-    plants, effects, surprises, lag : what moves, see ``Plant``; the effects are in every plant
-    models : how the controllers' models of it come about, see ``Knowledge``
-    controllers : names of the registry
-    bands : of the references [rad/s]
-    amplitude : peaks of VX, VY [m/s] and W [rad/s]
-    seeds : references, with their noise, for each band
-    duration : [s] that is judged; None is once around the band's slowest tone, at least 20 s
-    rate, delay, noise, pose : see ``LoopSettings``
-    against : the controller that others are measured by
+    plants, effects, surprises, lag : what moves, see ``PlantSource``; the effects are in every
+    plant models : how the controllers' models of it come about, see ``ModelSource`` controllers :
+    names of the registry bands : of the references [rad/s] amplitude : peaks of VX, VY [m/s] and W
+    [rad/s] seeds : references, with their noise, for each band duration : [s] that is judged; None
+    is once around the band's slowest tone, at least 20 s rate, delay, noise, pose : see
+    ``LoopSettings`` against : the controller that others are measured by
 
     Raises
     ------
@@ -82,16 +79,16 @@ class Settings:
         """Every plant with every model, in one loop."""
         loop = LoopSettings(self.rate, self.delay, self.noise, self.pose)
         plants = [
-            Plant(source, self.effects, self.surprises, self.lag)
+            PlantSource(source, self.effects, self.surprises, self.lag)
             for source in dict.fromkeys(self.plants)
         ]
-        models = [Knowledge(how) for how in dict.fromkeys(self.models)]
+        models = [ModelSource(how) for how in dict.fromkeys(self.models)]
         return [Condition(plant, model, loop) for plant, model in product(plants, models)]
 
-    def courses(self) -> list[Course]:
+    def courses(self) -> list[ReferenceMotion]:
         """The references of each band."""
         return [
-            Course(band, self.amplitude, self.duration or self._once_around(band))
+            ReferenceMotion(band, self.amplitude, self.duration or self._once_around(band))
             for band in self.bands
         ]
 

@@ -18,9 +18,9 @@ from youbot_env.model.model import Model
 from youbot_env.model.model_file import model_from_dict, model_to_dict
 from youbot_env.motions.calibration import Motion, multisine
 from youbot_scripts.evaluation.closed_loop import LoopSettings, Trace, drive
-from youbot_scripts.evaluation.knowledge import Knowledge
+from youbot_scripts.evaluation.knowledge import ModelSource
 from youbot_scripts.evaluation.metrics import judge
-from youbot_scripts.evaluation.plants import Plant
+from youbot_scripts.evaluation.plants import PlantSource
 from youbot_scripts.recording.named_motions import generator
 from youbot_scripts.shared.results_folder import Record, resumed
 
@@ -28,7 +28,7 @@ Advance = Callable[[], None]
 
 
 @dataclass(frozen=True)
-class Course:
+class ReferenceMotion:
     """The random references of a band, as ``motions.multisine`` draws them.
 
     Attributes
@@ -49,7 +49,7 @@ class Course:
         """[s] from rest to the end of what is judged, before the motion slows down again."""
         return self.ramp + self.duration
 
-    def motion(self, plant: Plant, seed: int, index: int) -> Motion:
+    def motion(self, plant: PlantSource, seed: int, index: int) -> Motion:
         """The reference of one seed, the same for every controller, model and loop."""
         name = f"{self.band[0]:g}-{self.band[1]:g}"
         return multisine(
@@ -70,8 +70,8 @@ class Course:
 class Condition:
     """What all controllers are compared under: a plant, a model of it, and a loop."""
 
-    plant: Plant
-    knowledge: Knowledge
+    plant: PlantSource
+    knowledge: ModelSource
     loop: LoopSettings
 
     def to_dict(self) -> dict[str, Any]:
@@ -84,8 +84,8 @@ class Condition:
 class Learning:
     """The task of finding a condition's model."""
 
-    plant: Plant
-    knowledge: Knowledge
+    plant: PlantSource
+    knowledge: ModelSource
     seed: int
 
     @cached_property
@@ -119,7 +119,7 @@ class Designing:
 
 
 @dataclass(frozen=True)
-class Trial:
+class EvaluationTrial:
     """One closed loop: what it takes to run it again to the bit.
 
     Attributes
@@ -132,7 +132,7 @@ class Trial:
     condition: Condition
     controller: str
     model: Model
-    course: Course
+    course: ReferenceMotion
     seed: int
     index: int
     settings: Mapping[str, Any] = field(default_factory=dict)
@@ -167,7 +167,7 @@ class Trial:
         }
 
 
-Task = Learning | Designing | Trial
+Task = Learning | Designing | EvaluationTrial
 
 
 def digest(*parts: Any) -> str:
@@ -212,17 +212,17 @@ def learn(
     }
 
 
-def needs_design(trial: Trial) -> bool:
+def needs_design(trial: EvaluationTrial) -> bool:
     """Whether the controller has settings that have to be found first."""
     return registry.entry(trial.controller).design is not None
 
 
 def design(
-    trials: Sequence[Trial],
+    trials: Sequence[EvaluationTrial],
     jobs: int = 1,
     folder: Path | None = None,
     progress: Advance = lambda: None,
-) -> list[Trial]:
+) -> list[EvaluationTrial]:
     """The trials with the settings of those controllers that have to be designed first."""
     tasks = {
         n: Designing(trial.controller, trial.model, trial.condition.loop)
@@ -237,15 +237,17 @@ def design(
 def plan(
     models: Mapping[Condition, Model],
     controllers: Sequence[str],
-    courses: Sequence[Course],
+    courses: Sequence[ReferenceMotion],
     seed: int,
     seeds: int,
-) -> list[Trial]:
+) -> list[EvaluationTrial]:
     """Every controller on every condition and course, the seeds outermost: a part of them is a
     fair sample."""
     prints = {controller: registry.fingerprint(controller) for controller in controllers}
     return [
-        Trial(condition, controller, model, course, seed, index, fingerprint=prints[controller])
+        EvaluationTrial(
+            condition, controller, model, course, seed, index, fingerprint=prints[controller]
+        )
         for index in range(seeds)
         for condition, model in models.items()
         for course in courses

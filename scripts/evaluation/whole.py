@@ -22,7 +22,7 @@ from youbot_scripts.evaluation.summary import (
 )
 from youbot_scripts.evaluation.trials import (
     Condition,
-    Trial,
+    EvaluationTrial,
     design,
     learn,
     needs_design,
@@ -52,7 +52,7 @@ class Evaluation:
 
     settings: Settings
     models: dict[Condition, Model]
-    trials: list[Trial]
+    trials: list[EvaluationTrial]
     records: list[Record]
     results: list[Result]
 
@@ -135,7 +135,7 @@ class Evaluation:
             drawn[_numbered("time_courses", n, groups)] = time_courses(traces, stated, names)
         return drawn
 
-    def _shown(self, group: Sequence[Result], condition: Condition) -> list[Trial]:
+    def _shown(self, group: Sequence[Result], condition: Condition) -> list[EvaluationTrial]:
         """Trials whose time courses are drawn: the first controller, the one that others are
         measured by, those that diverge, the best; in a band from the middle."""
         courses = self.settings.courses()

@@ -10,7 +10,7 @@ import numpy as np
 
 from controllers.interface import Array
 from youbot_env.tracking.stepper import Setup
-from youbot_scripts.training.platforms import Fleet, MakeBase
+from youbot_scripts.training.platforms import MakeBase, PlatformBatch
 from youbot_scripts.training.settings import TEST_SEED
 
 AXES = ("velocity_x", "velocity_y", "yaw_rate")
@@ -65,9 +65,9 @@ def track(
     act : wheel actions (n, 4) for observations (n, D)
     setup : of plant and loop
     seed : of the first reference; the others follow one by one
-    make_base, share : the controller beneath, see ``Fleet``
+    make_base, share : the controller beneath, see ``PlatformBatch``
     """
-    fleet = Fleet(setup, references, make_base, share)
+    fleet = PlatformBatch(setup, references, make_base, share)
     for row in range(references):
         fleet.reset(row, np.random.default_rng(seed + row))
     error, wanted, torque = (np.empty((setup.steps, references, k)) for k in (3, 3, 4))

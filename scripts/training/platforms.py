@@ -24,7 +24,7 @@ MakeBase = Callable[[], Controller]
 """Makes the controller beneath, one for each platform."""
 
 
-class Beneath:
+class BaseControllers:
     """A controller under each of ``stepper``'s platforms; it sees what ``policy.alone`` shows.
 
     Attributes
@@ -68,7 +68,7 @@ class Beneath:
         self.action[row] = torque / self._stepper.setup.actuation.torque_limit
 
 
-class Fleet:
+class PlatformBatch:
     """Platforms that a policy drives, alone or on top of a controller beneath.
 
     Parameters
@@ -84,7 +84,7 @@ class Fleet:
     ) -> None:
         self.stepper = Stepper(setup, count)
         self.share = share
-        self._beneath = None if make_base is None else Beneath(make_base, self.stepper)
+        self._beneath = None if make_base is None else BaseControllers(make_base, self.stepper)
 
     @property
     def layout(self) -> Layout:
@@ -126,7 +126,9 @@ class TrackingVecEnv(VecEnv):
     seed : of models, references and noise; a sequence of whole numbers
     """
 
-    def __init__(self, fleet: Fleet, features: Array, mix: Array, seed: Sequence[int]) -> None:
+    def __init__(
+        self, fleet: PlatformBatch, features: Array, mix: Array, seed: Sequence[int]
+    ) -> None:
         self._fleet, self._features, self._mix = fleet, features, mix
         count, steps = len(fleet.stepper.clock), fleet.stepper.setup.steps
         streams = np.random.SeedSequence(list(seed)).spawn(count)

@@ -18,7 +18,7 @@ from youbot_env.tracking.stepper import Setup
 from youbot_scripts.recording.named_motions import with_effects
 from youbot_scripts.training.conditions import Conditions, ranges_from
 from youbot_scripts.training.held_out import Tracking, idle, track
-from youbot_scripts.training.platforms import Fleet, MakeBase
+from youbot_scripts.training.platforms import MakeBase, PlatformBatch
 from youbot_scripts.training.settings import Choice
 
 ACTIVATIONS = {"tanh": torch.nn.Tanh, "relu": torch.nn.ReLU}
@@ -50,9 +50,9 @@ class Trainee:
     mix: Array
     description: Description
 
-    def fleet(self, count: int) -> Fleet:
+    def fleet(self, count: int) -> PlatformBatch:
         """Platforms to train on."""
-        return Fleet(self.training, count, self.make_base, self.choice.share)
+        return PlatformBatch(self.training, count, self.make_base, self.choice.share)
 
     def judge(self, network: Network, seed: int, references: int = 20) -> Tracking:
         """True errors on the nominal plant, on references from ``seed`` on."""
@@ -87,7 +87,7 @@ def prepare(choice: Choice, model: Model) -> Trainee:
     make_base = None
     if choice.base is not None:
         make_base = base_maker(choice.base, believed(model, conditions), loop_of(conditions))
-    layout = Fleet(nominal, 1, make_base).layout
+    layout = PlatformBatch(nominal, 1, make_base).layout
     if learner.features not in FEATURES or learner.activation not in ACTIVATIONS:
         raise InputError(
             f"set: features is one of {', '.join(FEATURES)}, activation of {', '.join(ACTIVATIONS)}"

@@ -25,15 +25,15 @@ from youbot_scripts import evaluate as command
 from youbot_scripts.cli import main
 from youbot_scripts.evaluation import tables
 from youbot_scripts.evaluation.closed_loop import LoopSettings, drive
-from youbot_scripts.evaluation.knowledge import Knowledge
-from youbot_scripts.evaluation.plants import Plant
+from youbot_scripts.evaluation.knowledge import ModelSource
+from youbot_scripts.evaluation.plants import PlantSource
 from youbot_scripts.evaluation.settings import SUITES, Settings, settings
 from youbot_scripts.evaluation.summary import gather, ratios, unscored
 from youbot_scripts.evaluation.trials import (
     Condition,
-    Course,
+    EvaluationTrial,
     Learning,
-    Trial,
+    ReferenceMotion,
     digest,
     learn,
     plan,
@@ -219,7 +219,7 @@ def test_designs_are_made_once_for_a_model_and_a_loop_and_kept(controllers, tmp_
 
 
 def test_an_identified_model_is_close_to_the_plant_and_kept(tmp_path: Path):
-    condition = Condition(Plant(lag=0.03), Knowledge("identified"), LoopSettings())
+    condition = Condition(PlantSource(lag=0.03), ModelSource("identified"), LoopSettings())
     truth = condition.plant.truth.values
     first = learn([condition], 0, folder=tmp_path)[condition]
     for name, size in {"m0": 0.02, "I0": 0.02, "mu1": 0.01, "mu2": 0.01}.items():
@@ -247,15 +247,17 @@ def test_the_loop_closes():
 
 
 def test_no_log_knows_of_a_surprise():
-    plain = Plant(effects=("floor_tilt:tilt_x=0.01",))
+    plain = PlantSource(effects=("floor_tilt:tilt_x=0.01",))
     surprised = replace(plain, surprises=("payload_change:mass=5,time=3",))
     assert surprised.recorded == plain.recorded
     assert tuple(surprised.truth.effects) == ("floor_tilt", "payload_change")
-    know = Knowledge("identified")
+    know = ModelSource("identified")
     assert Learning(surprised, know, 0).key == Learning(plain, know, 0).key
     loop = LoopSettings()
     trials = [
-        Trial(Condition(p, know, loop), "kinematic", plain.truth, Course((1.0, 2.0)), 0, 0)
+        EvaluationTrial(
+            Condition(p, know, loop), "kinematic", plain.truth, ReferenceMotion((1.0, 2.0)), 0, 0
+        )
         for p in (plain, surprised)
     ]
     assert trials[0].key != trials[1].key
@@ -276,7 +278,7 @@ def test_the_contact_plant_takes_part():
 def test_settings_that_nothing_can_be_learnt_from_are_refused():
     for how in ("identifed", "nowhere.json", "identified+magic"):
         with pytest.raises(InputError):
-            Knowledge(how)
+            ModelSource(how)
 
 
 # --- results ---------------------------------------------------------------------------------
@@ -284,7 +286,7 @@ def test_settings_that_nothing_can_be_learnt_from_are_refused():
 
 def record(controller: str, seed: int, size: float, **changes: Any) -> dict[str, Any]:
     """A trial's record whose errors are ``size``, twice that on VY."""
-    condition = Condition(Plant(), Knowledge("known"), LoopSettings()).to_dict()
+    condition = Condition(PlantSource(), ModelSource("known"), LoopSettings()).to_dict()
     numbers = {name: [size, 2 * size, size] for name in ("rmse", "nrmse", "worst")}
     others = ("position_drift", "heading_drift", "effort", "torque_rate")
     return {
@@ -311,8 +313,8 @@ def test_a_diverged_run_is_shown_and_never_averaged_away():
 
 
 def test_the_course_is_shown_where_something_changes_in_the_runs():
-    plant = Plant(surprises=("payload_change:mass=5,time=10",))
-    place = Condition(plant, Knowledge("known"), LoopSettings()).to_dict()
+    plant = PlantSource(surprises=("payload_change:mass=5,time=10",))
+    place = Condition(plant, ModelSource("known"), LoopSettings()).to_dict()
     for changes, wanted in ((place, True), ({}, False)):
         found = tables.tables(gather([record("a", 0, 0.1, **changes)]), "a")
         shown = [table for table in found if "over the time" in table.title]
@@ -351,13 +353,17 @@ def test_a_torque_beyond_the_limit_saturates(controllers):
 
 
 def test_a_key_stands_for_everything_that_a_result_depends_on():
-    model = Plant().truth
-    base = Condition(Plant(), Knowledge("known"), LoopSettings())
-    courses = [Course((1.0, 2.0)), Course((1.0, 2.0), duration=21.0), Course((1.0, 2.1))]
+    model = PlantSource().truth
+    base = Condition(PlantSource(), ModelSource("known"), LoopSettings())
+    courses = [
+        ReferenceMotion((1.0, 2.0)),
+        ReferenceMotion((1.0, 2.0), duration=21.0),
+        ReferenceMotion((1.0, 2.1)),
+    ]
     conditions = [
         base,
-        Condition(Plant(lag=0.03), base.knowledge, base.loop),
-        Condition(Plant(effects=("floor_tilt:tilt_x=0.01",)), base.knowledge, base.loop),
+        Condition(PlantSource(lag=0.03), base.knowledge, base.loop),
+        Condition(PlantSource(effects=("floor_tilt:tilt_x=0.01",)), base.knowledge, base.loop),
         Condition(base.plant, base.knowledge, LoopSettings(noise=0.02)),
         Condition(base.plant, base.knowledge, LoopSettings(pose=True)),
     ]
@@ -496,8 +502,8 @@ def test_what_a_user_says_goes_before_the_suite():
 
 
 def test_run_all_keeps_the_order_of_the_tasks():
-    condition = Condition(Plant(), Knowledge("known"), LoopSettings())
-    courses = [Course((2.0, 4.0), duration=1.0), Course((1.0, 2.0), duration=1.0)]
+    condition = Condition(PlantSource(), ModelSource("known"), LoopSettings())
+    courses = [ReferenceMotion((2.0, 4.0), duration=1.0), ReferenceMotion((1.0, 2.0), duration=1.0)]
     trials = plan({condition: condition.plant.truth}, ["kinematic"], courses, 0, 1)
     found = run_all([trials[1], trials[0], trials[1]], 1, None)
     assert [record["band"][0] for record in found] == [1.0, 2.0, 1.0]

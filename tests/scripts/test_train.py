@@ -28,7 +28,7 @@ sb3 = pytest.importorskip("stable_baselines3")
 from youbot_scripts.training import learning  # noqa: E402 - they need what is skipped for
 from youbot_scripts.training.exporting import ALGORITHMS, network_of  # noqa: E402
 from youbot_scripts.training.held_out import idle, track  # noqa: E402
-from youbot_scripts.training.platforms import Fleet, TrackingVecEnv  # noqa: E402
+from youbot_scripts.training.platforms import PlatformBatch, TrackingVecEnv  # noqa: E402
 from youbot_scripts.training.run_folder import RunFolder  # noqa: E402
 from youbot_scripts.training.trainee import prepare  # noqa: E402
 
@@ -72,7 +72,7 @@ def weights(path) -> np.ndarray:
 
 def test_the_fleet_is_the_environment():
     conditions = Conditions(reward_margins={}, reward_weights={})
-    fleet = Fleet(conditions.setup(PAPER, {"m0": ("80%", "120%")}), 3)
+    fleet = PlatformBatch(conditions.setup(PAPER, {"m0": ("80%", "120%")}), 3)
     for row in range(3):
         fleet.reset(row, np.random.default_rng(row))
     env = YouBotTrackingEnv(
@@ -90,7 +90,7 @@ def test_the_fleet_is_the_environment():
 
 def vector(count: int = 5, length: float = 0.1, **options) -> TrackingVecEnv:
     setup = Conditions(episode_length=length, **options).setup(PAPER)
-    fleet = Fleet(setup, count)
+    fleet = PlatformBatch(setup, count)
     return TrackingVecEnv(fleet, tracking_features(fleet.layout), np.eye(4), (0, 0))
 
 

@@ -14,7 +14,7 @@ from youbot_env.model.model_file import load_model
 from youbot_env.physics.effect import CATALOGUE
 from youbot_env.physics.geometry import Geometry
 from youbot_env.physics.points import Instant
-from youbot_env.physics.structure import Structure
+from youbot_env.physics.structure import ModelStructure
 
 BASE_ONLY, EVERYTHING = "base", "everything"
 
@@ -85,7 +85,7 @@ def random_instant(rng: np.random.Generator, count: int | None = None) -> Instan
     )
 
 
-def state_of(structure: Structure, at: Instant) -> list[float]:
+def state_of(structure: ModelStructure, at: Instant) -> list[float]:
     """The state of a platform in a motion."""
     state = [*at.twist, *at.pose, *at.wheel_angle, at.time]
     return state + (list(at.torque) if structure.has_actuator else [])

@@ -38,8 +38,8 @@ from youbot_env.physics.effect import (
 )
 from youbot_env.physics.geometry import Geometry, body_force, roller_rates, wheel_rates
 from youbot_env.physics.namespaces import floats, symbols
-from youbot_env.physics.points import Base, Instant, Points, component_wrench
-from youbot_env.physics.structure import Structure
+from youbot_env.physics.points import Base, EffectPoints, Instant, component_wrench
+from youbot_env.physics.structure import ModelStructure
 
 Form = Literal["text", "latex", "numeric"]
 
@@ -58,7 +58,7 @@ WORDS: dict[Place, tuple[str, ...]] = {
 """What an effect's function returns, by the place where it acts."""
 
 
-def equation(what: Structure | Model, form: Form = "text") -> str:
+def equation(what: ModelStructure | Model, form: Form = "text") -> str:
     """The three equations of motion, one a line, and below them what their symbols stand for.
 
     Parameters
@@ -201,7 +201,7 @@ _POINTS: dict[Place, Any] = {
 }
 
 
-class _OpenPoints(Points):
+class _OpenPoints(EffectPoints):
     """Points whose wheel and roller rates are symbols, so that each component can be read."""
 
     @cached_property
@@ -219,7 +219,7 @@ class _OpenPoints(Points):
 class Equations:
     """The equations of motion of a structure as sympy expressions."""
 
-    structure: Structure
+    structure: ModelStructure
 
     @cached_property
     def geometry(self) -> Any:

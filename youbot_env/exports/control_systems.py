@@ -205,7 +205,7 @@ class Platform:
 
 
 @dataclass(frozen=True, eq=False)
-class Late:
+class DelayModel:
     """What the torques pass before they act: xd' = a xd + b u, acting = c xd + d u."""
 
     a: Array
@@ -227,17 +227,17 @@ class Late:
         return update
 
 
-def _late(control: Any, model: Model, order: int | None) -> Late:
+def _late(control: Any, model: Model, order: int | None) -> DelayModel:
     if order is None or model.delay == 0.0:
         refuse_delay(model, "a system of differential equations", "pade=ORDER")
-        return Late(np.zeros((0, 0)), np.zeros((0, 4)), np.zeros((4, 0)), np.eye(4))
+        return DelayModel(np.zeros((0, 0)), np.zeros((0, 4)), np.zeros((4, 0)), np.eye(4))
     if model.delay < 0.0 or order < 1:
         raise InputError(
             f"pade: an order of at least 1 and a delay above zero, not {order} and {model.delay:g}"
         )
     one, each = control.ss(control.tf(*control.pade(model.delay, order))), np.eye(4)
     names = tuple(f"late_{wheel}_{k + 1}" for wheel in WHEELS for k in range(order))
-    return Late(*(np.kron(each, part) for part in (one.A, one.B, one.C, one.D)), states=names)
+    return DelayModel(*(np.kron(each, part) for part in (one.A, one.B, one.C, one.D)), states=names)
 
 
 def import_control() -> Any:

@@ -21,7 +21,7 @@ from youbot_env.physics.effect import CLOCK
 from youbot_env.physics.namespaces import floats, tensors
 from youbot_env.physics.points import Instant
 from youbot_env.physics.stated_parameters import internal_values
-from youbot_env.physics.structure import Structure
+from youbot_env.physics.structure import ModelStructure
 from youbot_env.simulation import free_run as simulate
 from youbot_env.simulation.plant import plant_substeps
 
@@ -29,7 +29,7 @@ XP = tensors()
 """What the traced operations call. One for all traces, so that torch.compile knows it again."""
 
 
-def traced_derivative(structure: Structure, geometry: Any) -> Callable[..., tuple[Any, ...]]:
+def traced_derivative(structure: ModelStructure, geometry: Any) -> Callable[..., tuple[Any, ...]]:
     """``dynamics.state_derivative`` as a function of S + 4 + P tensors: state, torque, theta.
 
     It returns S components, tensors or plain numbers. Any shapes that broadcast will do, and any

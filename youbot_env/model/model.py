@@ -16,7 +16,7 @@ from youbot_env.physics.effect import CATALOGUE
 from youbot_env.physics.geometry import Geometry
 from youbot_env.physics.points import Instant
 from youbot_env.physics.stated_parameters import to_public, to_theta
-from youbot_env.physics.structure import Structure
+from youbot_env.physics.structure import ModelStructure
 
 Array = NDArray[np.float64]
 
@@ -128,9 +128,9 @@ class Model:
             raise InputError(f"{where} is not positive semidefinite")
 
     @cached_property
-    def structure(self) -> Structure:
+    def structure(self) -> ModelStructure:
         """Which effects it holds, and so the order of ``theta``."""
-        return Structure(tuple(self.effects))
+        return ModelStructure(tuple(self.effects))
 
     @cached_property
     def values(self) -> dict[str, float]:

@@ -6,7 +6,7 @@ from collections.abc import Callable, Sequence
 
 from youbot_env.errors import InputError, count, finite
 from youbot_env.motions.base import Motion, MotionSequence, motion_from_dict, sample, sequence
-from youbot_env.motions.limits import Limits, Peaks, check_limits
+from youbot_env.motions.limits import Peaks, check_limits
 from youbot_env.motions.multisine import Multisine, Tone, multisine
 from youbot_env.motions.periodic import Circling, Straight, Turning
 from youbot_env.motions.steps import Steps, steps
@@ -14,7 +14,7 @@ from youbot_env.physics.geometry import Geometry
 
 __all__ = [
     "Circling",
-    "Limits",
+    "MotionLimits",
     "Motion",
     "MotionSequence",
     "Multisine",

@@ -18,7 +18,7 @@ dynamics of whichever model the caller trusts."""
 
 
 @dataclass(frozen=True)
-class Limits:
+class MotionLimits:
     """Largest wheel speed [rad/s], speed of O [m/s] and wheel torque [N m].
 
     The default keeps the wheels well below the motors' 21 rad/s, so that a loop that overshoots
@@ -62,7 +62,7 @@ class Peaks:
 def check_limits(
     motion: Motion,
     geometry: Geometry | None = None,
-    limits: Limits | None = None,
+    limits: MotionLimits | None = None,
     body_force: BodyForce | None = None,
     rate: float = 200.0,
 ) -> Peaks:
@@ -76,7 +76,7 @@ def check_limits(
     InputError
         If a peak passes its limit: names the motion, the wheel, the second and the cure.
     """
-    geometry, limits = geometry or Geometry(), limits or Limits()
+    geometry, limits = geometry or Geometry(), limits or MotionLimits()
     time = np.linspace(0.0, motion.duration, int(np.ceil(motion.duration * rate)) + 1)
     twist, acceleration = motion.evaluate(time)
 

@@ -10,7 +10,7 @@ import numpy as np
 
 from youbot_env.errors import InputError, count, finite
 from youbot_env.motions.base import Array, Motion, window
-from youbot_env.motions.limits import Limits
+from youbot_env.motions.limits import MotionLimits
 from youbot_env.physics.geometry import Geometry
 
 SAMPLES_PER_PERIOD = 16
@@ -102,7 +102,7 @@ def multisine(
     duration: float = 60.0,
     ramp: float = 1.5,
     geometry: Geometry | None = None,
-    limits: Limits | None = None,
+    limits: MotionLimits | None = None,
     draws: int = 16,
     name: str = "multisine",
 ) -> Multisine:
@@ -121,7 +121,7 @@ def multisine(
     amplitude : peak of VX, VY [m/s] and W [rad/s]; 0 leaves an axis at rest
     duration, ramp : [s]
     geometry, limits : all axes shrink together until wheel speed and body speed respect the
-        limits; the default is the youBot and ``Limits()``
+        limits; the default is the youBot and ``MotionLimits()``
     draws : sets of phases tried; the one of the lowest peak is kept, for each axis
 
     Raises
@@ -146,7 +146,7 @@ def multisine(
     phase, values = zip(*(_low_crest(rng, time, w, draws) for w in frequency), strict=True)
     bound = PEAK_BOUND * np.column_stack(values)
     gain = peak / np.abs(bound).max(axis=0)
-    gain *= (limits or Limits()).room(gain * bound, geometry or Geometry())
+    gain *= (limits or MotionLimits()).room(gain * bound, geometry or Geometry())
     drawn = [
         Tone(axis, float(w), float(gain[axis]), float(phi))
         for axis in np.flatnonzero(gain).tolist()

@@ -10,7 +10,7 @@ import numpy as np
 
 from youbot_env.errors import InputError, count, finite
 from youbot_env.motions.base import Array, Motion
-from youbot_env.motions.limits import Limits
+from youbot_env.motions.limits import MotionLimits
 from youbot_env.physics.geometry import Geometry
 
 
@@ -84,7 +84,7 @@ def steps(
     rise: float = 0.15,
     hold: float = 0.9,
     geometry: Geometry | None = None,
-    limits: Limits | None = None,
+    limits: MotionLimits | None = None,
     name: str = "steps",
 ) -> Steps:
     """Random steps, each to one side and then to the other, so that the robot stays about.
@@ -101,6 +101,6 @@ def steps(
     drawn = rng.uniform(0.3, 1.0, (pairs, 3)) * rng.choice([-1.0, 1.0], (pairs, 3))
     levels = np.repeat(drawn * amplitude, 2, axis=0)
     levels[1::2] *= -1.0
-    levels *= (limits or Limits()).room(levels, geometry or Geometry())
+    levels *= (limits or MotionLimits()).room(levels, geometry or Geometry())
     rows = tuple((float(vx), float(vy), float(wz)) for vx, vy, wz in levels)
     return Steps(name=name, rise=rise, hold=hold, levels=rows)

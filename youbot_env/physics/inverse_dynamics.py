@@ -17,8 +17,8 @@ from typing import Any
 from youbot_env.errors import InputError
 from youbot_env.physics.effect import ACTUATOR, CHANNEL, CLOCK, Actuator, Channel, Clock, Effect
 from youbot_env.physics.geometry import Triple, allocate, body_force, wheel_rates
-from youbot_env.physics.points import Instant, Points, component_wrench
-from youbot_env.physics.structure import Structure
+from youbot_env.physics.points import EffectPoints, Instant, component_wrench
+from youbot_env.physics.structure import ModelStructure
 
 
 def _sum(*forces: Triple) -> Triple:
@@ -26,7 +26,7 @@ def _sum(*forces: Triple) -> Triple:
     return sum(first), sum(second), sum(third)
 
 
-def wrench(xp: Any, structure: Structure, geometry: Any, theta: Any, at: Instant) -> Triple:
+def wrench(xp: Any, structure: ModelStructure, geometry: Any, theta: Any, at: Instant) -> Triple:
     """Inverse dynamics: the generalised force (F_X, F_Y, M_W) that a motion demands.
 
     Parameters
@@ -46,17 +46,19 @@ def wrench(xp: Any, structure: Structure, geometry: Any, theta: Any, at: Instant
 
 def _wrench_of(
     xp: Any,
-    structure: Structure,
+    structure: ModelStructure,
     components: Sequence[tuple[Effect, slice]],
     geometry: Any,
     theta: Any,
     at: Instant,
 ) -> Triple:
-    points = Points(xp, geometry, theta, at, structure.carriers)
+    points = EffectPoints(xp, geometry, theta, at, structure.carriers)
     return _sum(*(component_wrench(xp, item, theta[where], points) for item, where in components))
 
 
-def actuator_command(xp: Any, structure: Structure, theta: Any, at: Instant) -> tuple[Any, ...]:
+def actuator_command(
+    xp: Any, structure: ModelStructure, theta: Any, at: Instant
+) -> tuple[Any, ...]:
     """Commands [N m] behind the drives that ``at.torque`` and ``at.torque_rate`` demand."""
     command = at.torque
     for item, where in structure.at(ACTUATOR):
@@ -66,7 +68,7 @@ def actuator_command(xp: Any, structure: Structure, theta: Any, at: Instant) -> 
 
 
 def channel_torque(
-    xp: Any, structure: Structure, theta: Any, torque: Sequence[Any], time: Any
+    xp: Any, structure: ModelStructure, theta: Any, torque: Sequence[Any], time: Any
 ) -> tuple[Any, ...]:
     """True torque [N m] (behind a drive: its true command) that an interface torque stands for."""
     true = tuple(torque)
@@ -75,7 +77,7 @@ def channel_torque(
     return true
 
 
-def torque_delay(xp: Any, structure: Structure, theta: Any) -> Any:
+def torque_delay(xp: Any, structure: ModelStructure, theta: Any) -> Any:
     """Delay d [s] of the torque channels: what acts at t is what the interface said at t - d.
 
     All else here speaks of one instant and is the same for any delay; whoever has a whole course
@@ -85,7 +87,9 @@ def torque_delay(xp: Any, structure: Structure, theta: Any) -> Any:
     return sum((item.evaluate(xp, Clock(), theta[where]) for item, where in shifts), 0.0)
 
 
-def interface_torque(xp: Any, structure: Structure, theta: Any, at: Instant) -> tuple[Any, ...]:
+def interface_torque(
+    xp: Any, structure: ModelStructure, theta: Any, at: Instant
+) -> tuple[Any, ...]:
     """Torque [N m] at the interface (command, log) where ``at.torque`` acts on the wheels.
 
     Inverts the channels, which are affine in the torque, and asks the actuator for its command.
@@ -99,7 +103,7 @@ def interface_torque(xp: Any, structure: Structure, theta: Any, at: Instant) -> 
 
 def acting_torque(
     xp: Any,
-    structure: Structure,
+    structure: ModelStructure,
     geometry: Any,
     theta: Any,
     at: Instant,
@@ -146,7 +150,7 @@ def _largest(value: Any) -> float:
 
 
 def inverse_dynamics(
-    xp: Any, structure: Structure, geometry: Any, theta: Any, at: Instant
+    xp: Any, structure: ModelStructure, geometry: Any, theta: Any, at: Instant
 ) -> tuple[Any, ...]:
     """Interface torques [N m] (fl, fr, bl, br) that drive a motion: the feed-forward.
 
@@ -159,7 +163,7 @@ def inverse_dynamics(
 
 
 def mass_matrix(
-    xp: Any, structure: Structure, geometry: Any, theta: Any, at: Instant
+    xp: Any, structure: ModelStructure, geometry: Any, theta: Any, at: Instant
 ) -> tuple[Triple, Triple, Triple]:
     """Rows of the 3x3 mass matrix of (VX', VY', W') at a state."""
     still = wrench(xp, structure, geometry, theta, replace(at, acceleration=(0.0, 0.0, 0.0)))
@@ -184,7 +188,7 @@ def solve3(rows: Sequence[Sequence[Any]], right: Sequence[Any]) -> Triple:
 
 
 def forward_dynamics(
-    xp: Any, structure: Structure, geometry: Any, theta: Any, at: Instant
+    xp: Any, structure: ModelStructure, geometry: Any, theta: Any, at: Instant
 ) -> Triple:
     """Acceleration (VX', VY', W') under the torques ``at.torque`` that act at the wheels."""
     still = wrench(xp, structure, geometry, theta, replace(at, acceleration=(0.0, 0.0, 0.0)))
@@ -194,7 +198,7 @@ def forward_dynamics(
 
 
 def state_derivative(
-    xp: Any, structure: Structure, geometry: Any, theta: Any, state: Any, torque: Any
+    xp: Any, structure: ModelStructure, geometry: Any, theta: Any, state: Any, torque: Any
 ) -> tuple[Any, ...]:
     """Time derivative of the state (``structure.state_names``) under interface torques [N m].
 
@@ -218,7 +222,7 @@ def state_derivative(
 
 
 def drive_rates(
-    xp: Any, structure: Structure, theta: Any, at: Instant, command: Sequence[Any]
+    xp: Any, structure: ModelStructure, theta: Any, at: Instant, command: Sequence[Any]
 ) -> tuple[Any, ...]:
     """Rates [N m/s] of the acting torques under a command: an actuator is affine in the rate."""
     zero = actuator_command(xp, structure, theta, replace(at, torque_rate=(0.0,) * 4))

@@ -44,7 +44,7 @@ class Instant:
     time: Any = 0.0
 
 
-class Points:
+class EffectPoints:
     """The points at which effects act in a motion, made once for all components."""
 
     def __init__(
@@ -97,7 +97,7 @@ class Points:
         return _world_point(self.xp, self.at, self.base)
 
 
-def component_wrench(xp: Any, item: Effect, values: Any, points: Points) -> Triple:
+def component_wrench(xp: Any, item: Effect, values: Any, points: EffectPoints) -> Triple:
     """One component's share of the generalised force: its own formula, moved to O."""
     if item.acts_at is BODY:
         return item.evaluate(xp, points.body, values)

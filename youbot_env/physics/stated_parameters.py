@@ -14,7 +14,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from youbot_env.physics.effect import BASE, Effect, Parameter
 from youbot_env.physics.geometry import Geometry
-from youbot_env.physics.structure import Structure
+from youbot_env.physics.structure import ModelStructure
 
 Array = NDArray[np.float64]
 
@@ -24,7 +24,7 @@ def full_name(item: Effect, name: str) -> str:
     return name if item.name in BASE else f"{item.name}.{name}"
 
 
-def public_parameters(structure: Structure) -> dict[str, Parameter]:
+def public_parameters(structure: ModelStructure) -> dict[str, Parameter]:
     """The declarations of all parameters as people state them, by full name."""
     return {
         full_name(item, name): item.public_parameter(name)
@@ -33,7 +33,7 @@ def public_parameters(structure: Structure) -> dict[str, Parameter]:
     }
 
 
-def to_public(structure: Structure, geometry: Geometry, theta: ArrayLike) -> dict[str, float]:
+def to_public(structure: ModelStructure, geometry: Geometry, theta: ArrayLike) -> dict[str, float]:
     """Values as people state them, by full name, from theta (P,)."""
     values = np.asarray(theta, float)
     found: dict[str, float] = {}
@@ -44,13 +44,13 @@ def to_public(structure: Structure, geometry: Geometry, theta: ArrayLike) -> dic
     return found
 
 
-def to_theta(structure: Structure, geometry: Geometry, values: Mapping[str, float]) -> Array:
+def to_theta(structure: ModelStructure, geometry: Geometry, values: Mapping[str, float]) -> Array:
     """theta (P,) from values as people state them, by full name."""
     return np.array(internal_values(np, structure, geometry, values), float)
 
 
 def internal_values(
-    xp: Any, structure: Structure, geometry: Geometry, values: Mapping[str, Any]
+    xp: Any, structure: ModelStructure, geometry: Geometry, values: Mapping[str, Any]
 ) -> list[Any]:
     """The P components of theta in the arithmetic of ``xp``, from values by full name."""
     theta: list[Any] = []
@@ -60,7 +60,7 @@ def internal_values(
     return theta
 
 
-def jacobian(structure: Structure, geometry: Geometry, theta: ArrayLike) -> Array:
+def jacobian(structure: ModelStructure, geometry: Geometry, theta: ArrayLike) -> Array:
     """(Q, P): derivatives of ``to_public``'s values with respect to theta.
 
     A row of zeros belongs to a value that theta does not show (the place of an anchor that does

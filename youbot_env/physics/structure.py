@@ -24,7 +24,7 @@ from youbot_env.physics.effect import (
 )
 from youbot_env.physics.geometry import Geometry
 from youbot_env.physics.namespaces import floats
-from youbot_env.physics.points import Base, Instant, Points, component_wrench
+from youbot_env.physics.points import Base, EffectPoints, Instant, component_wrench
 
 
 @dataclass(frozen=True)
@@ -115,7 +115,7 @@ DRIVE_STATE = ("torque_fl", "torque_fr", "torque_bl", "torque_br")
 
 
 @dataclass(frozen=True)
-class Structure(Composition):
+class ModelStructure(Composition):
     """Which effects a model of a platform holds beside the paper's base model."""
 
     base = BASE
@@ -193,7 +193,7 @@ def _reads_base(item: Effect, count: int) -> bool:
     values = [0.5] * count
     # Not in proportion, so that a ratio such as the centre of mass m_aX/m0 is seen to change.
     first, second = (
-        Points(floats, Geometry(), [scale**k for k in range(1, 8)], _SOMEWHERE)
+        EffectPoints(floats, Geometry(), [scale**k for k in range(1, 8)], _SOMEWHERE)
         for scale in (1.3, 1.9)
     )
     return component_wrench(floats, item, values, first) != component_wrench(
@@ -208,7 +208,7 @@ def _is_linear(item: Effect) -> bool:
     size = [0.0 if parameter.is_shape else parameter.size for parameter in declared]
     # Early and late, since some effects begin and others fade.
     points = [
-        Points(floats, Geometry(), [1.0] * 7, replace(_SOMEWHERE, time=time))
+        EffectPoints(floats, Geometry(), [1.0] * 7, replace(_SOMEWHERE, time=time))
         for time in (0.7, 1000.0)
     ]
 

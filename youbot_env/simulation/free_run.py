@@ -13,7 +13,7 @@ from youbot_env.physics import inverse_dynamics as dynamics
 from youbot_env.physics.geometry import Geometry, wheel_rates
 from youbot_env.physics.hardware import MAX_BODY_SPEED, MAX_WHEEL_TORQUE
 from youbot_env.physics.points import Instant
-from youbot_env.physics.structure import Structure
+from youbot_env.physics.structure import ModelStructure
 from youbot_env.simulation.compiled import rollout
 
 Array = NDArray[np.float64]
@@ -61,7 +61,7 @@ def _vector(name: str, value: ArrayLike, size: int) -> Array:
     return array
 
 
-def stiffness(structure: Structure, geometry: Geometry, theta: Array) -> float:
+def stiffness(structure: ModelStructure, geometry: Geometry, theta: Array) -> float:
     """Fastest rate [1/s] of the twist (and drives) under full torque.
 
     Sought at rest, where dry friction is stiffest, and at full speed, where drag is.
@@ -89,7 +89,7 @@ def stiffness(structure: Structure, geometry: Geometry, theta: Array) -> float:
     return float(np.max(rates))  # not max(): a rate that is no number must show
 
 
-def ripple_rate(structure: Structure, geometry: Geometry, theta: Array) -> float:
+def ripple_rate(structure: ModelStructure, geometry: Geometry, theta: Array) -> float:
     """Angular frequency [rad/s] at full speed of forces that vary with the wheels' angles."""
     step = 0.01
     angle = step * np.arange(700)
@@ -114,7 +114,7 @@ def substeps(model: Model, duration: float) -> int:
     return _substeps(model.structure, model.geometry, model.theta, duration)
 
 
-def _substeps(structure: Structure, geometry: Geometry, theta: Array, duration: float) -> int:
+def _substeps(structure: ModelStructure, geometry: Geometry, theta: Array, duration: float) -> int:
     with np.errstate(divide="ignore", invalid="ignore"):
         rate = duration * max(stiffness(structure, geometry, theta), SLOWEST) / 0.25
     if not 0 <= rate <= MAX_SUBSTEPS:
@@ -147,7 +147,7 @@ def simulate(model: Model, time: ArrayLike, torque: ArrayLike, start: ArrayLike)
 
 
 def simulate_theta(
-    structure: Structure,
+    structure: ModelStructure,
     geometry: Geometry,
     theta: Array,
     duration: Array,

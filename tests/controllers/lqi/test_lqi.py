@@ -14,7 +14,7 @@ from controllers.linear.margins import control_margins, frequency_grid
 from controllers.lqi.design import Weights, fastest, linear_lqi, lqi, lqi_margins
 from controllers.lqi.lqi import LQI
 from controllers.pid.pid import PID
-from controllers.tuning.trials import Trial, references
+from controllers.tuning.trials import TuningTrial, references
 from tests.controllers.pid.test_pid import drive, want
 from youbot_env.errors import InputError
 from youbot_env.model.model import Model
@@ -96,7 +96,7 @@ def test_a_constant_reference_needs_no_integral() -> None:
 
 @pytest.mark.parametrize(("model", "loop"), [(PAPER, LOOP), (LAGGED, SLOW)], ids=["a", "b"])
 def test_knowing_what_is_on_its_way_it_beats_pid(model: Model, loop: Loop) -> None:
-    run = Trial(model, loop, references(model, count=1, duration=6.0), 6.0)
+    run = TuningTrial(model, loop, references(model, count=1, duration=6.0), 6.0)
     error = run.score_controller(lambda: LQI(model, loop)).error
     assert (error < 0.8 * run.score_controller(lambda: PID(model, loop)).error).all()
 

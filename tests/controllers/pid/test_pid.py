@@ -13,8 +13,8 @@ from controllers.linear.linear_system import closed, sampled, sampled_platform, 
 from controllers.linear.margins import control_margins, frequency_grid, margins
 from controllers.pid.design import PIDGains, design, linear_pid, matrices, response
 from controllers.pid.pid import PID, BodyLoops
-from controllers.tuning.trials import Trial, references
-from controllers.tuning.tunable_laws import PIDStructure
+from controllers.tuning.trials import TuningTrial, references
+from controllers.tuning.tunable_laws import TunablePID
 from controllers.tuning.tuning import Bench, Requirements
 from youbot_env.errors import InputError
 from youbot_env.model.model import Model
@@ -121,7 +121,7 @@ def test_the_design_keeps_the_margins_and_wastes_none(model: Model, loop: Loop) 
 
 def test_the_derivative_earns_its_place_against_a_lag() -> None:
     motions = references(LAGGED, count=2, duration=3.0)
-    run = Trial(LAGGED, SLOW, motions, 3.0)
+    run = TuningTrial(LAGGED, SLOW, motions, 3.0)
     with_it, without = (
         run.score(BodyLoops(LAGGED, SLOW, [design(LAGGED, SLOW, derivative=d)] * 2))
         for d in (True, False)
@@ -132,7 +132,7 @@ def test_the_derivative_earns_its_place_against_a_lag() -> None:
 
 @pytest.mark.parametrize(("model", "loop"), [(PAPER, LOOP), (LAGGED, SLOW)], ids=["base", "lag"])
 def test_controller_and_bank_are_the_same_law(model: Model, loop: Loop) -> None:
-    run = Trial(model, loop, references(model, count=1, duration=3.0), 3.0)
+    run = TuningTrial(model, loop, references(model, count=1, duration=3.0), 3.0)
     gains = design(model, loop)
     bank = run.score(BodyLoops(model, loop, [gains]))
     alone = run.score_controller(lambda: PID(model, loop, gains))
@@ -153,8 +153,10 @@ def test_stable_on_another_platform(model: Model, loop: Loop, signs: tuple[float
 
 
 def test_tuned_pid_keeps_what_is_asked() -> None:
-    structure = PIDStructure(PAPER, LOOP)
-    bench = Bench(structure, Trial(PAPER, LOOP, references(PAPER, count=1, duration=3.0), 3.0))
+    structure = TunablePID(PAPER, LOOP)
+    bench = Bench(
+        structure, TuningTrial(PAPER, LOOP, references(PAPER, count=1, duration=3.0), 3.0)
+    )
     best = bench.best(Requirements(torque_rate=1.3))
     assert best.margins.gain.min() >= 6.0
     assert best.margins.phase.min() >= 45.0

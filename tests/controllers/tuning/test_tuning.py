@@ -10,10 +10,10 @@ import pytest
 from controllers.interface import Loop
 from controllers.kinematic import Gains, KinematicControl
 from controllers.linear.linear_system import closed, sampled_platform
-from controllers.tuning.trials import Trial, references
+from controllers.tuning.trials import TuningTrial, references
 from controllers.tuning.tunable_laws import (
-    KinematicStructure,
-    PIDStructure,
+    TunableKinematic,
+    TunablePID,
     WheelLoops,
     wheel_loops,
 )
@@ -27,8 +27,8 @@ SLOW = Loop(0.01, delay=0.03, measurement_delay=0.005)
 LAGGED = PAPER.with_effect("actuator_lag", time_constant=0.03)
 
 
-def trial(model=PAPER, loop: Loop = LOOP, count: int = 2, duration: float = 6.0) -> Trial:
-    return Trial(model, loop, references(model, count=count, duration=duration), duration)
+def trial(model=PAPER, loop: Loop = LOOP, count: int = 2, duration: float = 6.0) -> TuningTrial:
+    return TuningTrial(model, loop, references(model, count=count, duration=duration), duration)
 
 
 def kinematic(gains: Gains, loop: Loop = LOOP) -> KinematicControl:
@@ -50,7 +50,7 @@ def test_the_bank_scores_as_the_controller_does(gains: Gains, limit: float) -> N
     assert (bank.saturated > 0).all() == (limit < 1)
 
 
-@pytest.mark.parametrize("kind", [KinematicStructure, PIDStructure])
+@pytest.mark.parametrize("kind", [TunableKinematic, TunablePID])
 def test_the_closed_form_is_the_state_spaces_response(kind) -> None:
     structure, point = kind(LAGGED, SLOW), np.array([0.7, 1.3])
     frequency = np.array([0.1, 3.0, 50.0, 300.0])
@@ -64,7 +64,7 @@ def test_the_closed_form_is_the_state_spaces_response(kind) -> None:
 
 def test_a_candidate_does_not_depend_on_its_neighbours() -> None:
     run = trial(duration=3.0)
-    structure = KinematicStructure(PAPER, LOOP)
+    structure = TunableKinematic(PAPER, LOOP)
     points = np.array([[0.3, 1.0], [5.0, 200.0], [0.7, 7.0]])
     together = run.score(structure.law(points, 2))
     for row in (0, 2):
@@ -79,7 +79,7 @@ def test_small_signals_obey_the_linear_loop() -> None:
     loop = Loop(0.01, delay=0.013, speed_noise=0.0)
     gains = Gains(0.4, 2.0)
     motions = references(LAGGED, count=1, duration=4.0, amplitude=(1e-4, 1e-4, 1e-4))
-    run = Trial(LAGGED, loop, motions, 4.0)
+    run = TuningTrial(LAGGED, loop, motions, 4.0)
     found = run.score(WheelLoops([gains], LAGGED.geometry, loop))
     system = closed(
         sampled_platform(LAGGED, loop, (0, 0, 0)), wheel_loops(gains, LAGGED.geometry, 0.01)
@@ -96,8 +96,8 @@ def test_small_signals_obey_the_linear_loop() -> None:
 def test_the_plants_own_delay_counts_as_the_loops() -> None:
     late = PAPER.with_effect("torque_delay", delay=0.007)
     gains, motions = Gains(0.4, 2.0), references(PAPER, count=1, duration=3.0)
-    own = Trial(late, LOOP, motions, 3.0)
-    looped = Trial(PAPER, replace(LOOP, delay=0.017), motions, 3.0)
+    own = TuningTrial(late, LOOP, motions, 3.0)
+    looped = TuningTrial(PAPER, replace(LOOP, delay=0.017), motions, 3.0)
     scores = [run.score(WheelLoops([gains], PAPER.geometry, run.loop)) for run in (own, looped)]
     np.testing.assert_allclose(scores[0].error, scores[1].error, rtol=1e-12)
 
@@ -105,7 +105,7 @@ def test_the_plants_own_delay_counts_as_the_loops() -> None:
 @pytest.fixture(scope="module")
 def tuned():
     run = trial()
-    structure = KinematicStructure(PAPER, LOOP)
+    structure = TunableKinematic(PAPER, LOOP)
     return tune(structure, run, Requirements(torque_rate=1.4)), Bench(structure, run)
 
 
@@ -137,7 +137,7 @@ def test_no_gains_of_a_fine_map_are_better(tuned) -> None:
 
 
 def test_tuning_repeats_to_the_bit(tuned) -> None:
-    again = Bench(KinematicStructure(PAPER, LOOP), trial()).best(Requirements(torque_rate=1.4))
+    again = Bench(TunableKinematic(PAPER, LOOP), trial()).best(Requirements(torque_rate=1.4))
     assert again.to_dict() == tuned[0].best.to_dict()
 
 
@@ -148,7 +148,7 @@ def test_tuned_gains_stay_stable_on_another_platform(tuned, name: str, factor: f
     other = PAPER.with_values({n: factor * PAPER.values[n] for n in names})
     gains = Gains(**tuned[0].best.point)
     assert closed(sampled_platform(other, LOOP), wheel_loops(gains, other.geometry, 0.01)).is_stable
-    run = Trial(other, LOOP, references(PAPER, count=1, duration=4.0), 4.0)
+    run = TuningTrial(other, LOOP, references(PAPER, count=1, duration=4.0), 4.0)
     assert (run.score(WheelLoops([gains], PAPER.geometry, LOOP)).error < 0.15).all()
 
 
@@ -162,7 +162,7 @@ def test_tuned_gains_stay_stable_on_another_platform(tuned, name: str, factor: f
             "measurement_delay: 0.0034 s is no multiple of half the sample time",
         ),
         (
-            lambda: tune(KinematicStructure(PAPER, LOOP), trial(), Requirements(phase_margin=179)),
+            lambda: tune(TunableKinematic(PAPER, LOOP), trial(), Requirements(phase_margin=179)),
             "no gains with proportional .* keep .* phase margin >= 179 degrees; ask for less",
         ),
     ],

@@ -23,7 +23,7 @@ from identification.figures import style as plot_style
 from identification.figures import time_series as figures
 from identification.fitting.errors import NoiseLevel, Squares, Traces, force_floor, force_traces
 from identification.fitting.identify import Identification, identify
-from identification.fitting.recursive import Course
+from identification.fitting.recursive import EstimateHistory
 from identification.logs.log import Log
 from identification.logs.reading import read_log, write_log
 from identification.logs.recorded_motion import recorded_motion
@@ -195,12 +195,12 @@ class TestMotionFigure:
 
 
 class TestEstimatesFigure:
-    def course(self) -> Course:
+    def course(self) -> EstimateHistory:
         time = np.linspace(0.0, 10.0, 100)
         value = np.column_stack([3.0 + np.exp(-time), -2.0 - np.exp(-time)])
         # Before the motion that shows a parameter its band is as wide as the prior.
         std = np.where(time < 4.0, 1e3, 0.1)[:, None] * np.ones(2)
-        return Course(time, value, std)
+        return EstimateHistory(time, value, std)
 
     def test_lines_bands_and_labels(self):
         course = self.course()
@@ -228,7 +228,7 @@ class TestEstimatesFigure:
     def test_any_number_of_parameters(self):
         time = np.arange(4.0)
         for size in (1, 8):
-            course = Course(time, np.ones((4, size)), np.ones((4, size)))
+            course = EstimateHistory(time, np.ones((4, size)), np.ones((4, size)))
             figure = figures.estimates_figure(course, ["$p$"] * size, np.ones(size))
             assert sum(axes.axison for axes in figure.axes) == size
             figure.canvas.draw()

@@ -17,13 +17,13 @@ from youbot_env.physics.effect import CATALOGUE
 from youbot_env.physics.geometry import Geometry
 from youbot_env.physics.inverse_dynamics import wrench
 from youbot_env.physics.points import Instant
-from youbot_env.physics.structure import Structure
+from youbot_env.physics.structure import ModelStructure
 
 PAPER = load_model("paper")
 
 
 def mechanism(*effects: str) -> Mecanum:
-    return Mecanum(Geometry(), Structure(effects))
+    return Mecanum(Geometry(), ModelStructure(effects))
 
 
 SHAPES = {"payload_change": {"time": 70.0}}

@@ -20,10 +20,10 @@ from youbot_env.errors import InputError
 from youbot_env.model.model_file import load_model
 from youbot_env.motions.calibration import motion_i, motion_ii, motion_iii, motion_iv
 from youbot_env.physics.geometry import Geometry
-from youbot_env.physics.structure import Structure
+from youbot_env.physics.structure import ModelStructure
 
 PAPER = load_model("paper")
-ENGINE = Mecanum(Geometry(), Structure())
+ENGINE = Mecanum(Geometry(), ModelStructure())
 
 
 def whole_periods(motion):

@@ -22,7 +22,7 @@ from youbot_env.physics import inverse_dynamics as dynamics
 from youbot_env.physics.effect import BASE, CATALOGUE
 from youbot_env.physics.geometry import body_force, roller_rates, wheel_rates
 from youbot_env.physics.points import Instant
-from youbot_env.physics.structure import Structure
+from youbot_env.physics.structure import ModelStructure
 
 AS_IN_THE_PAPER = """\
 (m0 + 4 I1/R^2) VX' - m aY W' - m0 VY W - m aX W^2 + (4 mu1/R^2) VX = F_X
@@ -35,7 +35,7 @@ M_W = L (M2 + M4 - M1 - M3)/R"""
 
 
 def test_the_base_model_prints_as_the_paper_writes_it():
-    assert equation(Structure()) == AS_IN_THE_PAPER
+    assert equation(ModelStructure()) == AS_IN_THE_PAPER
 
 
 def parsed(line: str) -> sympy.Expr:
@@ -128,7 +128,7 @@ def test_latex_is_balanced_and_names_nothing_in_plain_text(case: str):
 
 
 def test_latex_of_the_base_model():
-    first = equation(Structure(), "latex").splitlines()[0]
+    first = equation(ModelStructure(), "latex").splitlines()[0]
     assert first == (
         r"\left(m_{0} + \frac{4 I_{1}}{R^{2}}\right) \dot{V}_{X} - m \, a_{Y} \dot{W} "
         r"- m_{0} V_{Y} W - m \, a_{X} W^{2} + \frac{4 \mu_{1}}{R^{2}} V_{X} = F_{X}"
@@ -137,15 +137,15 @@ def test_latex_of_the_base_model():
 
 def test_what_cannot_be_printed_is_refused():
     with pytest.raises(InputError, match="choose text, latex or numeric"):
-        equation(Structure(), "html")  # type: ignore[arg-type]
+        equation(ModelStructure(), "html")  # type: ignore[arg-type]
     with pytest.raises(InputError, match="numbers need a model"):
-        equation(Structure(), "numeric")
+        equation(ModelStructure(), "numeric")
 
 
 # --- linearity -------------------------------------------------------------------------------
 
 
-def linear_symbols(structure: Structure) -> list[sympy.Symbol]:
+def linear_symbols(structure: ModelStructure) -> list[sympy.Symbol]:
     """Symbols of the parameters that are identified linearly."""
     theta = Equations(structure).theta
     return [
@@ -183,8 +183,10 @@ def test_effects_that_multiply_base_parameters_are_proven_linear_in_the_base(cas
 
 
 def test_a_wrench_that_is_not_linear_would_be_seen():
-    symbols = Equations(Structure(("floor_tilt",))).theta
-    assert not curvature(Equations(Structure(("floor_tilt",))).sides[0], symbols).is_zero_matrix
+    symbols = Equations(ModelStructure(("floor_tilt",))).theta
+    assert not curvature(
+        Equations(ModelStructure(("floor_tilt",))).sides[0], symbols
+    ).is_zero_matrix
 
 
 # --- formulas --------------------------------------------------------------------------------

@@ -12,8 +12,8 @@ from youbot_env.errors import InputError
 from youbot_env.motions.calibration import (
     CALIBRATION,
     Circling,
-    Limits,
     Motion,
+    MotionLimits,
     MotionSequence,
     Multisine,
     Steps,
@@ -317,12 +317,15 @@ def test_calibration_keeps_its_wheel_speeds_on_another_platform() -> None:
 @pytest.mark.parametrize(
     ("limits", "message"),
     [
-        (Limits(wheel_speed=10.0), r"motion 'I': speed of wheel [fb]r reaches 11 rad/s at .* s"),
-        (Limits(body_speed=0.2), r"speed of the platform reaches 0\.261 m/s"),
-        (Limits(wheel_torque=1.0), r"torque of wheel .. reaches 1\.59 N m"),
+        (
+            MotionLimits(wheel_speed=10.0),
+            r"motion 'I': speed of wheel [fb]r reaches 11 rad/s at .* s",
+        ),
+        (MotionLimits(body_speed=0.2), r"speed of the platform reaches 0\.261 m/s"),
+        (MotionLimits(wheel_torque=1.0), r"torque of wheel .. reaches 1\.59 N m"),
     ],
 )
-def test_a_passed_limit_is_named(limits: Limits, message: str) -> None:
+def test_a_passed_limit_is_named(limits: MotionLimits, message: str) -> None:
     with pytest.raises(InputError, match=message):
         check_limits(motion_i(), GEOMETRY, limits, papers_body_force)
 
@@ -380,7 +383,7 @@ def test_multisine_peaks_where_asked_with_a_low_crest(seed: int) -> None:
 
 
 def test_multisine_shrinks_to_the_limits() -> None:
-    limits = Limits(wheel_speed=8.0, body_speed=0.5)
+    limits = MotionLimits(wheel_speed=8.0, body_speed=0.5)
     large = some_multisine(amplitude=(1.0, 0.5, 2.0), limits=limits)
     peaks = check_limits(large, limits=limits)
     assert max(peaks.wheel_speed / 8.0, peaks.body_speed / 0.5) > 0.95
@@ -479,7 +482,7 @@ def test_every_periodic_motion_obeys_the_laws(
         ),
         (lambda: Multisine(name="m", duration=9, ramp=5, tones=()), "two ramps are longer"),
         (lambda: sample(motion_i(), 0.0, 5), "dt: 0.0 must be positive"),
-        (lambda: Limits(wheel_speed=-1.0), "limit wheel_speed: -1.0 must be positive"),
+        (lambda: MotionLimits(wheel_speed=-1.0), "limit wheel_speed: -1.0 must be positive"),
         (lambda: motion_from_dict([1]), "is not an object with a 'kind'"),  # type: ignore
         (lambda: motion_from_dict({"kind": "dance"}), "'dance' is none of circling, multisine"),
         (lambda: motion_from_dict({"kind": "circling"}), "field 'duration' is missing"),
@@ -518,7 +521,7 @@ def test_steps_hold_their_levels_and_refuse_what_cannot_be() -> None:
     assert motion.duration == pytest.approx(2.2)
     assert motion.twist([0.5, 1.5]).tolist() == [[0.3, 0.0, 0.1], [-0.3, 0.0, -0.1]]
     drawn = steps(np.random.default_rng(1), amplitude=(2.0, 2.0, 5.0))
-    assert Limits().room(drawn.twist(np.linspace(0, 60, 6000)), GEOMETRY) > 0.999
+    assert MotionLimits().room(drawn.twist(np.linspace(0, 60, 6000)), GEOMETRY) > 0.999
     with pytest.raises(InputError, match="rise"):
         Steps(name="s", rise=2.0, hold=1.0, levels=((0.3, 0.0, 0.1),))
     with pytest.raises(InputError, match="three numbers"):

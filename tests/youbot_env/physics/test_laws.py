@@ -32,8 +32,8 @@ from youbot_env.physics.geometry import (
     wheel_rates,
 )
 from youbot_env.physics.namespaces import floats
-from youbot_env.physics.points import Instant, Points, component_wrench
-from youbot_env.physics.structure import Structure
+from youbot_env.physics.points import EffectPoints, Instant, component_wrench
+from youbot_env.physics.structure import ModelStructure
 
 SEEDS = range(20)
 
@@ -85,7 +85,7 @@ def test_inverse_dynamics_converges_up_to_the_largest_share(share: float):
 # --- Y theta = wrench ------------------------------------------------------------------------
 
 
-def free_indices(structure: Structure) -> list[int]:
+def free_indices(structure: ModelStructure) -> list[int]:
     """Places in theta of the parameters that are identified linearly."""
     return [
         where.start + k
@@ -143,7 +143,7 @@ def test_each_wrench_effect_is_linear_in_its_own_parameters_at_catalogue_size(na
     """Exactly, or nearly where the structure knows better and a fit iterates."""
     m, item, values = model(name), CATALOGUE[name], internal_values(name)
     free = [k for k, key in enumerate(item.parameter_names) if not item.parameter(key).is_shape]
-    points = Points(np, m.geometry, m.theta, random_instant(np.random.default_rng(4), 50))
+    points = EffectPoints(np, m.geometry, m.theta, random_instant(np.random.default_rng(4), 50))
 
     def force(parameters: np.ndarray) -> np.ndarray:
         parts = component_wrench(np, item, parameters, points)
@@ -172,7 +172,7 @@ def test_shifts_are_sums_of_their_parameters(name: str):
     where = next(where for known, where in m.structure.slices if known is item)
     delay = dynamics.torque_delay(np, m.structure, m.theta)
     assert delay == pytest.approx(m.theta[where].sum(), rel=1e-15) and delay == m.delay
-    assert dynamics.torque_delay(np, Structure(), model("base").theta) == 0.0
+    assert dynamics.torque_delay(np, ModelStructure(), model("base").theta) == 0.0
     # At one instant it is transparent.
     at = random_instant(np.random.default_rng(8))
     torque = dynamics.inverse_dynamics(floats, m.structure, m.geometry, m.theta, at)
@@ -311,7 +311,7 @@ def test_friction_never_adds_energy(item):
     for _ in range(50):
         values = rng.uniform(lower, upper)
         at = random_instant(rng, 40)
-        points = Points(np, m.geometry, m.theta, at)
+        points = EffectPoints(np, m.geometry, m.theta, at)
         force = np.array(component_wrench(np, item, values, points)[:3], dtype=object)
         power = sum(f * v for f, v in zip(force, at.twist, strict=True))
         assert np.min(power) >= -1e-12 * np.max(np.abs(power))
@@ -340,7 +340,9 @@ def test_what_only_takes_energy_is_called_dissipative(item):
     for _ in range(30):
         values = [p.default or p.size for p in item.parameters for _ in p.names]
         at = random_instant(rng)
-        force = component_wrench(floats, item, values, Points(floats, m.geometry, m.theta, at))
+        force = component_wrench(
+            floats, item, values, EffectPoints(floats, m.geometry, m.theta, at)
+        )
         powers.append(sum(f * v for f, v in zip(force, at.twist, strict=True)))
     assert min(powers) < 0 < max(powers), f"{item.name} only takes energy: say dissipative=True"
 

@@ -16,7 +16,7 @@ from youbot_env.physics import inverse_dynamics as dynamics
 from youbot_env.physics.effect import CATALOGUE, WHEEL, Parameter, effect
 from youbot_env.physics.namespaces import floats, symbols, tensors
 from youbot_env.physics.points import Instant
-from youbot_env.physics.structure import Structure
+from youbot_env.physics.structure import ModelStructure
 from youbot_env.simulation.compiled import kernel
 
 COUNT = 7
@@ -157,7 +157,7 @@ def test_a_compiled_step_is_a_runge_kutta_step_of_the_derivative(case: str):
 
 
 @pytest.fixture
-def everything_xp_offers(monkeypatch: pytest.MonkeyPatch) -> Structure:
+def everything_xp_offers(monkeypatch: pytest.MonkeyPatch) -> ModelStructure:
     """An effect that uses each function an effect may use, registered for one test."""
     monkeypatch.setattr(effects.CATALOGUE, "_effects", dict(effects.CATALOGUE._effects))
 
@@ -175,10 +175,10 @@ def everything_xp_offers(monkeypatch: pytest.MonkeyPatch) -> Structure:
         return a * (smooth + edges + xp.where(x > 0.5, x, 3.0 * b) + xp.maximum(0.0, x))
 
     assert CATALOGUE["all_functions"].function is all_functions
-    return Structure(("all_functions",))
+    return ModelStructure(("all_functions",))
 
 
-def test_every_function_an_effect_may_use_works_everywhere(everything_xp_offers: Structure):
+def test_every_function_an_effect_may_use_works_everywhere(everything_xp_offers: ModelStructure):
     torch = pytest.importorskip("torch")
     m = Model(model("base").geometry, model("base").parameters).with_effect("all_functions", a=2.0)
     at = batch()

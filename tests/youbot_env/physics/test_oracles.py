@@ -12,7 +12,7 @@ from youbot_env.model.model import BASE_UNITS, Estimate, Model
 from youbot_env.physics import inverse_dynamics as dynamics
 from youbot_env.physics.effect import BODY, ROLLER, WHEEL, WORLD, Effect
 from youbot_env.physics.geometry import Geometry
-from youbot_env.physics.points import Instant, Points
+from youbot_env.physics.points import EffectPoints, Instant
 from youbot_env.simulation.compiled import kernel
 from youbot_env.simulation.free_run import initial_state
 
@@ -140,7 +140,7 @@ def _add_effects(
     m: Model, at: Instant, rates: np.ndarray, mass: np.ndarray, force: np.ndarray
 ) -> None:
     """Each effect at the coordinate on which it acts; what it demands per acceleration is mass."""
-    points = Points(np, m.geometry, m.theta, at, m.structure.carriers)
+    points = EffectPoints(np, m.geometry, m.theta, at, m.structure.carriers)
     base = points.base
     for item, where in m.structure.wrenches:
         values = m.theta[where]
@@ -164,7 +164,7 @@ def _add_effects(
 
 
 def _add_body_effect(
-    item: Effect, values: np.ndarray, points: Points, mass: np.ndarray, force: np.ndarray
+    item: Effect, values: np.ndarray, points: EffectPoints, mass: np.ndarray, force: np.ndarray
 ) -> None:
     at, yaw = points.at, points.at.pose[2]
     c, s = np.cos(yaw), np.sin(yaw)

@@ -10,11 +10,11 @@ import pytest
 from identification.mechanisms.axis_dynamics import SYSTEM, AxisStructure
 from youbot_env.errors import InputError
 from youbot_env.physics.effect import CATALOGUE
-from youbot_env.physics.structure import Composition, Structure
+from youbot_env.physics.structure import Composition, ModelStructure
 from youbot_env.simulation.generated_code import INVERSE, MECANUM, System
 
 CASES = [
-    pytest.param(Structure, ("wheel_coulomb_friction", "actuator_lag"), id="platform"),
+    pytest.param(ModelStructure, ("wheel_coulomb_friction", "actuator_lag"), id="platform"),
     pytest.param(AxisStructure, ("spring", "actuator_lag"), id="axis"),
 ]
 
@@ -26,7 +26,7 @@ def test_equal_effects_make_equal_keys(kind: type[Composition], effects: tuple[s
 
 
 def test_structures_of_two_mechanisms_differ():
-    assert Structure() != AxisStructure()
+    assert ModelStructure() != AxisStructure()
 
 
 @pytest.mark.parametrize(("kind", "effects"), CASES)
@@ -52,7 +52,7 @@ def test_a_pickle_holds_names_and_finds_the_effects_again(
     assert again == structure and again.components == structure.components
 
 
-@pytest.mark.parametrize("kind", [Structure, AxisStructure])
+@pytest.mark.parametrize("kind", [ModelStructure, AxisStructure])
 def test_structures_refuse_what_cannot_be(kind: type[Composition]):
     name = kind.catalogue.names()[0]
     with pytest.raises(InputError, match="named twice"):
@@ -64,12 +64,12 @@ def test_structures_refuse_what_cannot_be(kind: type[Composition]):
 def test_a_platform_holds_one_actuator(monkeypatch: pytest.MonkeyPatch):
     monkeypatch.setitem(CATALOGUE._effects, "second_lag", CATALOGUE["actuator_lag"])
     with pytest.raises(InputError, match="one actuator effect"):
-        Structure(("actuator_lag", "second_lag"))
+        ModelStructure(("actuator_lag", "second_lag"))
 
 
 @pytest.mark.parametrize(
     ("structure", "system"),
-    [(Structure(), MECANUM), (Structure(), INVERSE), (AxisStructure(), SYSTEM)],
+    [(ModelStructure(), MECANUM), (ModelStructure(), INVERSE), (AxisStructure(), SYSTEM)],
 )
 def test_the_key_of_a_kernel_reads_what_orders_its_arguments(
     structure: Composition, system: System

@@ -15,10 +15,10 @@ import pytest
 from youbot_env.model.model_file import load_model
 from youbot_env.physics.catalogue import wheel_coulomb_friction
 from youbot_env.physics.effect import CATALOGUE
-from youbot_env.physics.structure import Structure
+from youbot_env.physics.structure import ModelStructure
 from youbot_env.simulation import compiled as kernels
 
-BASE = Structure()
+BASE = ModelStructure()
 
 PROGRAM = """
 import sys, warnings
@@ -160,7 +160,7 @@ def key_with(monkeypatch: pytest.MonkeyPatch, function) -> str:
     changed = replace(CATALOGUE["wheel_coulomb_friction"], function=function)
     with monkeypatch.context() as patch:
         patch.setitem(CATALOGUE._effects, "wheel_coulomb_friction", changed)
-        return kernels._key(Structure(("wheel_coulomb_friction",)))
+        return kernels._key(ModelStructure(("wheel_coulomb_friction",)))
 
 
 SCALE = 1.0
