@@ -1,1 +1,5 @@
-"""Controllers that track a body twist with wheel torques."""
+"""Controllers of a mecanum platform: kinematic, PID, LQI, computed torque, trained policies."""
+
+from lazy_loader import attach_stub
+
+__getattr__, __dir__, __all__ = attach_stub(__name__, __file__)

@@ -85,7 +85,8 @@ def _poles(model: Model, loop: Loop) -> Settings:
 
 
 def _pid(model: Model, loop: Loop, **settings: Any) -> Controller:
-    from controllers.pid.pid import PID, PIDGains
+    from controllers.pid.design import PIDGains
+    from controllers.pid.pid import PID
 
     return PID(model, loop, PIDGains(**settings))
 

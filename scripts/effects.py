@@ -11,8 +11,7 @@ import typer
 
 from youbot_scripts.cli import run_script
 from youbot_scripts.shared.options import JsonOption, console, number, write_result
-from youbot_scripts.shared.tables import Table
-from youbot_scripts.shared.tables import show as show_tables
+from youbot_scripts.shared.tables import Table, show as show_tables
 
 if TYPE_CHECKING:
     from rich.console import Console

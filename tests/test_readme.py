@@ -229,7 +229,7 @@ def _code() -> Iterator[str]:
 
 
 def test_own_environment_is_the_one_that_is_tested():
-    """To 1e-12 equal to ours: tests/youbot_env/test_own_environment.py."""
+    """To 1e-12 equal to ours: tests/youbot_env/tracking/test_own_environment.py."""
 
     def example(source: str) -> str:
         classes = [node for node in ast.parse(source).body if isinstance(node, ast.ClassDef)]

@@ -1,1 +1,5 @@
 """Linear systems, stability margins, and the drives between command and torque."""
+
+from lazy_loader import attach_stub
+
+__getattr__, __dir__, __all__ = attach_stub(__name__, __file__)

@@ -1,1 +1,5 @@
 """Best gains within stability margins, tried on motions."""
+
+from lazy_loader import attach_stub
+
+__getattr__, __dir__, __all__ = attach_stub(__name__, __file__)

@@ -12,8 +12,13 @@ from controllers.interface import Array, Loop
 from controllers.kinematic import Gains
 from controllers.linear.drives import drive_lag, effective_mass
 from controllers.linear.linear_system import Complex, LinearSystem
-from controllers.pid.design import FILTER_SHARE, PIDGains, bandwidths, linear_pid
-from controllers.pid.design import response as pid_response
+from controllers.pid.design import (
+    FILTER_SHARE,
+    PIDGains,
+    bandwidths,
+    linear_pid,
+    response as pid_response,
+)
 from controllers.pid.pid import BodyLoops
 from controllers.tuning.trials import Law
 from youbot_env.model.model import Model

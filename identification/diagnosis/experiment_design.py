@@ -16,7 +16,10 @@ from identification.fitting.least_squares import gauge_basis
 from identification.fitting.regression_rows import regression_rows
 from identification.mechanisms.mecanum import Mecanum
 from identification.mechanisms.mecanum_samples import MecanumSamples
-from youbot_env.motions.calibration import CALIBRATION, Motion, multisine, steps
+from youbot_env.motions.base import Motion
+from youbot_env.motions.calibration import CALIBRATION
+from youbot_env.motions.multisine import multisine
+from youbot_env.motions.steps import steps
 from youbot_env.physics.hardware import STOCK_INTEGRAL, STOCK_PROPORTIONAL
 
 Array = NDArray[np.float64]

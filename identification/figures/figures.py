@@ -11,8 +11,7 @@ from numpy.typing import NDArray
 
 from identification.comparison import Comparison, LogComparison, stretches_of
 from identification.diagnosis.diagnose import Diagnosis
-from identification.figures import failures as failure_figures
-from identification.figures import time_series as figures
+from identification.figures import failures as failure_figures, time_series as figures
 from identification.figures.style import percent, write_figures
 from identification.fitting.errors import NoiseLevel, force_floor, force_traces
 from identification.fitting.identify import Identification
@@ -24,7 +23,8 @@ from identification.mechanisms.registry import AnyModel, quantities_of
 from identification.residual_map.curves import Curve
 from identification.residual_map.residual_map import ResidualMap
 from youbot_env.model.model import Model
-from youbot_env.motions.calibration import Motion, MotionSequence, Multisine
+from youbot_env.motions.base import Motion, MotionSequence
+from youbot_env.motions.multisine import Multisine
 from youbot_env.physics.geometry import WHEELS, Geometry
 
 if TYPE_CHECKING:

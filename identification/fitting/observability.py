@@ -14,7 +14,7 @@ from identification.fitting.regression_rows import Indices, Rows
 from identification.mechanisms.mecanum import PAPER_ORDER, Mecanum
 from identification.mechanisms.mechanism import Mechanism
 from youbot_env.errors import InputError
-from youbot_env.motions.calibration import Motion
+from youbot_env.motions.base import Motion
 from youbot_env.physics.geometry import Geometry
 from youbot_env.physics.structure import ModelStructure
 

@@ -20,8 +20,6 @@ from identification.logs.wheel_checks import WRONG_POWER, CheckLimits, power_sha
 from identification.signals.noise import thinned, white_noise
 from youbot_env.physics.geometry import WHEELS, Geometry
 
-__all__ = ["Finding", "check", "limits_for", "noise_estimate"]
-
 MAX_WHEEL_SPEED = 50.0
 """[rad/s], 2.4 m/s: three times what the youBot's motors reach (0.8 m/s)."""
 

@@ -7,7 +7,7 @@ from pathlib import Path
 
 from identification.logs.log import Log
 from youbot_env.errors import InputError
-from youbot_env.motions.calibration import Motion, motion_from_dict
+from youbot_env.motions.base import Motion, motion_from_dict
 
 RECORD = "record.json"
 """File beside the logs in which `youbot record` says how they were made."""

@@ -14,8 +14,7 @@ from numpy.typing import NDArray
 from identification.logs.log import Log
 from identification.logs.reading import write_log
 from youbot_env.errors import InputError
-from youbot_scripts.blind_bench import motions
-from youbot_scripts.blind_bench import second_simulator as plant
+from youbot_scripts.blind_bench import motions, second_simulator as plant
 from youbot_scripts.blind_bench.effects import (
     CATALOGUE,
     OUTSIDE,

@@ -18,7 +18,7 @@ from identification.mechanisms.mecanum import Mecanum
 from youbot_env.errors import InputError
 from youbot_env.model.model import Model
 from youbot_env.model.model_file import load_model
-from youbot_env.motions.calibration import motion_from_dict
+from youbot_env.motions.base import motion_from_dict
 from youbot_env.physics.effect import CATALOGUE as REGISTERED
 from youbot_scripts.blind_bench.cases import Case, draw_case, log_along, logs_of, tick
 from youbot_scripts.blind_bench.effects import CATALOGUE, EVERYTHING

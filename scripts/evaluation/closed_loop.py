@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from controllers.interface import Controller, Loop, Observation, Reference
 from youbot_env.errors import finite
-from youbot_env.motions.calibration import Motion
+from youbot_env.motions.base import Motion
 from youbot_env.physics import hardware
 from youbot_env.tracking.env import YouBotTrackingEnv
 

@@ -9,7 +9,7 @@ from typing import Any
 
 from identification.logs.log import Log
 from youbot_env.model.model import Model
-from youbot_env.motions.calibration import Motion
+from youbot_env.motions.base import Motion
 from youbot_env.tracking.env import YouBotTrackingEnv
 from youbot_scripts.evaluation.closed_loop import ENCODER_TICKS, LoopSettings
 from youbot_scripts.recording.driving import Progress

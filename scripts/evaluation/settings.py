@@ -34,12 +34,15 @@ class Settings:
 
     Attributes
     ----------
-    plants, effects, surprises, lag : what moves, see ``PlantSource``; the effects are in every
-    plant models : how the controllers' models of it come about, see ``ModelSource`` controllers :
-    names of the registry bands : of the references [rad/s] amplitude : peaks of VX, VY [m/s] and W
-    [rad/s] seeds : references, with their noise, for each band duration : [s] that is judged; None
-    is once around the band's slowest tone, at least 20 s rate, delay, noise, pose : see
-    ``LoopSettings`` against : the controller that others are measured by
+    plants, effects, surprises, lag : what moves, see ``PlantSource``; effects are in every plant
+    models : how the controllers' models of it come about, see ``ModelSource``
+    controllers : names of the registry
+    bands : of the references [rad/s]
+    amplitude : peaks of VX, VY [m/s] and W [rad/s]
+    seeds : references, with their noise, for each band
+    duration : [s] that is judged; None is once around the band's slowest tone, at least 20 s
+    rate, delay, noise, pose : see ``LoopSettings``
+    against : the controller that others are measured by
 
     Raises
     ------

@@ -19,8 +19,7 @@ from youbot_scripts.evaluation.summary import (
     ratios,
     unscored,
 )
-from youbot_scripts.shared import options as common
-from youbot_scripts.shared import tables as shared
+from youbot_scripts.shared import options as common, tables as shared
 from youbot_scripts.shared.tables import Table
 
 

@@ -16,7 +16,8 @@ from controllers import registry
 from youbot_env import __version__
 from youbot_env.model.model import Model
 from youbot_env.model.model_file import model_from_dict, model_to_dict
-from youbot_env.motions.calibration import Motion, multisine
+from youbot_env.motions.base import Motion
+from youbot_env.motions.multisine import multisine
 from youbot_scripts.evaluation.closed_loop import LoopSettings, Trace, drive
 from youbot_scripts.evaluation.knowledge import ModelSource
 from youbot_scripts.evaluation.metrics import judge

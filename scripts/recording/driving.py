@@ -12,7 +12,7 @@ from controllers.interface import Controller, Observation, Reference
 from identification.logs.log import Log
 from youbot_env.errors import InputError, count, finite
 from youbot_env.model.model import Model
-from youbot_env.motions.calibration import Motion
+from youbot_env.motions.base import Motion
 from youbot_env.physics.geometry import WHEELS
 from youbot_env.simulation.free_run import substeps
 from youbot_env.simulation.plant import POSE, TWIST, Plant, Platforms

@@ -13,16 +13,9 @@ import numpy as np
 
 from youbot_env.errors import InputError
 from youbot_env.model.model import Model
-from youbot_env.motions.calibration import (
-    Motion,
-    calibration,
-    motion_from_dict,
-    motion_i,
-    motion_ii,
-    motion_iii,
-    motion_iv,
-    multisine,
-)
+from youbot_env.motions.base import Motion, motion_from_dict
+from youbot_env.motions.calibration import calibration, motion_i, motion_ii, motion_iii, motion_iv
+from youbot_env.motions.multisine import multisine
 from youbot_env.physics.effect import CATALOGUE, Effect
 from youbot_env.physics.geometry import Geometry
 

@@ -12,7 +12,7 @@ from controllers.kinematic import KinematicControl
 from identification.logs.log import Log
 from youbot_env.errors import finite
 from youbot_env.model.model import Model
-from youbot_env.motions.calibration import Motion
+from youbot_env.motions.base import Motion
 from youbot_env.simulation.plant import Platforms
 from youbot_scripts.recording.driving import (
     SPEED_NOISE,

@@ -11,7 +11,7 @@ import numpy as np
 from controllers.interface import Controller, Loop, Observation, Reference
 from youbot_env.model.model import Model
 from youbot_env.model.model_file import load_model
-from youbot_env.motions.calibration import Motion
+from youbot_env.motions.base import Motion
 from youbot_env.physics.hardware import ENCODER_TICKS
 from youbot_env.tracking.env import YouBotTrackingEnv
 

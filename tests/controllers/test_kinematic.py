@@ -8,7 +8,8 @@ import pytest
 from controllers.interface import Controller, Observation, Reference
 from controllers.kinematic import Gains, KinematicControl
 from youbot_env.errors import InputError
-from youbot_env.motions.calibration import multisine, sample
+from youbot_env.motions.base import sample
+from youbot_env.motions.multisine import multisine
 from youbot_env.physics.geometry import Geometry
 from youbot_env.physics.hardware import MAX_WHEEL_TORQUE
 

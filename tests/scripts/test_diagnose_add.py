@@ -2,11 +2,12 @@
 
 import functools
 import json
+import sys
 from pathlib import Path
 
 import pytest
 
-from identification.diagnosis import diagnose as diagnosis
+from identification.diagnosis.diagnose import diagnose
 from identification.logs.reading import write_log
 from tests.identification.recordings import recording
 from youbot_env.model.model_file import load_model
@@ -62,8 +63,8 @@ def test_a_verdict_without_a_model(tmp_path, capsys, monkeypatch):
     slope = ("floor_tilt", (("tilt_x", 0.0), ("tilt_y", -0.04)))
     log, output = tmp_path / "steep.csv", tmp_path / "better.json"
     write_log(log, recording("calibration", (slope,), rate=50.0, noise=2.0))
-    few = functools.partial(diagnosis.diagnose, effects=["quadratic_friction"])
-    monkeypatch.setattr(diagnosis, "diagnose", few)
+    few = functools.partial(diagnose, effects=["quadratic_friction"])
+    monkeypatch.setattr(sys.modules[diagnose.__module__], "diagnose", few)
     result, page = tmp_path / "result.json", tmp_path / "page.html"
     line = ["diagnose", "paper", str(log), "--json", str(result), "--report", str(page)]
     assert cli.main([*line, "-o", str(output)]) == 2

@@ -18,7 +18,7 @@ from controllers.kinematic import Gains, KinematicControl
 from controllers.registry import Entry
 from youbot_env.errors import InputError
 from youbot_env.model.model import Model
-from youbot_env.motions.calibration import multisine
+from youbot_env.motions.multisine import multisine
 from youbot_env.physics.hardware import MAX_WHEEL_TORQUE
 from youbot_env.tracking.env import YouBotTrackingEnv
 from youbot_scripts import evaluate as command

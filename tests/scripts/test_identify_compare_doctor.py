@@ -20,9 +20,9 @@ from tests.identification.mechanisms.test_axis import STAGE, log_of, planted
 from tests.identification.recordings import recording
 from youbot_env.model.model import BASE_UNITS
 from youbot_env.model.model_file import load_model
-from youbot_env.motions.calibration import multisine
+from youbot_env.motions.multisine import multisine
 from youbot_scripts.cli import main
-from youbot_scripts.record import record
+from youbot_scripts.recording.recording import record
 from youbot_scripts.shared.options import with_std
 
 PAPER = load_model("paper")

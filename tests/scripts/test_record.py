@@ -20,8 +20,8 @@ from youbot_env.errors import InputError
 from youbot_env.model.model_file import load_model, model_from_dict, model_to_dict, save_model
 from youbot_env.motions.calibration import motion_i, motion_iii
 from youbot_scripts.cli import main
-from youbot_scripts.record import record
 from youbot_scripts.recording.named_motions import DEFAULT_MOTIONS, motions_named
+from youbot_scripts.recording.recording import record
 
 PAPER = load_model("paper")
 QUICK = ("--motions", "multisine_q")

@@ -12,7 +12,7 @@ from typing import Any
 
 import pytest
 
-from identification.diagnosis import diagnose as diagnosis
+from identification.diagnosis.diagnose import diagnose
 from identification.logs.reading import write_log
 from tests.identification.mechanisms.test_axis import STAGE, log_of, planted
 from tests.identification.recordings import recording
@@ -36,8 +36,8 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
 @pytest.fixture
 def few_candidates(monkeypatch: pytest.MonkeyPatch):
     """A catalogue of two, for speed."""
-    few = functools.partial(diagnosis.diagnose, effects=["floor_tilt", "quadratic_friction"])
-    monkeypatch.setattr(diagnosis, "diagnose", few)
+    few = functools.partial(diagnose, effects=["floor_tilt", "quadratic_friction"])
+    monkeypatch.setattr(sys.modules[diagnose.__module__], "diagnose", few)
 
 
 def run(folder: Path, command: str, *arguments: object) -> tuple[str, dict[str, Any]]:
@@ -108,8 +108,8 @@ def test_diagnose(folder: Path, tmp_path: Path):
 
 
 def test_an_axis_has_reports_and_plots_too(folder: Path, tmp_path: Path, monkeypatch):
-    few = functools.partial(diagnosis.diagnose, effects=["spring", "quadratic_friction"])
-    monkeypatch.setattr(diagnosis, "diagnose", few)
+    few = functools.partial(diagnose, effects=["spring", "quadratic_friction"])
+    monkeypatch.setattr(sys.modules[diagnose.__module__], "diagnose", few)
     log, model = folder / "drive.csv", tmp_path / "axis.json"
     axis = ("--mechanism", "axis", "--unit", "m", "-o", model, "--plots", tmp_path / "plots")
     page, found = run(tmp_path, "identify", log, *axis)

@@ -1,8 +1,7 @@
 """Which file imports which, read from the source of a checkout; nothing of it is run.
 
 Every import counts, also one inside a function or under ``TYPE_CHECKING``. A name that a package's
-``__init__`` hands on (with ``_HOMES`` or a plain import) is followed to the file that defines it,
-so the ``__init__`` files themselves stand aside.
+``__init__`` hands on is followed to the file that defines it, so these files stand aside.
 """
 
 from __future__ import annotations
@@ -37,7 +36,7 @@ def import_graph(root: Path) -> dict[str, set[str]]:
     """For each file (``__init__`` aside) the files that it imports, by dotted module name."""
     files = source_files(root)
     trees = {name: ast.parse(path.read_text(encoding="utf-8")) for name, path in files.items()}
-    faces = {name: handed_on(trees[name]) for name, path in files.items() if is_face(path)}
+    faces = {name: handed_on(path, name) for name, path in files.items() if is_face(path)}
     graph = {}
     for name, path in files.items():
         if is_face(path):
@@ -56,13 +55,16 @@ def imported_modules(tree: ast.AST) -> Iterator[str]:
             yield from (f"{node.module}.{alias.name}" for alias in node.names)
 
 
-def handed_on(tree: ast.Module) -> dict[str, str]:
-    """Names that an ``__init__`` hands on, with the dotted name of what each one is."""
+def handed_on(face: Path, package: str) -> dict[str, str]:
+    """Names that an ``__init__`` or its stub hands on, with the dotted name of what each one is."""
     names = {}
-    for node in ast.walk(tree):
-        if isinstance(node, ast.ImportFrom) and node.level == 0 and node.module:
-            for alias in node.names:
-                names[alias.asname or alias.name] = f"{node.module}.{alias.name}"
+    for path in (face, face.with_suffix(".pyi")):
+        tree = ast.parse(path.read_text(encoding="utf-8")) if path.exists() else ast.Module([], [])
+        for node in ast.walk(tree):
+            if isinstance(node, ast.ImportFrom) and node.module:
+                module = f"{package}.{node.module}" if node.level else node.module
+                for alias in node.names:
+                    names[alias.asname or alias.name] = f"{module}.{alias.name}"
     return names
 
 

@@ -5,7 +5,7 @@ identification can be judged on physics that its model does not hold: wheels sli
 floor over to each other sixteen times a turn, load shifts between the wheels.
 
 How it departs from the ideal model with the same parameters (the paper's, defaults of ``Contact``,
-4 s of smooth torques up to 2 N m; ``pytest tests/youbot_env/test_contact_plant.py -s`` prints it):
+4 s of smooth torques up to 2 N m; ``pytest tests/youbot_env/contact/test_plant.py -s`` prints it):
 
 - twist: 0.2 % (VX), 2.3 % (VY), 1.8 % (W), rms over rms, or 2.0 % (VY) in half the engine's step;
 - m0 + 4 I1/R^2 from a fit: 1.5 % (X) and 1.2 % (Y) low;

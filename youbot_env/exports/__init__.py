@@ -1,47 +1,7 @@
-"""A model in other people's tools: python-control, torch, and a plain function of arrays.
+"""A model in other people's tools: python-control, torch, MuJoCo, and a plain function of arrays.
 
-Nothing here knows an equation of motion: each form is derived from
-:mod:`youbot_env.physics.inverse_dynamics`.
-"""
+Nothing here knows an equation of motion: each form is derived from the physics."""
 
-from __future__ import annotations
+from lazy_loader import attach_stub
 
-import os
-from collections.abc import Iterable
-from typing import TYPE_CHECKING, Any
-
-from youbot_env.errors import InputError
-from youbot_env.model.model import Model
-from youbot_env.model.model_file import load_model
-
-if TYPE_CHECKING:
-    from youbot_env.exports.torch_module import TorchPlatform
-
-
-def to_torch(
-    model: str | os.PathLike[str] | Model,
-    *,
-    trainable: Iterable[str] | None = None,
-    **factory: Any,
-) -> TorchPlatform:
-    """The model as a ``torch.nn.Module`` whose parameters are the physical ones (extra: rl).
-
-    Parameters
-    ----------
-    model : a model, a model file, or a shipped model's name
-    trainable : full names of the parameters that require gradients (``mu1``,
-        ``floor_tilt.tilt_x``); None is all
-    factory : ``dtype`` (double precision by default) and ``device`` of the parameters
-
-    Raises
-    ------
-    InputError
-        If torch is missing, the model cannot be read, or a name is unknown.
-    """
-    try:
-        import torch  # noqa: F401
-    except ImportError:
-        raise InputError("this export needs torch: pip install 'youbot[rl]'") from None
-    from youbot_env.exports.torch_module import TorchPlatform
-
-    return TorchPlatform(load_model(model), trainable=trainable, **factory)
+__getattr__, __dir__, __all__ = attach_stub(__name__, __file__)

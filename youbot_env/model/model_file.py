@@ -196,17 +196,6 @@ def covariance(data: Any, source: str) -> tuple[tuple[str, ...], np.ndarray | No
     return names, matrix.astype(float)
 
 
-__all__ = [
-    "SCHEMA_VERSION",
-    "load_geometry",
-    "load_model",
-    "model_from_dict",
-    "model_to_dict",
-    "save_model",
-    "shipped_models",
-]
-
-
 def load_model(source: str | os.PathLike[str] | Model) -> Model:
     """Load a model file, or a model that ships with the package by name (``paper``).
 

@@ -1,1 +1,5 @@
 """Reference motions of the platform: calibration, multisines, steps, and what they may ask for."""
+
+from lazy_loader import attach_stub
+
+__getattr__, __dir__, __all__ = attach_stub(__name__, __file__)

@@ -1,40 +1,13 @@
-"""The paper's calibration motions, and the door to all motions."""
+"""The paper's calibration motions I to IV, and their sequence."""
 
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 
 from youbot_env.errors import InputError, count, finite
-from youbot_env.motions.base import Motion, MotionSequence, motion_from_dict, sample, sequence
-from youbot_env.motions.limits import Peaks, check_limits
-from youbot_env.motions.multisine import Multisine, Tone, multisine
+from youbot_env.motions.base import Motion, MotionSequence, sequence
 from youbot_env.motions.periodic import Circling, Straight, Turning
-from youbot_env.motions.steps import Steps, steps
 from youbot_env.physics.geometry import Geometry
-
-__all__ = [
-    "Circling",
-    "MotionLimits",
-    "Motion",
-    "MotionSequence",
-    "Multisine",
-    "Peaks",
-    "Steps",
-    "Straight",
-    "Tone",
-    "Turning",
-    "calibration",
-    "check_limits",
-    "motion_from_dict",
-    "motion_i",
-    "motion_ii",
-    "motion_iii",
-    "motion_iv",
-    "multisine",
-    "sample",
-    "sequence",
-    "steps",
-]
 
 # The default amplitudes and frequencies of motions I to IV keep the paper's platform below
 # 11.5 rad/s and 2 N m on the ideal motion. Low frequencies serve the stock loop, which hardly

@@ -1,1 +1,5 @@
 """Compiled simulation, generated from the physics: steppers, free runs, plants."""
+
+from lazy_loader import attach_stub
+
+__getattr__, __dir__, __all__ = attach_stub(__name__, __file__)

@@ -9,8 +9,7 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
-from youbot_env.errors import InputError
-from youbot_env.motions.base import finite
+from youbot_env.errors import InputError, finite
 from youbot_env.physics import hardware
 from youbot_env.physics.geometry import WHEELS
 

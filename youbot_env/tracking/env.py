@@ -15,10 +15,10 @@ from gymnasium.error import ResetNeeded
 from numpy.typing import ArrayLike, NDArray
 
 from youbot_env.contact.settings import Contact, contact_named
-from youbot_env.errors import InputError
+from youbot_env.errors import InputError, finite
 from youbot_env.model.model import Model
 from youbot_env.model.model_file import load_model
-from youbot_env.motions.base import Motion, finite
+from youbot_env.motions.base import Motion
 from youbot_env.physics import hardware
 from youbot_env.physics.geometry import Geometry
 from youbot_env.tracking import randomisation

@@ -8,9 +8,8 @@ from typing import Protocol
 
 import numpy as np
 
-from youbot_env.errors import InputError
+from youbot_env.errors import InputError, finite
 from youbot_env.model.model import Model
-from youbot_env.motions.base import finite
 from youbot_env.physics.effect import CATALOGUE
 
 Effects = Mapping[str, Mapping[str, float]]

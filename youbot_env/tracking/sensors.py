@@ -9,7 +9,7 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
-from youbot_env.motions.base import finite
+from youbot_env.errors import finite
 
 Array = NDArray[np.float64]
 

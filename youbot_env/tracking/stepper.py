@@ -13,9 +13,9 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from youbot_env.contact.settings import Contact
-from youbot_env.errors import InputError
+from youbot_env.errors import InputError, finite
 from youbot_env.model.model import Model
-from youbot_env.motions.base import Motion, finite
+from youbot_env.motions.base import Motion
 from youbot_env.simulation.plant import TWIST, WHEEL_ANGLE, Plant, Platforms, plant_substeps
 from youbot_env.tracking.actuation import Actuation, command, reject
 from youbot_env.tracking.randomisation import Same, Source

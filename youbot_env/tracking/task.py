@@ -10,9 +10,9 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
-from youbot_env.errors import InputError
-from youbot_env.motions.base import Motion, finite
-from youbot_env.motions.calibration import multisine
+from youbot_env.errors import InputError, finite
+from youbot_env.motions.base import Motion
+from youbot_env.motions.multisine import multisine
 from youbot_env.physics import hardware
 from youbot_env.physics.geometry import Geometry
 from youbot_env.tracking.actuation import whole_number

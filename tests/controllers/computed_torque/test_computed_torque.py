@@ -22,8 +22,7 @@ from tests.controllers.driving import (
     scaled,
     track,
 )
-from tests.youbot_env.structures import CASES, EVERYTHING
-from tests.youbot_env.structures import model as structure
+from tests.youbot_env.structures import CASES, EVERYTHING, model as structure
 from youbot_env.errors import InputError
 from youbot_env.model.model import BASE_UNITS, Model
 from youbot_env.physics import inverse_dynamics as dynamics

@@ -15,7 +15,7 @@ from identification.mechanisms.mecanum_samples import MecanumSamples
 from identification.signals.filters import FILTER_RATE, block_mean, first_order, settled
 from tests.youbot_env.structures import model as structure
 from youbot_env.model.model import Model
-from youbot_env.motions.calibration import multisine
+from youbot_env.motions.multisine import multisine
 
 DT = 0.01
 

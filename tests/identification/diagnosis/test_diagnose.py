@@ -12,9 +12,10 @@ from identification.logs.reading import read_log
 from tests.identification.shared_data import DATA, needs_data
 from youbot_env.errors import InputError
 from youbot_env.model.model_file import load_model
-from youbot_env.motions.calibration import calibration, multisine
+from youbot_env.motions.calibration import calibration
+from youbot_env.motions.multisine import multisine
 from youbot_env.physics.effect import BODY, CATALOGUE, Effect, Parameter
-from youbot_scripts.record import record
+from youbot_scripts.recording.recording import record
 
 PAPER = load_model("paper")
 

@@ -17,10 +17,12 @@ from matplotlib.patches import Rectangle
 from PIL import Image
 
 from identification.comparison import Comparison, compare, stretches_of
-from identification.figures import failures as failure_figures
-from identification.figures import figures as plots
-from identification.figures import style as plot_style
-from identification.figures import time_series as figures
+from identification.figures import (
+    failures,
+    figures,
+    style,
+    time_series,
+)
 from identification.fitting.errors import NoiseLevel, Squares, Traces, force_floor, force_traces
 from identification.fitting.identify import Identification, identify
 from identification.fitting.recursive import EstimateHistory
@@ -34,9 +36,10 @@ from tests.identification.mechanisms.test_axis import STAGE, log_of, planted
 from tests.identification.recordings import recording
 from youbot_env.errors import InputError
 from youbot_env.model.model_file import load_model
-from youbot_env.motions.calibration import Motion, multisine
+from youbot_env.motions.base import Motion
+from youbot_env.motions.multisine import multisine
 from youbot_scripts.cli import main
-from youbot_scripts.record import record
+from youbot_scripts.recording.recording import record
 
 PAPER = load_model("paper")
 
@@ -87,7 +90,7 @@ def floor_of(traces: Traces, std: float) -> Squares:
 class TestForceFigure:
     def test_lines_are_the_traces(self):
         traces = small_traces()
-        figure = figures.force_figure(traces, floor_of(traces, 0.1), name="run")
+        figure = time_series.force_figure(traces, floor_of(traces, 0.1), name="run")
         for k in range(3):
             main_panel, strip = figure.axes[2 * k : 2 * k + 2]
             for label, values in (
@@ -102,7 +105,7 @@ class TestForceFigure:
 
     def test_noise_band_is_95_percent_of_the_floor(self):
         traces = small_traces()
-        figure = figures.force_figure(traces, floor_of(traces, 0.1), name="run")
+        figure = time_series.force_figure(traces, floor_of(traces, 0.1), name="run")
         for strip in figure.axes[1::2]:
             (band,) = strip.patches
             low, high = band.get_extents().transformed(strip.transData.inverted()).intervaly
@@ -111,7 +114,7 @@ class TestForceFigure:
 
     def test_labels_units_and_legend(self):
         traces = small_traces()
-        figure = figures.force_figure(traces, floor_of(traces, 0.1), name="run_7")
+        figure = time_series.force_figure(traces, floor_of(traces, 0.1), name="run_7")
         labels = [axes.get_ylabel() for axes in figure.axes]
         assert all("[N m]" in label for label in labels)
         assert [label.split("  ")[0] for label in labels[::2]] == [
@@ -126,14 +129,14 @@ class TestForceFigure:
 
     def test_an_axis_that_never_moved_is_drawn_all_the_same(self):
         still = Traces(np.arange(5.0), np.zeros((5, 3)), np.zeros((5, 3)))
-        figure = figures.force_figure(still, Squares(np.zeros(3), np.zeros(3)), name="still")
+        figure = time_series.force_figure(still, Squares(np.zeros(3), np.zeros(3)), name="still")
         texts = [text.get_text() for text in figure.axes[0].texts]
         assert texts == ["error\n-\nnoise\n-"]
 
 
 def test_legend_and_title_lie_above_the_data():
     traces = small_traces()
-    figure = figures.force_figure(traces, floor_of(traces, 0.1), name="run")
+    figure = time_series.force_figure(traces, floor_of(traces, 0.1), name="run")
     figure.canvas.draw()
     legend = figure.axes[0].get_legend()
     assert legend is not None
@@ -147,7 +150,9 @@ def test_free_run_is_shown_in_metres_a_second():
     traces = small_traces()
     length = PAPER.geometry.L
     shown = of_platform(PAPER.geometry)
-    figure = figures.free_run_figure(traces, floor_of(traces, 0.1), name="run", quantities=shown)
+    figure = time_series.free_run_figure(
+        traces, floor_of(traces, 0.1), name="run", quantities=shown
+    )
     for k, scale in enumerate((length, length, 1.0)):
         _, shown = drawn(figure.axes[2 * k], "free run of the model")
         np.testing.assert_allclose(shown, scale * traces.predicted[:, k])
@@ -160,7 +165,7 @@ def test_free_run_is_shown_in_metres_a_second():
 def test_tracking_error_is_relative_to_the_reference():
     time = np.linspace(0.0, 10.0, 100)
     reference = np.column_stack([np.sin(time)] * 3)
-    figure = figures.tracking_figure(time, 0.75 * reference, reference, name="run")
+    figure = time_series.tracking_figure(time, 0.75 * reference, reference, name="run")
     for k in range(3):
         _, shown = drawn(figure.axes[2 * k], "reference")
         np.testing.assert_array_equal(shown, reference[:, k])
@@ -174,19 +179,21 @@ class TestMotionFigure:
 
     def test_ideal_motion_is_drawn_where_it_is_known(self):
         ideal = self.TWIST + [0.0, 0.1, 0.0]
-        figure = figures.motion_figure(self.TIME, self.TWIST, ideal, name="run")
+        figure = time_series.motion_figure(self.TIME, self.TWIST, ideal, name="run")
         for k, axes in enumerate(figure.axes):
             np.testing.assert_array_equal(drawn(axes, "measured")[1], self.TWIST[:, k])
             np.testing.assert_array_equal(drawn(axes, "ideal motion")[1], ideal[:, k])
         assert figure.axes[1].texts[0].get_text() == "rms off\n0.1\nm/s"
 
     def test_measured_alone_otherwise(self):
-        figure = figures.motion_figure(self.TIME, self.TWIST, None, name="run")
+        figure = time_series.motion_figure(self.TIME, self.TWIST, None, name="run")
         assert legend_of(figure) == ["measured"]
 
     def test_stretches_are_named_and_parted(self):
         stretches = [("I", 0.0, 4.0), ("III", 4.4, 10.0)]
-        figure = figures.motion_figure(self.TIME, self.TWIST, None, name="run", stretches=stretches)
+        figure = time_series.motion_figure(
+            self.TIME, self.TWIST, None, name="run", stretches=stretches
+        )
         names = {text.get_text(): text.xy[0] for text in figure.axes[0].texts}  # type: ignore
         assert names == {"I": 2.0, "III": pytest.approx(7.2)}
         for axes in figure.axes:
@@ -204,7 +211,7 @@ class TestEstimatesFigure:
 
     def test_lines_bands_and_labels(self):
         course = self.course()
-        figure = figures.estimates_figure(
+        figure = time_series.estimates_figure(
             course, ["$a$  [kg]", "$b$  [m]"], np.array([3.0, -2.0]), truth=np.array([3.1, -2.1])
         )
         assert [axes.get_ylabel() for axes in figure.axes] == ["$a$  [kg]", "$b$  [m]"]
@@ -219,7 +226,7 @@ class TestEstimatesFigure:
 
     def test_the_open_start_does_not_dwarf_the_end(self):
         course = self.course()
-        figure = figures.estimates_figure(course, ["$a$", "$b$"], np.array([3.0, -2.0]))
+        figure = time_series.estimates_figure(course, ["$a$", "$b$"], np.array([3.0, -2.0]))
         low, high = figure.axes[0].get_ylim()
         late = course.theta[50:, 0]
         assert low < late.min() - 0.196 and late.max() + 0.196 < high
@@ -229,7 +236,7 @@ class TestEstimatesFigure:
         time = np.arange(4.0)
         for size in (1, 8):
             course = EstimateHistory(time, np.ones((4, size)), np.ones((4, size)))
-            figure = figures.estimates_figure(course, ["$p$"] * size, np.ones(size))
+            figure = time_series.estimates_figure(course, ["$p$"] * size, np.ones(size))
             assert sum(axes.axison for axes in figure.axes) == size
             figure.canvas.draw()
 
@@ -237,7 +244,7 @@ class TestEstimatesFigure:
 def test_stretches_show_the_comparison_s_numbers(compared: Comparison):
     (item,) = compared.logs
     worst = compared.worst()
-    figure = failure_figures.stretch_figure(stretches_of(item), worst, item.force_floor, name="run")
+    figure = failures.stretch_figure(stretches_of(item), worst, item.force_floor, name="run")
     for k, axis in enumerate(("VX", "VY", "W")):
         axes = figure.axes[k]
         rows = [row for row in stretches_of(item) if row["axis"] == axis]
@@ -248,7 +255,7 @@ def test_stretches_show_the_comparison_s_numbers(compared: Comparison):
         marked = {
             row["from"]
             for row, bar in zip(rows, bars, strict=True)
-            if to_hex(bar.get_facecolor()) == plot_style.WORST
+            if to_hex(bar.get_facecolor()) == style.WORST
         }
         assert marked == {row["from"] for row in worst if row["axis"] == axis}
         assert drawn(axes, "noise floor")[1][0] == pytest.approx(100 * item.force_floor.by_axis[k])
@@ -261,10 +268,10 @@ class TestResidualFigure:
 
     def test_the_strongest_variables_are_drawn_with_their_shares(self, tmp_path: Path):
         result = self.compared()
-        paths = plots.plot_comparison(result, tmp_path)
+        paths = figures.plot_comparison(result, tmp_path)
         assert paths[-1].name == "residual.png"
         curves = result.where.curve("twist")
-        figure = failure_figures.residual_figure([(curve.label, curve) for curve in curves])
+        figure = failures.residual_figure([(curve.label, curve) for curve in curves])
         panels = np.array(figure.axes).reshape(3, 3)
         for row, curve in zip(panels, curves, strict=True):
             assert row[0].get_ylabel() == curve.label
@@ -275,7 +282,7 @@ class TestResidualFigure:
 
     def test_nothing_is_drawn_where_nothing_leads(self, compared: Comparison, tmp_path: Path):
         assert compared.where.leading == ()
-        names = [path.name for path in plots.plot_comparison(compared, tmp_path)]
+        names = [path.name for path in figures.plot_comparison(compared, tmp_path)]
         assert "residual.png" not in names
 
 
@@ -288,7 +295,7 @@ class TestAxis:
         log = log_of(axis, theta, 100.0, noise=0.002)
         base = base_axis_model([log], unit="rad" if turns else "m")
         fitted = identify([log], start=base)
-        found = dict(plots.figures_of_identification(fitted, [log]))
+        found = dict(figures.figures_of_identification(fitted, [log]))
         force = found["forces_drive"].axes
         assert len(force) == 2 and force[0].get_ylabel().endswith(f"[{units[0]}]")
         (motion,) = found["motion_drive"].axes
@@ -297,7 +304,7 @@ class TestAxis:
         assert (shown.min(), shown.max()) == (log.velocity.min(), log.velocity.max())
         names = [axes.get_ylabel().split("  ")[0] for axes in found["estimates"].axes]
         assert names == ["inertia", "viscous", "coulomb", "offset"]
-        compared = dict(plots.figures_of_comparison(compare(fitted.model, [log])))
+        compared = dict(figures.figures_of_comparison(compare(fitted.model, [log])))
         assert compared["free_run_drive"].axes[0].get_ylabel().endswith(f"[{units[1]}]")
         assert len(compared["where_drive"].axes) == 1
         first = compared["residual"].axes[0]
@@ -307,7 +314,7 @@ class TestAxis:
 
 def test_the_error_falls_in_the_figure_as_in_the_steps():
     steps = [(None, 0.14, 0.18), ("floor_tilt", 0.015, float("nan"))]
-    figure = failure_figures.fall_figure(steps, {"force_error": 0.0145, "velocity_error": 0.012})
+    figure = failures.fall_figure(steps, {"force_error": 0.0145, "velocity_error": 0.012})
     force, velocity = figure.axes
     widths = [bar.get_width() for bar in force.patches if isinstance(bar, Rectangle)]
     assert widths == pytest.approx([14.0, 1.5])
@@ -321,7 +328,7 @@ def test_the_error_falls_in_the_figure_as_in_the_steps():
 
 def test_a_name_with_dollars_is_no_formula():
     traces = small_traces()
-    figure = figures.force_figure(
+    figure = time_series.force_figure(
         traces, floor_of(traces, 0.1), name=r"cost $\bad$ 5$", stretches=[("$^", 0.0, 2.0)]
     )
     figure.canvas.draw()
@@ -330,15 +337,15 @@ def test_a_name_with_dollars_is_no_formula():
 class TestThinning:
     def test_short_lines_stay_as_they_are(self):
         time, values = np.arange(50.0), np.random.default_rng(0).normal(size=50)
-        for kept, given in zip(plot_style.thin(time, values), (time, values), strict=True):
+        for kept, given in zip(style.thin(time, values), (time, values), strict=True):
             assert kept is given
 
     def test_long_lines_keep_ends_and_every_extreme(self):
         time = np.arange(100_000.0)
         values = np.sin(1e-3 * time)
         values[31_234], values[77_777] = 9.0, -7.0
-        kept_time, kept = plot_style.thin(time, values)
-        assert len(kept) <= 2 * plot_style.BINS + 2
+        kept_time, kept = style.thin(time, values)
+        assert len(kept) <= 2 * style.BINS + 2
         assert (np.diff(kept_time) > 0).all()
         assert kept_time[[0, -1]].tolist() == [0.0, 99_999.0]
         assert kept_time[kept.argmax()] == 31_234 and kept_time[kept.argmin()] == 77_777
@@ -351,7 +358,7 @@ class TestThinning:
      (float("nan"), "-"), (float("inf"), "-")],
 )  # fmt: skip
 def test_percent(value: float, text: str):
-    assert plot_style.percent(value) == text
+    assert style.percent(value) == text
 
 
 class TestReferences:
@@ -393,7 +400,7 @@ class TestReferences:
 
     def test_the_plots_show_it(self, folder: Path, fitted: Identification):
         log = read_log(folder / "multisine_s.csv")
-        paths = plots.plot_comparison(compare(fitted.model, [log]), folder)
+        paths = figures.plot_comparison(compare(fitted.model, [log]), folder)
         assert [path.name for path in paths] == [
             "free_run_multisine_s.png",
             "where_multisine_s.png",
@@ -404,7 +411,7 @@ class TestReferences:
 class TestFiles:
     def test_of_an_identification(self, fitted: Identification, tmp_path: Path):
         folder = tmp_path / "deep" / "folder"
-        paths = plots.plot_identification(fitted, folder, truth=PAPER)
+        paths = figures.plot_identification(fitted, folder, truth=PAPER)
         names = ["forces_calibration.png", "motion_calibration.png", "estimates.png"]
         assert [path.name for path in paths] == names
         assert sorted(path.name for path in folder.iterdir()) == sorted(names), "and no leftovers"
@@ -418,11 +425,11 @@ class TestFiles:
 
     def test_of_an_identification_without_a_course(self, fitted: Identification, tmp_path: Path):
         bare = dataclasses.replace(fitted, course=None)
-        names = [path.name for path in plots.plot_identification(bare, tmp_path)]
+        names = [path.name for path in figures.plot_identification(bare, tmp_path)]
         assert "estimates.png" not in names
 
     def test_the_same_result_gives_the_same_bytes(self, compared: Comparison, tmp_path: Path):
-        first, again = (plots.plot_comparison(compared, tmp_path / x) for x in "ab")
+        first, again = (figures.plot_comparison(compared, tmp_path / x) for x in "ab")
         assert [path.read_bytes() for path in first] == [path.read_bytes() for path in again]
 
     def test_forces_in_the_figure_are_those_of_the_fit(
@@ -434,9 +441,9 @@ class TestFiles:
             seen.update(traces=traces, floor=floor)
             raise InputError("seen enough")
 
-        monkeypatch.setattr(figures, "force_figure", spy)
+        monkeypatch.setattr(time_series, "force_figure", spy)
         with pytest.raises(InputError, match="seen enough"):
-            plots.plot_identification(fitted, tmp_path)
+            figures.plot_identification(fitted, tmp_path)
         (samples,) = fitted.samples
         expected = force_traces(fitted.mechanism, fitted.fit.theta, samples)
         np.testing.assert_array_equal(seen["traces"].predicted, expected.predicted)
@@ -450,13 +457,13 @@ class TestFiles:
     ):
         seen = []
 
-        def spy(*_: object, stretches: list[figures.Stretch], **__: object) -> Figure:
+        def spy(*_: object, stretches: list[time_series.Stretch], **__: object) -> Figure:
             seen.extend(stretches)
             raise InputError("seen enough")
 
-        monkeypatch.setattr(figures, "force_figure", spy)
+        monkeypatch.setattr(time_series, "force_figure", spy)
         with pytest.raises(InputError, match="seen enough"):
-            plots.plot_identification(fitted, tmp_path)
+            figures.plot_identification(fitted, tmp_path)
         assert [name for name, _, _ in seen] == ["I", "III", "II", "IV"]
 
     def test_a_failed_write_leaves_the_old_file(
@@ -470,14 +477,14 @@ class TestFiles:
 
         monkeypatch.setattr("identification.logs.writing.os.replace", fail)
         with pytest.raises(InputError, match="No space left"):
-            plots.plot_comparison(compared, tmp_path)
+            figures.plot_comparison(compared, tmp_path)
         assert target.read_bytes() == b"old"
         assert list(tmp_path.iterdir()) == [target]
 
     def test_a_file_where_the_folder_should_be(self, compared: Comparison, tmp_path: Path):
         (tmp_path / "plots").write_text("")
         with pytest.raises(InputError, match="plots: cannot be made a folder"):
-            plots.plot_comparison(compared, tmp_path / "plots")
+            figures.plot_comparison(compared, tmp_path / "plots")
 
 
 def test_the_user_s_matplotlib_stays_as_it_was(tmp_path: Path):
@@ -485,10 +492,10 @@ def test_the_user_s_matplotlib_stays_as_it_was(tmp_path: Path):
     code = (
         "import sys, numpy as np, matplotlib as mpl;"
         "mpl.rcParams['axes.facecolor'] = 'black'; before = dict(mpl.rcParams.copy());"
-        "from identification import figures, plot_style; from pathlib import Path;"
+        "from identification.figures import style, time_series; from pathlib import Path;"
         "t = np.arange(9.0); v = np.ones((9, 3));"
-        "f = figures.motion_figure(t, v, None, name='x');"
-        "plot_style.write_figure(Path(sys.argv[1]), f);"
+        "f = time_series.motion_figure(t, v, None, name='x');"
+        "style.write_figure(Path(sys.argv[1]), f);"
         "assert mpl.colors.same_color(f.axes[0].get_facecolor(), 'white');"
         "assert dict(mpl.rcParams.copy()) == before;"
         "assert 'matplotlib.pyplot' not in sys.modules"
@@ -503,6 +510,6 @@ def test_a_missing_matplotlib_is_one_clear_line(
 ):
     monkeypatch.setitem(sys.modules, "matplotlib", None)
     with pytest.raises(InputError, match=r'pip install "youbot\[plots\]"') as caught:
-        plots.plot_comparison(compared, tmp_path / "plots")
+        figures.plot_comparison(compared, tmp_path / "plots")
     assert "\n" not in str(caught.value)
     assert not (tmp_path / "plots").exists()

@@ -5,7 +5,6 @@ import pytest
 
 from identification.fitting.identify import identify
 from identification.fitting.observability import (
-    PAPER_ORDER,
     block_estimates,
     log_observability,
     motion_observability,
@@ -14,7 +13,7 @@ from identification.fitting.observability import (
 )
 from identification.fitting.regression_rows import Rows, regression_rows
 from identification.mechanisms.calibration_parts import parts_of
-from identification.mechanisms.mecanum import Mecanum
+from identification.mechanisms.mecanum import PAPER_ORDER, Mecanum
 from tests.identification.recordings import recording
 from youbot_env.errors import InputError
 from youbot_env.model.model_file import load_model

@@ -23,9 +23,9 @@ from identification.residual_map.residual_map import LEAST, ResidualMap, residua
 from tests.identification.recordings import recording
 from tests.identification.shared_data import DATA, needs_data
 from youbot_env.model.model_file import load_model
-from youbot_env.motions.calibration import multisine
+from youbot_env.motions.multisine import multisine
 from youbot_env.physics.geometry import Geometry
-from youbot_scripts.record import record
+from youbot_scripts.recording.recording import record
 
 PAPER = load_model("paper")
 GEOMETRY = Geometry()

@@ -13,7 +13,9 @@ from identification.fitting.least_squares import fit
 from identification.mechanisms.mecanum import Mecanum
 from youbot_env.errors import InputError
 from youbot_env.model.model_file import load_model
-from youbot_env.motions.calibration import calibration, motion_i, motion_iii, multisine, sequence
+from youbot_env.motions.base import sequence
+from youbot_env.motions.calibration import calibration, motion_i, motion_iii
+from youbot_env.motions.multisine import multisine
 from youbot_env.physics.effect import CATALOGUE
 from youbot_env.physics.geometry import SIGN_X
 from youbot_env.simulation.free_run import simulate

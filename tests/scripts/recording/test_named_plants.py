@@ -16,12 +16,13 @@ from tests import test_readme
 from youbot_env.contact.settings import Contact
 from youbot_env.errors import InputError
 from youbot_env.model.model_file import load_model, save_model
-from youbot_env.motions.calibration import motion_iii, multisine
+from youbot_env.motions.calibration import motion_iii
+from youbot_env.motions.multisine import multisine
 from youbot_env.simulation.plant import Plant
 from youbot_scripts.cli import main
-from youbot_scripts.record import record
 from youbot_scripts.recording.driving import run
 from youbot_scripts.recording.named_plants import Driven, plant_named
+from youbot_scripts.recording.recording import record
 
 PAPER = load_model("paper")
 

@@ -5,33 +5,22 @@ import json
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
-from hypothesis import strategies as st
+from hypothesis import given, settings, strategies as st
 
 from youbot_env.errors import InputError
+from youbot_env.motions.base import Motion, MotionSequence, motion_from_dict, sample, sequence
 from youbot_env.motions.calibration import (
     CALIBRATION,
-    Circling,
-    Motion,
-    MotionLimits,
-    MotionSequence,
-    Multisine,
-    Steps,
-    Straight,
-    Tone,
-    Turning,
     calibration,
-    check_limits,
-    motion_from_dict,
     motion_i,
     motion_ii,
     motion_iii,
     motion_iv,
-    multisine,
-    sample,
-    sequence,
-    steps,
 )
+from youbot_env.motions.limits import MotionLimits, check_limits
+from youbot_env.motions.multisine import Multisine, Tone, multisine
+from youbot_env.motions.periodic import Circling, Straight, Turning
+from youbot_env.motions.steps import Steps, steps
 from youbot_env.physics.geometry import Geometry
 
 GEOMETRY = Geometry()

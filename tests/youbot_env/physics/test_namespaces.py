@@ -11,8 +11,7 @@ import pytest
 
 from tests.youbot_env.structures import CASES, model, random_instant, state_of
 from youbot_env.model.model import Model
-from youbot_env.physics import effect as effects
-from youbot_env.physics import inverse_dynamics as dynamics
+from youbot_env.physics import effect as effects, inverse_dynamics as dynamics
 from youbot_env.physics.effect import CATALOGUE, WHEEL, Parameter, effect
 from youbot_env.physics.namespaces import floats, symbols, tensors
 from youbot_env.physics.points import Instant

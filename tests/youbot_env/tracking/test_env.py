@@ -479,4 +479,4 @@ def test_every_public_name_is_there():
     for name in youbot_env.__all__:
         assert getattr(youbot_env, name) is not None
     with pytest.raises(AttributeError):
-        youbot_env.nonsense  # noqa: B018
+        _ = youbot_env.nonsense  # type: ignore

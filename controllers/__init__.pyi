@@ -1,0 +1,15 @@
+from .computed_torque import (
+    AdaptiveComputedTorque as AdaptiveComputedTorque,
+    ComputedTorque as ComputedTorque,
+)
+from .interface import (
+    Controller as Controller,
+    Loop as Loop,
+    Observation as Observation,
+    Reference as Reference,
+)
+from .kinematic import KinematicControl as KinematicControl
+from .lqi import LQI as LQI
+from .pid import PID as PID
+from .policy import Policy as Policy
+from .registry import CONTROLLERS as CONTROLLERS, build as build, build_policy as build_policy

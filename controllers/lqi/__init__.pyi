@@ -1,0 +1,1 @@
+from .lqi import LQI as LQI

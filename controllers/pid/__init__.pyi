@@ -1,0 +1,1 @@
+from .pid import PID as PID

@@ -1,0 +1,15 @@
+from .comparison import Comparison as Comparison, compare as compare
+from .diagnosis import (
+    Addition as Addition,
+    Diagnosis as Diagnosis,
+    add_effect as add_effect,
+    diagnose as diagnose,
+)
+from .fitting import (
+    Identification as Identification,
+    Observability as Observability,
+    RecursiveLeastSquares as RecursiveLeastSquares,
+    identify as identify,
+    motion_observability as motion_observability,
+)
+from .logs import Log as Log, read_log as read_log, read_logs as read_logs, write_log as write_log

@@ -1,0 +1,1 @@
+from .residual_map import ResidualMap as ResidualMap, residual_map as residual_map

@@ -1,0 +1,2 @@
+from .plant import ContactPlant as ContactPlant
+from .settings import Contact as Contact

@@ -1,0 +1,1 @@
+from .equations import equation as equation, formula as formula

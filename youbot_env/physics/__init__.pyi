@@ -1,0 +1,9 @@
+from .effect import Effect as Effect, Parameter as Parameter, Public as Public, Registry as Registry
+from .geometry import Geometry as Geometry
+from .inverse_dynamics import (
+    forward_dynamics as forward_dynamics,
+    mass_matrix as mass_matrix,
+    wrench as wrench,
+)
+from .points import EffectPoints as EffectPoints, Instant as Instant
+from .structure import ModelStructure as ModelStructure
