@@ -78,7 +78,7 @@ def _adaptive(model: Model, loop: Loop, **settings: Any) -> Controller:
 
 
 def _poles(model: Model, loop: Loop) -> Settings:
-    """The fastest poles within the margins that ``pid_design`` asks for."""
+    """The fastest poles within the margins that :func:`controllers.pid.design.design` asks for."""
     from controllers.pid.design import design
 
     return asdict(design(model, loop))
@@ -92,7 +92,7 @@ def _pid(model: Model, loop: Loop, **settings: Any) -> Controller:
 
 
 def _weights(model: Model, loop: Loop) -> Settings:
-    """The fastest weights within the margins that ``lqi_design`` asks for."""
+    """The fastest weights within the margins that :func:`controllers.lqi.design.fastest` asks for."""
     from controllers.lqi.design import fastest
 
     return asdict(fastest(model, loop))

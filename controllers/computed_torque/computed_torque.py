@@ -4,22 +4,21 @@ from __future__ import annotations
 
 import warnings
 from math import ceil
-from typing import TYPE_CHECKING
 
 import numpy as np
 
 from controllers.computed_torque.feedback import PLANNED, WIDTH, act
-from controllers.computed_torque.feedback_design import ROUNDING, acting_delay, design
-from controllers.computed_torque.prediction import POSE, TIME, TORQUE, TWIST, predict, reference_at
+from controllers.computed_torque.feedback_design import design, feedback_margins
+from controllers.computed_torque.prediction import POSE, TIME, TORQUE, TWIST, predict
 from controllers.interface import Array, Loop, Observation, Reference
+from controllers.linear.linear_system import ROUNDING, acting_delay
+from controllers.linear.margins import Margins
+from controllers.linear.reference_window import reference_at
 from youbot_env.errors import finite
 from youbot_env.model.model import Model
 from youbot_env.physics.effect import WORLD
 from youbot_env.simulation.compiled import inverse_kernel
 from youbot_env.simulation.generated_code import MOTION
-
-if TYPE_CHECKING:
-    from controllers.linear.margins import Margins
 
 LOAD_TOLERANCE = 1e-6
 """[N m] to which torques are found where friction depends on them."""
@@ -146,9 +145,7 @@ class ComputedTorque:
 
     def margins(self, plant: Model | None = None) -> Margins:
         """Gain and phase margins of the feedback at each axis' force, on its own model or another
-        plant; see :mod:`controllers.computed_torque.feedback_margins`."""
-        from controllers.computed_torque.feedback_margins import feedback_margins
-
+        plant; see :func:`controllers.computed_torque.feedback_design.feedback_margins`."""
         return feedback_margins(self.design, plant or self.model, self.loop)
 
     def _begin(self) -> None:

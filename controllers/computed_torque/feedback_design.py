@@ -1,16 +1,39 @@
-"""Gains of the feedback on the twist's error, from the model's inertia and the loop's times."""
+"""Gains of the feedback on the twist's error, from the model's inertia and the loop's times, and
+the stability margins that they leave.
+
+The margins are those of the code that runs, on the exact sampled plant: estimator and regulator of
+:mod:`controllers.computed_torque.feedback` are linear as long as nothing saturates, so unit vectors
+through them give their matrices; nothing is written down twice.
+"""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
 
 import numpy as np
+from scipy.linalg import expm, solve_discrete_are
 
+from controllers.computed_torque.feedback import (
+    CORRECTION,
+    MOST,
+    PERIOD,
+    WIDTH,
+    correction,
+    estimate,
+)
 from controllers.interface import Array, Loop
+from controllers.linear.linear_system import (
+    LinearSystem,
+    acting_delay,
+    closed,
+    drive_lag,
+    sampled_platform,
+    split_delay,
+)
+from controllers.linear.margins import Margins, frequency_grid, margins
 from youbot_env.errors import InputError
 from youbot_env.model.model import Model
 from youbot_env.physics import inverse_dynamics as dynamics
-from youbot_env.physics.points import Instant
 
 TRUSTED = 0.7
 """Largest disturbance that is believed, as a share of the acceleration that the limit allows."""
@@ -32,9 +55,6 @@ FASTEST = 15.0
 CONTRADICTION = 0.05
 """Share of the torque limit by which a measured torque may differ from the one expected."""
 
-ROUNDING = 1e-9
-"""Share of a sample below which a part of a delay is rounding."""
-
 
 @dataclass(frozen=True, eq=False)
 class FeedbackDesign:
@@ -43,8 +63,8 @@ class FeedbackDesign:
     Attributes
     ----------
     bandwidth : [rad/s] of the estimator and of the regulator
-    axes : (3, 10) transitions and gains of VX, VY, W in the order of ``error_feedback.KEEP`` ...
-    timing : (8,) in the order of ``error_feedback.PERIOD`` ...
+    axes : (3, 10) transitions and gains of VX, VY, W in the order of ``feedback.KEEP`` ...
+    timing : (8,) in the order of ``feedback.PERIOD`` ...
     slots : commands that are kept: those on their way, and two for a part of a sample
     past : past samples that are kept, so that the measurement's instant lies among them
     slope : (4,) true torque per commanded one
@@ -76,7 +96,7 @@ def design(model: Model, loop: Loop, bandwidth: float | None = None) -> Feedback
     if bandwidth is None:
         total = acting_delay(model, loop) + lag + age + 0.5 * period
         bandwidth = min(FASTEST, NOISE_SHARE / period, DELAY_SHARE / total)
-    slots, part = _whole_and_part(acting_delay(model, loop), period)
+    slots, part = split_delay(acting_delay(model, loop), period)
     to_acceleration, to_torque = force_maps(model)
     most = TRUSTED * loop.torque_limit * np.abs(to_acceleration).sum(axis=1)
     per_wheel = np.sqrt((model.geometry.body_twist(np.eye(4)) ** 2).sum(axis=0))
@@ -99,22 +119,6 @@ def design(model: Model, loop: Loop, bandwidth: float | None = None) -> Feedback
         to_torque=to_torque,
         mass=model.mass_matrix(),
     )
-
-
-def acting_delay(model: Model, loop: Loop) -> float:
-    """[s] from a command to the start of its hold at the drives.
-
-    A model's own delay may be negative, where it was fitted on a log whose torques are late; what
-    a loop commands never acts before.
-    """
-    return loop.delay + max(model.delay, 0.0)
-
-
-def _whole_and_part(delay: float, period: float) -> tuple[int, float]:
-    """Whole samples in a delay, and the rest [s]."""
-    whole = int(delay / period + ROUNDING)
-    part = delay - whole * period
-    return whole, part if part > ROUNDING * period else 0.0
 
 
 def _timing(
@@ -140,8 +144,6 @@ def force_maps(model: Model) -> tuple[Array, Array]:
 def _estimator(keep: float, gain: float, period: float, bandwidth: float) -> tuple[float, float]:
     """Kalman gains on error and disturbance. In continuous time, without decay, a disturbance of
     intensity bandwidth^4 times the noise's gives the poles of s^2 + sqrt(2) b s + b^2."""
-    from scipy.linalg import solve_discrete_are
-
     transition, seen = np.array([[keep, gain], [0.0, 1.0]]), np.array([[1.0, 0.0]])
     wander = np.diag([0.0, bandwidth**4 * period**2])
     spread = solve_discrete_are(transition.T, seen.T, wander, np.eye(1))
@@ -151,8 +153,6 @@ def _estimator(keep: float, gain: float, period: float, bandwidth: float) -> tup
 
 def _regulator(rate: float, lag: float, period: float, bandwidth: float) -> tuple[float, float]:
     """Gains on the error and on the drive's torque that minimise e^2 + (a / bandwidth)^2."""
-    from scipy.linalg import expm, solve_discrete_are
-
     size = 2 if lag > 0.0 else 1
     plant = np.zeros((size + 1, size + 1))
     plant[0, :2] = -rate, 1.0
@@ -179,18 +179,6 @@ def decay_rates(model: Model) -> Array:
     return np.diag(force - opposite) / (2 * step) / np.diag(base.mass_matrix())
 
 
-def drive_lag(model: Model) -> float:
-    """Time constant [s] of the model's drives, 0 without any."""
-    if not model.structure.has_actuator:
-        return 0.0
-    rows = []
-    for torque, rate in ((0.0, 0.0), (1.0, 0.0), (0.0, 1.0)):
-        at = Instant((0.0, 0.0, 0.0), torque=(torque,) * 4, torque_rate=(rate,) * 4)
-        rows.append(dynamics.actuator_command(np, model.structure, model.theta, at)[0])
-    still, torque, rate = (float(value) for value in rows)
-    return max(0.0, (rate - still) / (torque - still))
-
-
 def channel_slope(model: Model) -> Array:
     """(4,) true torque per unit of the commanded one at each wheel.
 
@@ -207,3 +195,54 @@ def channel_slope(model: Model) -> Array:
     if not (np.isfinite(slope).all() and np.abs(slope).min() > 0.0):
         raise InputError(f"model {model.name}: a wheel's torque does not follow its command")
     return slope
+
+
+def feedback_system(design: FeedbackDesign) -> LinearSystem:
+    """Body force (3,) [N, N, N m] per error (3,), reference minus measured twist."""
+    axes = design.axes.copy()
+    axes[:, MOST] = np.inf
+    shapes = ((2 + design.past, 3), (design.slots, 3), (1, 3))
+    sizes = [rows * columns for rows, columns in shapes]
+    ends = np.cumsum(sizes)[:-1]
+
+    def step(values: Array, error: Array) -> tuple[Array, Array]:
+        state, commands, drive = (
+            part.reshape(shape) for part, shape in zip(np.split(values, ends), shapes, strict=True)
+        )
+        state, out = state.copy(), np.empty(3)
+        queue, drives = np.zeros((design.slots, WIDTH)), np.zeros(WIDTH)
+        queue[:, CORRECTION], drives[CORRECTION] = commands, drive[0]
+        smooth, unknown = np.zeros(3), np.full(4, np.nan)
+        maps = design.to_acceleration
+        estimate(
+            *(state, queue, drives, np.zeros(WIDTH), axes, design.timing, maps),
+            *(smooth, error, unknown),
+        )
+        correction(state, queue, drives, axes, design.timing, smooth, out)
+        queue[1:, CORRECTION] = queue[:-1, CORRECTION].copy()
+        queue[0, CORRECTION] = out
+        parts = (state, queue[:, CORRECTION], drives[CORRECTION])
+        return np.concatenate([np.ravel(part) for part in parts]), out
+
+    columns = [step(unit, np.zeros(3)) for unit in np.eye(sum(sizes))]
+    drives = [step(np.zeros(sum(sizes)), -unit) for unit in np.eye(3)]
+    (a, c), (b, d) = (
+        [np.stack(part, axis=1) for part in zip(*rows, strict=True)] for rows in (columns, drives)
+    )
+    period = float(design.timing[PERIOD])
+    return LinearSystem(a, b, design.mass @ c, design.mass @ d, period)
+
+
+def closed_loop(design: FeedbackDesign, plant: Model, loop: Loop) -> LinearSystem:
+    """The loop on a plant that need not be the controller's model.
+
+    From a change of the reference that the feed-forward does not know to the twist.
+    """
+    return closed(sampled_platform(plant, loop), feedback_system(design))
+
+
+def feedback_margins(design: FeedbackDesign, plant: Model, loop: Loop) -> Margins:
+    """Gain and phase margin at each axis' force command (the other axes closed)."""
+    frequency = frequency_grid(loop.sample_time)
+    platform = sampled_platform(plant, loop).response(frequency)
+    return margins(feedback_system(design).response(frequency) @ platform)

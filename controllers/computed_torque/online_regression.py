@@ -83,7 +83,7 @@ class OnlineRows:
         ----------
         twist : (3,) as measured now; NaN starts the filters anew
         place : (8,) time, pose and wheel angles now
-        acted : (17,) means over the last sample, see ``error_feedback.estimate``
+        acted : (17,) means over the last sample, see ``feedback.estimate``
         """
         if not np.isfinite(twist).all():
             self._count = 0

@@ -6,95 +6,7 @@ import numpy as np
 from numba import njit
 
 from controllers.computed_torque.feedback import AGE, JUMP, PERIOD, estimate
-
-
-@njit(cache=True, error_model="numpy")
-def reference_at(nodes, place, period, out):
-    """Fill ``out`` (6,) with twist and acceleration at ``place``: cubic Hermite between two nodes,
-    the last (first) acceleration kept beyond them."""
-    last = nodes.shape[0] - 1
-    index = min(max(int(place), 0), last - 1)
-    u = place - index
-    for axis in range(3):
-        if u > 1.0 or u < 0.0:
-            edge = last if u > 1.0 else 0
-            out[axis] = nodes[edge, axis] + (place - edge) * period * nodes[edge, 3 + axis]
-            out[3 + axis] = nodes[edge, 3 + axis]
-            continue
-        v0, v1 = nodes[index, axis], nodes[index + 1, axis]
-        a0, a1 = period * nodes[index, 3 + axis], period * nodes[index + 1, 3 + axis]
-        rise = v1 - v0
-        bend, twist = 3.0 * rise - 2.0 * a0 - a1, a0 + a1 - 2.0 * rise
-        out[axis] = v0 + u * (a0 + u * (bend + u * twist))
-        out[3 + axis] = (a0 + u * (2.0 * bend + 3.0 * u * twist)) / period
-
-
-@njit(cache=True, error_model="numpy")
-def take(nodes, past, seen, coming, has_slopes, period):
-    """Move ``nodes`` on by one sample. ``seen`` (6,) is the present one, at index ``past``; the
-    next ones are there, ``coming`` of them, with their accelerations if ``has_slopes``. What is
-    missing behind them follows the last acceleration."""
-    for row in range(past):
-        nodes[row] = nodes[row + 1]
-    nodes[past] = seen
-    end = past + coming
-    if not has_slopes:
-        for row in range(past + 1, end + 1):
-            for axis in range(3):
-                if row < end:
-                    slope = 0.5 * (nodes[row + 1, axis] - nodes[row - 1, axis])
-                else:
-                    slope = 2.0 * (nodes[row, axis] - nodes[row - 1, axis])
-                    slope -= period * nodes[row - 1, 3 + axis]
-                nodes[row, 3 + axis] = slope / period
-    for row in range(end + 1, nodes.shape[0]):
-        for axis in range(3):
-            slope = nodes[end, 3 + axis]
-            nodes[row, axis] = nodes[end, axis] + (row - end) * period * slope
-            nodes[row, 3 + axis] = slope
-
-
-@njit(cache=True, error_model="numpy")
-def invent_past(nodes, past, period):
-    """Before the first sample the reference came along its first acceleration."""
-    for row in range(past):
-        for axis in range(3):
-            slope = nodes[past, 3 + axis]
-            nodes[row, axis] = nodes[past, axis] - (past - row) * period * slope
-            nodes[row, 3 + axis] = slope
-
-
-@njit(cache=True, error_model="numpy")
-def follow(nodes, start, end, period, jacobian, pose, angle):
-    """Move ``pose`` (3,) and wheel angles (4,) on along the reference from one place to another.
-
-    Simpson's rule for each piece of at most one sample; yaw at the middle from the middle twist.
-    """
-    at = np.empty((3, 6))
-    while start < end - 1e-9:
-        stop = min(end, np.floor(start + 1e-9) + 1.0)
-        span = (stop - start) * period
-        for k in range(3):
-            reference_at(nodes, start + 0.5 * k * (stop - start), period, at[k])
-        turned = span * (at[0, 2] + 4.0 * at[1, 2] + at[2, 2]) / 6.0
-        # To a half of the span, by the parabola through the three.
-        half = span * (5.0 * at[0, 2] + 8.0 * at[1, 2] - at[2, 2]) / 24.0
-        x, y = 0.0, 0.0
-        for k in range(3):
-            yaw = pose[2] + (0.0 if k == 0 else half if k == 1 else turned)
-            weight = span * (4.0 if k == 1 else 1.0) / 6.0
-            c, s = np.cos(yaw), np.sin(yaw)
-            x += weight * (c * at[k, 0] - s * at[k, 1])
-            y += weight * (s * at[k, 0] + c * at[k, 1])
-        for wheel in range(4):
-            for axis in range(3):
-                mean = (at[0, axis] + 4.0 * at[1, axis] + at[2, axis]) / 6.0
-                angle[wheel] += jacobian[wheel, axis] * span * mean
-        pose[0] += x
-        pose[1] += y
-        pose[2] += turned
-        start = stop
-
+from controllers.linear.reference_window import extend_to_past, reference_at, take_sample
 
 TIME, TWIST, POSE, TORQUE, WANTED = 0, slice(1, 4), slice(4, 7), slice(7, 11), slice(11, 17)
 """Places in the array in which a call's inputs are handed to compiled code."""
@@ -117,9 +29,9 @@ def predict(
         if not np.isfinite(nodes[row]).all():
             coming = row - past - 1
             break
-    take(nodes, past, inputs[WANTED], coming, has_slopes, period)
+    take_sample(nodes, past, inputs[WANTED], coming, has_slopes, period)
     if not begun:
-        invent_past(nodes, past, period)
+        extend_to_past(nodes, past, period)
     at = np.empty(6)
     reference_at(nodes, past - timing[AGE] / period, period, at)
     error = inputs[TWIST] - at[:3]
@@ -166,3 +78,35 @@ def locate(inputs, wanted, state, period, jacobian, begun, place):
         value = inputs[TIME] if i == 0 else inputs[3 + i]
         if abs(value) < np.inf:
             place[i] = value
+
+
+@njit(cache=True, error_model="numpy")
+def follow(nodes, start, end, period, jacobian, pose, angle):
+    """Move ``pose`` (3,) and wheel angles (4,) on along the reference from one place to another.
+
+    Simpson's rule for each piece of at most one sample; yaw at the middle from the middle twist.
+    """
+    at = np.empty((3, 6))
+    while start < end - 1e-9:
+        stop = min(end, np.floor(start + 1e-9) + 1.0)
+        span = (stop - start) * period
+        for k in range(3):
+            reference_at(nodes, start + 0.5 * k * (stop - start), period, at[k])
+        turned = span * (at[0, 2] + 4.0 * at[1, 2] + at[2, 2]) / 6.0
+        # To a half of the span, by the parabola through the three.
+        half = span * (5.0 * at[0, 2] + 8.0 * at[1, 2] - at[2, 2]) / 24.0
+        x, y = 0.0, 0.0
+        for k in range(3):
+            yaw = pose[2] + (0.0 if k == 0 else half if k == 1 else turned)
+            weight = span * (4.0 if k == 1 else 1.0) / 6.0
+            c, s = np.cos(yaw), np.sin(yaw)
+            x += weight * (c * at[k, 0] - s * at[k, 1])
+            y += weight * (s * at[k, 0] + c * at[k, 1])
+        for wheel in range(4):
+            for axis in range(3):
+                mean = (at[0, axis] + 4.0 * at[1, axis] + at[2, axis]) / 6.0
+                angle[wheel] += jacobian[wheel, axis] * span * mean
+        pose[0] += x
+        pose[1] += y
+        pose[2] += turned
+        start = stop

@@ -8,11 +8,15 @@ loop, with the other three closed, bears more.
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from controllers.interface import Array
-from controllers.linear.linear_system import Complex, import_control
+from youbot_env.errors import optional_library
+
+Complex = NDArray[np.complex128]
 
 FREQUENCIES = 400
 """Points of a frequency response, equal steps of log(frequency) up to Nyquist's."""
@@ -37,9 +41,14 @@ class Margins:
         return {"gain_db": self.gain.tolist(), "phase_degrees": self.phase.tolist()}
 
 
+def python_control() -> Any:
+    """The module ``control``, or InputError that names the extra."""
+    return optional_library("control", "control", "this design needs python-control")
+
+
 def control_margins(loop_gain: Complex, frequency: Array) -> Margins:
     """The margins of L (w, 3, 3) as python-control finds them (extra: control)."""
-    control, one = import_control(), opened(loop_gain)
+    control, one = python_control(), opened(loop_gain)
     found = [control.margin(control.frd(one[:, axis], frequency))[:2] for axis in range(3)]
     gain, phase = np.array(found, float).T
     return Margins(np.abs(20.0 * np.log10(gain)), phase)

@@ -9,9 +9,13 @@ import numpy as np
 from scipy.linalg import block_diag
 
 from controllers.interface import Array, Loop
-from controllers.linear.drives import effective_mass
-from controllers.linear.linear_system import LinearSystem, closed, import_control, sampled_platform
-from controllers.linear.margins import Margins, frequency_grid, margins
+from controllers.linear.linear_system import (
+    LinearSystem,
+    closed,
+    effective_mass,
+    sampled_platform,
+)
+from controllers.linear.margins import Margins, frequency_grid, margins, python_control
 from youbot_env.errors import InputError, finite
 from youbot_env.model.model import Model
 
@@ -95,7 +99,7 @@ def lqi(model: Model, loop: Loop, weights: Weights) -> LQIDesign:
     InputError
         If python-control is missing, or the cost has no minimum that a computer finds.
     """
-    control = import_control()
+    control = python_control()
     mass, _ = effective_mass(model)
     bare = sampled_platform(model, loop, measured=False)
     size, period = len(bare.a), loop.sample_time

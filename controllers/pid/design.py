@@ -9,9 +9,15 @@ import numpy as np
 from numpy.typing import NDArray
 
 from controllers.interface import Array, Loop
-from controllers.linear.drives import Inertia, drive_lag, effective_mass
-from controllers.linear.linear_system import Complex, LinearSystem, closed, sampled_platform
-from controllers.linear.margins import frequency_grid, margins
+from controllers.linear.linear_system import (
+    Inertia,
+    LinearSystem,
+    closed,
+    drive_lag,
+    effective_mass,
+    sampled_platform,
+)
+from controllers.linear.margins import Complex, frequency_grid, margins
 from youbot_env.errors import InputError, finite
 from youbot_env.model.model import Model
 

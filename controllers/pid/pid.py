@@ -8,9 +8,10 @@ import numpy as np
 from numba import njit
 
 from controllers.allocation import within_limits
-from controllers.computed_torque.prediction import invent_past, reference_at, take
 from controllers.interface import Array, Loop, Observation, Reference
-from controllers.linear.drives import CommandTracker, effective_mass
+from controllers.linear.drives import CommandTracker
+from controllers.linear.linear_system import effective_mass
+from controllers.linear.reference_window import extend_to_past, reference_at, take_sample
 from controllers.pid.design import PIDGains, derivative_filter, design, matrices
 from youbot_env.model.model import Model
 
@@ -106,7 +107,7 @@ class PID:
     ----------
     model : masses and frictions that the gains are computed from
     loop : times and limit of the loop that it runs in
-    gains : None is the fastest poles with 6 dB and 45 degrees, :func:`pid_design.design`
+    gains : None is the fastest poles with 6 dB and 45 degrees, :func:`controllers.pid.design.design`
 
     Attributes
     ----------
@@ -154,9 +155,9 @@ class PID:
         if not self._past:
             return reference.twist
         self._seen[:3], self._seen[3:] = reference.twist, reference.acceleration
-        take(self._nodes, self._past, self._seen, 0, True, self._period)
+        take_sample(self._nodes, self._past, self._seen, 0, True, self._period)
         if self._is_new:
-            invent_past(self._nodes, self._past, self._period)
+            extend_to_past(self._nodes, self._past, self._period)
             self._is_new = False
         reference_at(self._nodes, self._past - self._age, self._period, self._wanted)
         return self._wanted[:3]

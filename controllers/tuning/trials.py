@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from controllers.interface import Array, Controller, Loop, Observation, Reference
-from controllers.linear.linear_system import whole_and_rest
+from controllers.linear.linear_system import split_delay
 from youbot_env.errors import InputError
 from youbot_env.model.model import Model
 from youbot_env.motions.base import Motion
@@ -217,7 +217,7 @@ class _Pipe:
     """Commands on their way: what acts during a period, for how long."""
 
     def __init__(self, loop: Loop, count: int) -> None:
-        whole, self.rest = whole_and_rest(loop.delay, loop.sample_time)
+        whole, self.rest = split_delay(loop.delay, loop.sample_time)
         self.period = loop.sample_time
         self.queue: list[Array] = [np.zeros((count, 4))] * (whole + 1)
 

@@ -10,8 +10,8 @@ import numpy as np
 
 from controllers.interface import Array, Loop
 from controllers.kinematic import Gains
-from controllers.linear.drives import drive_lag, effective_mass
-from controllers.linear.linear_system import Complex, LinearSystem
+from controllers.linear.linear_system import LinearSystem, drive_lag, effective_mass
+from controllers.linear.margins import Complex
 from controllers.pid.design import (
     FILTER_SHARE,
     PIDGains,

@@ -14,8 +14,14 @@ import numpy as np
 
 from controllers.interface import Array, Loop
 from controllers.kinematic import Gains
-from controllers.linear.linear_system import Complex, closed, sampled_platform
-from controllers.linear.margins import Margins, control_margins, frequency_grid, margins
+from controllers.linear.linear_system import closed, sampled_platform
+from controllers.linear.margins import (
+    Complex,
+    Margins,
+    control_margins,
+    frequency_grid,
+    margins,
+)
 from controllers.tuning.trials import Score, TuningTrial, references
 from controllers.tuning.tunable_laws import TunableKinematic, TunableLaw
 from youbot_env.errors import InputError, finite

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from youbot_env.contact.mjcf import mjcf
 from youbot_env.contact.settings import Contact
-from youbot_env.errors import InputError
+from youbot_env.errors import optional_library
 from youbot_env.model.model import Model
 from youbot_env.physics.geometry import COS_ROLLER, SIGN_X, WHEELS
 from youbot_env.physics.structure import STATE
@@ -190,10 +190,4 @@ def _means(pieces: list[tuple[Array, float]], duration: float, steps: int) -> Ar
 
 
 def _engine() -> Any:
-    try:
-        import mujoco
-    except ImportError:
-        raise InputError(
-            "a plant with contacts needs MuJoCo: pip install 'youbot[mujoco]'"
-        ) from None
-    return mujoco
+    return optional_library("mujoco", "mujoco", "a plant with contacts needs MuJoCo")

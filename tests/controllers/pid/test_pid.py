@@ -8,8 +8,13 @@ import numpy as np
 import pytest
 
 from controllers.interface import Controller, Loop, Observation, Reference
-from controllers.linear.drives import effective_mass
-from controllers.linear.linear_system import closed, sampled, sampled_platform, twist_dynamics
+from controllers.linear.linear_system import (
+    closed,
+    effective_mass,
+    sampled,
+    sampled_platform,
+    twist_dynamics,
+)
 from controllers.linear.margins import control_margins, frequency_grid, margins
 from controllers.pid.design import PIDGains, design, linear_pid, matrices, response
 from controllers.pid.pid import PID, BodyLoops
