@@ -17,7 +17,7 @@ from identification.mechanisms.axis import Axis
 from identification.mechanisms.axis_dynamics import AxisStructure
 from identification.mechanisms.axis_effects import AXIS_BASE, AXIS_CATALOGUE, Scales, fitted_to
 from identification.mechanisms.axis_samples import typical
-from identification.signals.filters import FILTER_RATE
+from identification.signals.filters import FilterSettings
 from youbot_env.errors import InputError
 from youbot_env.model import model_file as parts
 from youbot_env.model.model import Estimate
@@ -242,7 +242,7 @@ def _scales(data: Any, parameters: Mapping[str, Any], source: str) -> Scales:
     ]
     if min(sizes) <= 0:
         raise InputError(f"{source}: scales must be positive")
-    band = parts.number(data.get("bandwidth", FILTER_RATE), source, "scales.bandwidth")
+    band = parts.number(data.get("bandwidth", FilterSettings.rate), source, "scales.bandwidth")
     return Scales(unit == "rad", *sizes, bandwidth=band)
 
 
