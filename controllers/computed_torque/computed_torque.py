@@ -8,7 +8,7 @@ from math import ceil
 import numpy as np
 
 from controllers.computed_torque.feedback import PLANNED, WIDTH, act
-from controllers.computed_torque.feedback_design import design, feedback_margins
+from controllers.computed_torque.feedback_design import FeedbackSettings, design, feedback_margins
 from controllers.computed_torque.prediction import POSE, TIME, TORQUE, TWIST, predict
 from controllers.interface import Array, Loop, Observation, Reference
 from controllers.linear.linear_system import ROUNDING, acting_delay
@@ -41,6 +41,7 @@ class ComputedTorque:
     model : what the controller believes, with all its effects
     loop : times, limit and noise of the loop that it runs in
     bandwidth : [rad/s] of the feedback; None chooses by noise and delay
+    settings : by what it chooses, and what the feedback believes
 
     Attributes
     ----------
@@ -54,11 +55,17 @@ class ComputedTorque:
         If the bandwidth is not positive.
     """
 
-    def __init__(self, model: Model, loop: Loop | None = None, bandwidth: float | None = None):
+    def __init__(
+        self,
+        model: Model,
+        loop: Loop | None = None,
+        bandwidth: float | None = None,
+        settings: FeedbackSettings | None = None,
+    ) -> None:
         self.model, self.loop = model, loop or Loop()
         if bandwidth is not None:
             bandwidth = finite("bandwidth [rad/s]", bandwidth, positive=True)
-        self.design = design(model, self.loop, bandwidth)
+        self.design = design(model, self.loop, bandwidth, settings or FeedbackSettings())
         self._lead = acting_delay(model, self.loop) / self.loop.sample_time
         self.preview_needed = ceil(self._lead - ROUNDING) + 1
         self._follows = bool(model.structure.at(WORLD)) or model.structure.depends_on_angle

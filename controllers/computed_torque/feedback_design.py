@@ -8,7 +8,7 @@ through them give their matrices; nothing is written down twice.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 from scipy.linalg import expm, solve_discrete_are
@@ -22,6 +22,7 @@ from controllers.computed_torque.feedback import (
     estimate,
 )
 from controllers.interface import Array, Loop
+from controllers.linear.drives import DriveSettings
 from controllers.linear.linear_system import (
     LinearSystem,
     acting_delay,
@@ -35,25 +36,54 @@ from youbot_env.errors import InputError
 from youbot_env.model.model import Model
 from youbot_env.physics import inverse_dynamics as dynamics
 
-TRUSTED = 0.7
-"""Largest disturbance that is believed, as a share of the acceleration that the limit allows."""
 
-SURPRISE = 8.0
-"""Deviations of the measured speed beyond which the first error is taken as it is measured."""
+@dataclass(frozen=True)
+class FeedbackSettings:
+    """What the bandwidth of the feedback is chosen by, and what its estimator believes."""
 
-NOISE_SHARE = 0.1
-"""Bandwidth times sample time: about sqrt(0.1), a third, of the speeds' noise gets into the twist
-at any rate."""
-
-DELAY_SHARE = 0.7
-"""Bandwidth times total delay. With it and ``FASTEST`` the paper's platform keeps a gain margin of
-10 dB and a phase margin of 45 degrees at 20 Hz to 1 kHz with delays up to 0.1 s."""
-
-FASTEST = 15.0
-"""Bandwidth [rad/s] beyond which wheels that slip and bend are no part of the model."""
-
-CONTRADICTION = 0.05
-"""Share of the torque limit by which a measured torque may differ from the one expected."""
+    max_bandwidth: float = field(
+        default=15.0,
+        metadata={
+            "unit": "rad/s",
+            "reason": "faster, wheels that slip and bend are no part of the model",
+        },
+    )
+    max_bandwidth_times_period: float = field(
+        default=0.1,
+        metadata={
+            "unit": "1",
+            "reason": "about sqrt(0.1), a third, of the speeds' noise gets into the twist at any "
+            "rate",
+        },
+    )
+    max_bandwidth_times_delay: float = field(
+        default=0.7,
+        metadata={
+            "unit": "1",
+            "reason": "with it and max_bandwidth the paper's platform keeps a gain margin of 10 "
+            "dB and a phase margin of 45 degrees at 20 Hz to 1 kHz with delays up to "
+            "0.1 s",
+        },
+    )
+    max_disturbance_share: float = field(
+        default=0.7,
+        metadata={
+            "unit": "of the acceleration that the torque limit allows",
+            "reason": "a larger disturbance is not believed: nothing could be left to drive with",
+        },
+    )
+    first_error_deviations: float = field(
+        default=8.0,
+        metadata={
+            "unit": "standard deviations of a measured speed",
+            "reason": "beyond them the first error is no noise: it is taken as it is measured, "
+            "for a loop that begins while the platform moves",
+        },
+    )
+    contradiction_share: float = field(
+        default=DriveSettings.contradiction_share,
+        metadata={"unit": "of the torque limit", "reason": "see DriveSettings"},
+    )
 
 
 @dataclass(frozen=True, eq=False)
@@ -84,23 +114,33 @@ class FeedbackDesign:
     mass: Array
 
 
-def design(model: Model, loop: Loop, bandwidth: float | None = None) -> FeedbackDesign:
+def design(
+    model: Model,
+    loop: Loop,
+    bandwidth: float | None = None,
+    settings: FeedbackSettings = FeedbackSettings(),
+) -> FeedbackDesign:
     """Gains for a model in a loop.
 
     The estimator is the Kalman filter, the regulator the linear quadratic one, of the sampled
     model of :mod:`controllers.computed_torque.feedback`; both with weights that give an axis
     without friction the poles of a Butterworth filter (of a first-order lag) of ``bandwidth``
-    [rad/s]. None is the largest that noise, delay and ``FASTEST`` allow.
+    [rad/s]. None is the largest that noise, delay and ``settings`` allow.
     """
     period, age, lag = loop.sample_time, loop.measurement_delay, drive_lag(model)
     if bandwidth is None:
         total = acting_delay(model, loop) + lag + age + 0.5 * period
-        bandwidth = min(FASTEST, NOISE_SHARE / period, DELAY_SHARE / total)
+        bandwidth = min(
+            settings.max_bandwidth,
+            settings.max_bandwidth_times_period / period,
+            settings.max_bandwidth_times_delay / total,
+        )
     slots, part = split_delay(acting_delay(model, loop), period)
     to_acceleration, to_torque = force_maps(model)
-    most = TRUSTED * loop.torque_limit * np.abs(to_acceleration).sum(axis=1)
+    most = settings.max_disturbance_share * loop.torque_limit * np.abs(to_acceleration).sum(axis=1)
     per_wheel = np.sqrt((model.geometry.body_twist(np.eye(4)) ** 2).sum(axis=0))
-    jump = SURPRISE * loop.speed_noise * per_wheel
+    jump = settings.first_error_deviations * loop.speed_noise * per_wheel
+    tolerance = settings.contradiction_share * loop.torque_limit
     axes = np.empty((3, 10))
     for axis, rate in enumerate(np.maximum(decay_rates(model), 1e-6)):
         keep, keep_part = np.exp(-rate * period), np.exp(-rate * part)
@@ -111,7 +151,7 @@ def design(model: Model, loop: Loop, bandwidth: float | None = None) -> Feedback
     return FeedbackDesign(
         bandwidth=float(bandwidth),
         axes=axes,
-        timing=_timing(period, slots, part, lag, age, CONTRADICTION * loop.torque_limit),
+        timing=_timing(period, slots, part, lag, age, tolerance),
         slots=slots + 2,
         past=int(age / period) + 2,
         slope=channel_slope(model),

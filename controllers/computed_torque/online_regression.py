@@ -7,6 +7,8 @@ a_f (s - s_f) and nothing is ever differentiated.
 
 from __future__ import annotations
 
+from dataclasses import dataclass, field
+
 import numpy as np
 from numba import njit
 
@@ -19,14 +21,29 @@ from youbot_env.physics.effect import BASE
 from youbot_env.simulation.compiled import inverse_kernel
 from youbot_env.simulation.generated_code import MOTION
 
-ROW_TIME = 0.05
-"""[s] over which filtered samples are averaged into one row: half the filter's time constant."""
-
-STEP = 1e-3
-"""Share of a parameter's size by which it is moved for its column; columns are linear."""
-
 BASE_COUNT = sum(len(item.parameter_names) for item in BASE)
 """Base parameters, which lead theta: those that are identified while driving."""
+
+
+@dataclass(frozen=True)
+class RowSettings:
+    """How filtered samples become rows of the regression."""
+
+    row_time: float = field(
+        default=0.05,
+        metadata={
+            "unit": "s",
+            "reason": "filtered samples are averaged into a row: half the filter's time constant",
+        },
+    )
+    column_step_share: float = field(
+        default=1e-3,
+        metadata={
+            "unit": "of a parameter's size",
+            "reason": "it is moved by so much for its column; columns are linear, so no step is "
+            "too large",
+        },
+    )
 
 
 class OnlineRows:
@@ -38,6 +55,7 @@ class OnlineRows:
     ----------
     model : structure and geometry; its parameters are the point at which columns are taken
     loop : sample time, age of the measured speeds
+    settings : length of a row, and the step of a column
 
     Attributes
     ----------
@@ -46,19 +64,19 @@ class OnlineRows:
     demand : (3,) [N m] the last row's force as measured, nothing taken off
     """
 
-    def __init__(self, model: Model, loop: Loop) -> None:
+    def __init__(self, model: Model, loop: Loop, settings: RowSettings = RowSettings()) -> None:
         self._kernel, self._lengths = inverse_kernel(model.structure), model.lengths
         mechanism = Mecanum(model.geometry, model.structure)
         self._jacobian = np.ascontiguousarray(model.geometry.wheel_jacobian)
         self._force_scale = mechanism.force_scale
         sizes = [abs(label.parameter.size) for label in mechanism.labels[:BASE_COUNT]]
-        self._steps = STEP * np.array(sizes)
+        self._steps = settings.column_step_share * np.array(sizes)
         self._weights = np.array(hold_weights(FilterSettings.rate, loop.sample_time))
         self._age = loop.measurement_delay / loop.sample_time
         self._settled = int(
             np.ceil(FilterSettings.settling_time_constants / FilterSettings.rate / loop.sample_time)
         )
-        self._in_row = max(1, round(ROW_TIME / loop.sample_time))
+        self._in_row = max(1, round(settings.row_time / loop.sample_time))
         self.linearise(model.theta)
         self.reset()
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections import deque
+from dataclasses import dataclass, field
 
 import numpy as np
 
@@ -10,8 +11,19 @@ from controllers.interface import Array, Loop
 from controllers.linear.linear_system import acting_delay, drive_lag, split_delay
 from youbot_env.model.model import Model
 
-CONTRADICTION = 0.05
-"""Share of the torque limit by which a measured torque may differ from the expected one."""
+
+@dataclass(frozen=True)
+class DriveSettings:
+    """When a measured torque is believed instead of the commanded one."""
+
+    contradiction_share: float = field(
+        default=0.05,
+        metadata={
+            "unit": "of the torque limit",
+            "reason": "a measured torque may differ by so much from the expected one: the ripple "
+            "and quantisation of a current measurement stay below",
+        },
+    )
 
 
 class CommandTracker:
@@ -24,7 +36,7 @@ class CommandTracker:
         self.period = loop.sample_time
         self.whole, self.rest = split_delay(acting_delay(model, loop), self.period)
         self.lag = drive_lag(model)
-        self.tolerance = CONTRADICTION * loop.torque_limit
+        self.tolerance = DriveSettings.contradiction_share * loop.torque_limit
         self.reset()
 
     def reset(self) -> None:

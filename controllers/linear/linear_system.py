@@ -1,14 +1,16 @@
 """The loop as a linear system: platform, drives, delay, hold and measurement.
 
-What a design asks of a model stands here too: its drives' lag, the delay of its commands, and the
-mass and friction that a command meets. Everything is written for the body force (F_X, F_Y, M_W) [N, N, N m] that the wheels exert
+Everything is written for the body force (F_X, F_Y, M_W) [N, N, N m] that the wheels exert
 together, because least-norm wheel torques and it say the same. Seen at its samples a linear loop
 with a hold is a linear system again, so the sampled model is exact for delays of any length.
+
+What a design asks of a model stands here too: its drives' lag, the delay of its commands, and the
+mass and friction that a command meets.
 """
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -26,12 +28,22 @@ from youbot_env.simulation.free_run import initial_state
 TWIST = slice(0, 3)
 DRIVES = slice(len(STATE), len(STATE) + len(DRIVE_STATE))
 
-WORKING_TWIST = (0.25, 0.1, 0.1)
-"""A twist [m/s, m/s, rad/s] at which every wheel and every roller turns, past the kink that dry
-friction has at standstill."""
-
 ROUNDING = 1e-9
 """Share of a sample below which a piece of a delay is rounding."""
+
+
+@dataclass(frozen=True)
+class LinearisationSettings:
+    """Where a platform is taken for a linear system."""
+
+    working_twist: tuple[float, float, float] = field(
+        default=(0.25, 0.1, 0.1),
+        metadata={
+            "unit": "m/s, m/s, rad/s",
+            "reason": "every wheel and every roller turns, past the kink that dry friction has at "
+            "standstill",
+        },
+    )
 
 
 @dataclass(frozen=True, eq=False)
@@ -86,11 +98,13 @@ def twist_dynamics(model: Model, twist: ArrayLike | None = None) -> LinearSystem
     Parameters
     ----------
     twist : VX, VY, W [m/s, m/s, rad/s]. None is the platform about rest, but with the slope that
-        friction has once everything turns: the mean of the systems at +-``WORKING_TWIST``, in
-        which all that is odd in the twist (Coriolis forces) cancels.
+        friction has once everything turns: the mean of the systems at plus and minus
+        ``LinearisationSettings.working_twist``, in which all that is odd in the twist (Coriolis
+        forces) cancels.
     """
     if twist is None:
-        about = [np.array(WORKING_TWIST), -np.array(WORKING_TWIST)]
+        working = np.array(LinearisationSettings.working_twist)
+        about = [working, -working]
     else:
         about = [np.asarray(twist, float)]
     parts = [_about(model, point) for point in about]

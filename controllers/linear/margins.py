@@ -7,7 +7,7 @@ loop, with the other three closed, bears more.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
@@ -18,8 +18,43 @@ from youbot_env.errors import optional_library
 
 Complex = NDArray[np.complex128]
 
-FREQUENCIES = 400
-"""Points of a frequency response, equal steps of log(frequency) up to Nyquist's."""
+
+@dataclass(frozen=True)
+class MarginSettings:
+    """The stability margins that a design must keep, and the grid on which they are found.
+
+    ``gain_margin`` and ``phase_margin`` hold at each axis.
+    """
+
+    gain_margin: float = field(
+        default=6.0,
+        metadata={
+            "unit": "dB",
+            "reason": "a textbook's value: the loop bears half or twice its gain",
+        },
+    )
+    phase_margin: float = field(
+        default=45.0,
+        metadata={
+            "unit": "degrees",
+            "reason": "a textbook's value: a step overshoots by about a quarter",
+        },
+    )
+    frequency_count: int = field(
+        default=400,
+        metadata={
+            "unit": "1",
+            "reason": "equal steps of log(frequency): crossings are found between them, so that "
+            "margins agree with python-control's to a thousandth",
+        },
+    )
+    lowest_frequency_share: float = field(
+        default=1e-4,
+        metadata={
+            "unit": "of Nyquist's frequency",
+            "reason": "below it integral action alone decides, far from both crossings",
+        },
+    )
 
 
 @dataclass(frozen=True, eq=False)
@@ -56,7 +91,8 @@ def control_margins(loop_gain: Complex, frequency: Array) -> Margins:
 
 def frequency_grid(period: float) -> Array:
     """(w,) [rad/s] up to Nyquist's frequency."""
-    return np.geomspace(1e-4, 1.0, FREQUENCIES) * np.pi / period
+    lowest, count = MarginSettings.lowest_frequency_share, MarginSettings.frequency_count
+    return np.geomspace(lowest, 1.0, count) * np.pi / period
 
 
 def opened(loop_gain: Complex) -> Complex:

@@ -8,7 +8,6 @@ are compiled and fill arrays that the caller keeps.
 
 from __future__ import annotations
 
-import numpy as np
 from numba import njit
 
 

@@ -107,7 +107,7 @@ class PID:
     ----------
     model : masses and frictions that the gains are computed from
     loop : times and limit of the loop that it runs in
-    gains : None is the fastest poles with 6 dB and 45 degrees, :func:`controllers.pid.design.design`
+    gains : None is the fastest poles that keep the margins, :func:`controllers.pid.design.design`
 
     Attributes
     ----------

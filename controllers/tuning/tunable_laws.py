@@ -3,54 +3,75 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import replace
-from typing import Protocol
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
 from controllers.interface import Array, Loop
 from controllers.kinematic import Gains
 from controllers.linear.linear_system import LinearSystem, drive_lag, effective_mass
-from controllers.linear.margins import Complex
+from controllers.linear.margins import Complex, MarginSettings
 from controllers.pid.design import (
-    FILTER_SHARE,
     PIDGains,
+    PIDSettings,
     bandwidths,
     linear_pid,
     response as pid_response,
 )
 from controllers.pid.pid import BodyLoops
-from controllers.tuning.trials import Law
 from youbot_env.model.model import Model
 from youbot_env.physics.geometry import Geometry
 
-DAMPINGS = 7
-"""Dampings at which PID's bandwidths are sought; between them they are interpolated."""
 
+@dataclass(frozen=True)
+class GainRanges:
+    """Where the free numbers of the laws are sought."""
 
-class TunableLaw(Protocol):
-    """A control law with free numbers, as the search sees it.
-
-    Attributes
-    ----------
-    names : of the free numbers
-    span : lowest and highest value of each, all positive; the grid is logarithmic
-    """
-
-    names: tuple[str, ...]
-    span: tuple[tuple[float, float], ...]
-
-    def controller(self, point: Array) -> LinearSystem:
-        """Measured twist error (3,) to body force (3,) at one point (p,)."""
-        ...
-
-    def response(self, point: Array, frequency: Array) -> Complex:
-        """Frequency response (w, 3, 3) of :meth:`controller`."""
-        ...
-
-    def law(self, points: Array, motions: int) -> Law:
-        """Rows (c * motions) of the points (c, p), each for all motions."""
-        ...
+    proportional: tuple[float, float] = field(
+        default=(0.01, 10.0),
+        metadata={
+            "unit": "N m s/rad",
+            "reason": "from a tenth of the stock gain to where no loop is stable",
+        },
+    )
+    integral: tuple[float, float] = field(
+        default=(0.03, 300.0),
+        metadata={
+            "unit": "N m/rad",
+            "reason": "from a tenth of the stock gain to where no loop is stable",
+        },
+    )
+    min_lead: float = field(
+        default=1e-3,
+        metadata={"unit": "s", "reason": "no lead, as a point of a logarithmic grid"},
+    )
+    max_lead_beyond_delay: float = field(
+        default=0.05,
+        metadata={
+            "unit": "s",
+            "reason": "a lead makes up for twice the loop's delay and sample, and for so much lag "
+            "beyond",
+        },
+    )
+    bandwidth_share: tuple[float, float] = field(
+        default=(0.3, 4.0),
+        metadata={
+            "unit": "1",
+            "reason": "of the bandwidths that just keep the margins; free gains give margins up",
+        },
+    )
+    damping: tuple[float, float] = field(
+        default=(0.6, 2.0),
+        metadata={"unit": "1", "reason": "from an overshoot of a tenth to two separate real poles"},
+    )
+    damping_count: int = field(
+        default=7,
+        metadata={
+            "unit": "1",
+            "reason": "dampings at which PID's bandwidths are sought; between them they are "
+            "interpolated",
+        },
+    )
 
 
 class WheelLoops:
@@ -82,10 +103,10 @@ class TunableKinematic:
     def __init__(self, model: Model, loop: Loop, *, lead: bool = False) -> None:
         self.model, self.loop = model, loop
         self.names: tuple[str, ...] = ("proportional", "integral", "lead")[: 2 + lead]
-        longest = 0.05 + 2 * (loop.delay + loop.sample_time)
-        self.span: tuple[tuple[float, float], ...] = ((0.01, 10.0), (0.03, 300.0), (1e-3, longest))[
-            : 2 + lead
-        ]
+        ranges = GainRanges()
+        longest = ranges.max_lead_beyond_delay + 2 * (loop.delay + loop.sample_time)
+        spans = (ranges.proportional, ranges.integral, (ranges.min_lead, longest))
+        self.span: tuple[tuple[float, float], ...] = spans[: 2 + lead]
 
     def gains(self, point: Array) -> Gains:
         """The point as ``KinematicControl`` takes it."""
@@ -101,9 +122,9 @@ class TunableKinematic:
         to_force = np.diag((self.model.geometry.wheel_jacobian**2).sum(axis=0))
         return np.asarray(each[:, None, None] * to_force, np.complex128)
 
-    def law(self, points: Array, motions: int) -> WheelLoops:
-        rows = [gains for gains in map(self.gains, points) for _ in range(motions)]
-        return WheelLoops(rows, self.model.geometry, self.loop)
+    def rows(self, points: Array, motions: int) -> WheelLoops:
+        each = [gains for gains in map(self.gains, points) for _ in range(motions)]
+        return WheelLoops(each, self.model.geometry, self.loop)
 
 
 class TunablePID:
@@ -114,19 +135,26 @@ class TunablePID:
     """
 
     def __init__(
-        self, model: Model, loop: Loop, *, gain_margin: float = 6.0, phase_margin: float = 45.0
+        self,
+        model: Model,
+        loop: Loop,
+        *,
+        gain_margin: float = MarginSettings.gain_margin,
+        phase_margin: float = MarginSettings.phase_margin,
     ) -> None:
+        ranges = GainRanges()
+        wanted = PIDSettings(gain_margin=gain_margin, phase_margin=phase_margin)
         self.model, self.loop = model, loop
         self.names: tuple[str, ...] = ("share", "damping")
-        self.span: tuple[tuple[float, float], ...] = ((0.3, 4.0), (0.6, 2.0))
+        self.span: tuple[tuple[float, float], ...] = (
+            ranges.bandwidth_share,
+            ranges.damping,
+        )
         self._inertia, lag = effective_mass(model), drive_lag(model)
-        self._lead = {"derivative_time": lag, "filter_time": FILTER_SHARE * lag}
-        self._damping = np.geomspace(*self.span[1], DAMPINGS)
+        self._lead = {"derivative_time": lag, "filter_time": wanted.filter_share * lag}
+        self._damping = np.geomspace(*ranges.damping, ranges.damping_count)
         self._bandwidth = np.log(
-            [
-                bandwidths(model, loop, self._shape(d), gain_margin, phase_margin)
-                for d in self._damping.tolist()
-            ]
+            [bandwidths(model, loop, self._shape(d), wanted) for d in self._damping.tolist()]
         )
 
     def _shape(self, damping: float) -> PIDGains:
@@ -145,9 +173,9 @@ class TunablePID:
     def response(self, point: Array, frequency: Array) -> Complex:
         return pid_response(self._inertia, self.gains(point), self.loop.sample_time, frequency)
 
-    def law(self, points: Array, motions: int) -> BodyLoops:
-        rows = [gains for gains in map(self.gains, points) for _ in range(motions)]
-        return BodyLoops(self.model, self.loop, rows)
+    def rows(self, points: Array, motions: int) -> BodyLoops:
+        each = [gains for gains in map(self.gains, points) for _ in range(motions)]
+        return BodyLoops(self.model, self.loop, each)
 
 
 def wheel_loops(gains: Gains, geometry: Geometry, period: float) -> LinearSystem:

@@ -1,8 +1,8 @@
 """A model in other people's tools, one file each; nothing here states an equation of motion.
 
-``control_systems``: systems of python-control; ``torch_export`` (and ``torch_module``, which imports
-torch): a module with gradients; ``mujoco_bodies``: an MJCF document; ``step_function``: a plain
-function from a state to the next.
+``control_systems``: systems of python-control; ``torch_export`` (and ``torch_module``, which
+imports torch): a module with gradients; ``mujoco_bodies``: an MJCF document; ``step_function``: a
+plain function from a state to the next.
 """
 
 from lazy_loader import attach_stub

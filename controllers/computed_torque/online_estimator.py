@@ -9,37 +9,100 @@ the parameters have changed, and all that was certain is given up.
 
 from __future__ import annotations
 
+from dataclasses import dataclass, field
+
 import numpy as np
 
 from controllers.interface import Array
 from identification.fitting.recursive import RecursiveLeastSquares
 
-LEAST_NOISE = 0.02
-"""[N m] that a row misses by at best: the encoders' noise at 100 Hz."""
 
-EXCITED = 0.5
-"""[N m] rms of an axis' demanded force below which it shows noise alone."""
+@dataclass(frozen=True)
+class EstimatorSettings:
+    """The guards around the recursion: when a row is used, and what counts as a change."""
 
-EXCITED_TIME, NOISE_TIME, SURPRISE_TIME = 1.0, 10.0, 0.5
-"""[s] over which excitation, noise and surprise are averaged."""
+    min_noise: float = field(
+        default=0.02,
+        metadata={
+            "unit": "N m",
+            "reason": "what a row misses by at best: the encoders' noise at 100 Hz",
+        },
+    )
+    min_excitation: float = field(
+        default=0.5,
+        metadata={
+            "unit": "N m",
+            "reason": "rms of an axis' demanded force; below it a row shows noise alone",
+        },
+    )
+    excitation_time: float = field(
+        default=1.0,
+        metadata={
+            "unit": "s",
+            "reason": "average of the excitation: longer than a reversal at standstill",
+        },
+    )
+    noise_time: float = field(
+        default=10.0,
+        metadata={
+            "unit": "s",
+            "reason": "average of the noise: slow, so that a change is not taken for noise",
+        },
+    )
+    surprise_time: float = field(
+        default=0.5,
+        metadata={
+            "unit": "s",
+            "reason": "average of the surprise: ten rows, so that a single outlier is none",
+        },
+    )
+    max_surprise: float = field(
+        default=6.0,
+        metadata={
+            "unit": "1",
+            "reason": "mean square of the misses over their expected variance; beyond it "
+            "something has changed",
+        },
+    )
+    pause_time: float = field(
+        default=0.5,
+        metadata={
+            "unit": "s",
+            "reason": "after it the filters have forgotten the platform as it was before a change",
+        },
+    )
+    learning_time: float = field(
+        default=2.0,
+        metadata={
+            "unit": "s",
+            "reason": "what a change gets to be learnt; what still misses then is no change of "
+            "parameters",
+        },
+    )
+    first_deviation_share: float = field(
+        default=0.1,
+        metadata={
+            "unit": "of the prior deviation",
+            "reason": "the first estimate is right until it misses",
+        },
+    )
+    max_miss: float = field(
+        default=10.0,
+        metadata={
+            "unit": "N m",
+            "reason": "no parameter makes a row miss by more: a collision, or drives without power",
+        },
+    )
+    outlier_deviations: float = field(
+        default=3.0,
+        metadata={
+            "unit": "standard deviations",
+            "reason": "a miss counts as so many at most: outliers hardly raise the noise",
+        },
+    )
 
-SURPRISING = 6.0
-"""Mean square of the misses over their expected variance at which something has changed."""
 
-PAUSE = 0.5
-"""[s] after which the filters have forgotten the platform as it was before a change."""
-
-GRACE = 2.0
-"""[s] that a change gets to be learnt; what still misses then is no change of parameters."""
-
-TRUST = 0.1
-"""Share of ``spread`` by which the first estimate is uncertain: it is right until it misses."""
-
-BELIEVABLE = 10.0
-"""[N m] by which no parameter makes a row miss: a collision, or drives without power."""
-
-
-class Learner:
+class OnlineEstimator:
     """Estimates scaled parameters x (F,) from rows y = H x, one for each of three axes.
 
     Parameters
@@ -48,6 +111,7 @@ class Learner:
     spread : (F,) its standard deviation, then and whenever the parameters have changed
     row_time : [s] between rows
     memory : [s] after which a row counts 1/e
+    settings : of the guards
 
     Attributes
     ----------
@@ -55,16 +119,26 @@ class Learner:
     changes : times that the parameters were found to have changed
     """
 
-    def __init__(self, start: Array, spread: Array, row_time: float, memory: float) -> None:
+    def __init__(
+        self,
+        start: Array,
+        spread: Array,
+        row_time: float,
+        memory: float,
+        settings: EstimatorSettings = EstimatorSettings(),
+    ) -> None:
+        self._settings = settings
         self._prior = np.asarray(spread, float) ** 2
         fading = float(np.exp(-row_time / memory))
-        first = TRUST**2 * self._prior
+        first = settings.first_deviation_share**2 * self._prior
         self._squares = RecursiveLeastSquares(len(start), start, first, fading)
-        self._shares = row_time / np.array([EXCITED_TIME, NOISE_TIME, SURPRISE_TIME])
-        self._pause, self._grace = -round(PAUSE / row_time), round(GRACE / row_time)
+        times = settings.excitation_time, settings.noise_time, settings.surprise_time
+        self._shares = row_time / np.array(times)
+        self._pause = -round(settings.pause_time / row_time)
+        self._grace = round(settings.learning_time / row_time)
         self._since_change = self._grace + 1
         self._excitation, self._surprise = np.zeros(3), np.zeros(3)
-        self.noise = np.full(3, LEAST_NOISE)
+        self.noise = np.full(3, settings.min_noise)
         self.changes = 0
 
     @property
@@ -91,9 +165,9 @@ class Learner:
         demand : (3,) [N m] the whole force of the row, which tells excitation
         """
         self._excitation += self._shares[0] * (demand**2 - self._excitation)
-        used = self._excitation > EXCITED**2
+        used = self._excitation > self._settings.min_excitation**2
         missed = measured - columns @ self.estimate
-        if not used.any() or not np.abs(missed).max() < BELIEVABLE:
+        if not used.any() or not np.abs(missed).max() < self._settings.max_miss:
             return False
         known = np.einsum("ai,ij,aj->a", columns, self._squares.covariance, columns)
         self._since_change += 1
@@ -113,11 +187,11 @@ class Learner:
         expected = self.noise**2 + known
         ratio = np.where(used, missed**2 / expected, 0.0)
         self._surprise += self._shares[2] * (ratio - self._surprise)
-        # A miss counts as three deviations at most: outliers hardly raise the noise.
-        level = np.maximum(np.minimum(missed**2, 9.0 * expected) - known, 0.0)
+        most = self._settings.outlier_deviations**2 * expected
+        level = np.maximum(np.minimum(missed**2, most) - known, 0.0)
         variance = self.noise**2 + used * self._shares[1] * (level - self.noise**2)
-        self.noise = np.sqrt(np.maximum(variance, LEAST_NOISE**2))
-        if self._surprise.max() <= SURPRISING:
+        self.noise = np.sqrt(np.maximum(variance, self._settings.min_noise**2))
+        if self._surprise.max() <= self._settings.max_surprise:
             return
         if self._since_change > self._grace:
             self._since_change = self._pause
