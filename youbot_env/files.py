@@ -341,7 +341,7 @@ def _misfit(error: Any, noun: str) -> str:
     if rule == "enum":
         return f"{what} {_short(repr(value))} is none of {', '.join(error.rule_definition)}"
     if rule in BOUNDS:
-        return f"{what}: {_short(value)} must be {BOUNDS[rule]} {error.rule_definition:g}"
+        return f"{what}: {_short(value)} must be {BOUNDS[rule]} {error.rule_definition:.10g}"
     if rule in ("minItems", "maxItems"):
         bound = "at least" if rule == "minItems" else "at most"
         return f"{what} must have {bound} {error.rule_definition} entries, not {len(value)}"
