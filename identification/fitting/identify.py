@@ -29,7 +29,7 @@ from identification.fitting.regression_rows import Rows, regression_rows
 from identification.logs.log import Log
 from identification.mechanisms.calibration_parts import Part
 from identification.mechanisms.mechanism import Mechanism, Samples
-from identification.mechanisms.registry import AnyModel, mechanism_of
+from identification.mechanisms.registry import AnyModel, kind_of, mechanism_of
 from youbot_env.errors import InputError
 from youbot_env.model.model_file import load_model
 from youbot_env.physics.geometry import Geometry
@@ -205,7 +205,9 @@ def identify(
 
         final = refine(mechanism, samples, force, progress=progress)
     course = recursive_course(mechanism, force) if recursive else None
-    model = mechanism.fitted_model(
+    of = kind_of(start)
+    model = of.fitted_model(
+        mechanism,
         final,
         name=name,
         logs=tuple(log.reference for log in logs),
@@ -213,7 +215,7 @@ def identify(
         provenance=provenance,
     )
     told = (line for log in logs for line in log.warnings)
-    warnings = (*told, *_fit_warnings(mechanism, final), *mechanism.warnings(model))
+    warnings = (*told, *_fit_warnings(mechanism, final), *of.warnings(model))
     return Identification(model, final, force, mechanism, samples, parts, total, course, warnings)
 
 
