@@ -17,7 +17,7 @@ from identification.mechanisms.axis_dynamics import AxisStructure
 from identification.mechanisms.axis_effects import AXIS_BASE, AXIS_CATALOGUE, Scales, fitted_to
 from identification.mechanisms.axis_samples import typical
 from identification.mechanisms.mechanism import FitResult
-from identification.signals.filters import FILTER_RATE
+from identification.signals.filters import FilterSettings
 from youbot_env.errors import InputError
 from youbot_env.files import SCHEMA_VERSION, FileKind, write_json
 from youbot_env.model import model_file as parts
@@ -214,7 +214,7 @@ def _scales(entries: Mapping[str, Any]) -> Scales:
     sizes = [parts.number(entries[key], f"scales.{key}") for key in SIZES]
     if min(sizes) <= 0:
         raise InputError("scales must be positive")
-    band = parts.number(entries.get("bandwidth", FILTER_RATE), "scales.bandwidth")
+    band = parts.number(entries.get("bandwidth", FilterSettings.rate), "scales.bandwidth")
     return Scales(entries["unit"] == "rad", *sizes, bandwidth=band)
 
 

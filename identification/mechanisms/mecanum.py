@@ -25,7 +25,7 @@ from identification.mechanisms.paper_regressor import (
     motion_that_shows,
     paper_scale,
 )
-from identification.signals.filters import FILTER_RATE
+from identification.signals.filters import FilterSettings
 from youbot_env.motions.base import Motion
 from youbot_env.physics import inverse_dynamics as dynamics
 from youbot_env.physics.effect import CATALOGUE, Parameter
@@ -44,7 +44,7 @@ class Mecanum(Mechanism):
 
     axes = ("VX", "VY", "W")
     joints = WHEELS
-    filter_rate = FILTER_RATE
+    filter_rate = FilterSettings.rate
     scaling = "as in the paper"
     catalogue = CATALOGUE
 
