@@ -292,17 +292,17 @@ record out --torque-noise -1
 record healthy.csv
 evaluate --suite nothing
 evaluate --controllers nothing
-evaluate --controllers gains_unknown.json
-evaluate --controllers gains_missing.json
-evaluate --controllers gains_negative.json
-evaluate --controllers gains_controller.json
-evaluate --controllers gains_twice.json
-evaluate --controllers policy.json
+evaluate --model known --jobs 1 --controllers gains_unknown.json
+evaluate --model known --jobs 1 --controllers gains_missing.json
+evaluate --model known --jobs 1 --controllers gains_negative.json
+evaluate --model known --jobs 1 --controllers gains_controller.json
+evaluate --model known --jobs 1 --controllers gains_twice.json
+evaluate --model known --jobs 1 --controllers policy.json
 evaluate --bands 3-1
 evaluate --bands fast
 evaluate --seeds 0
 evaluate --model absent.json
-evaluate --model identified+nothing
+evaluate --model nothing
 evaluate --against nothing
 tune paper --lead --controller pid
 tune paper --delay -1

@@ -16,7 +16,9 @@ YOUBOT_CACHE_DIR to an empty folder for a record that owes nothing to earlier ru
 from __future__ import annotations
 
 import argparse
+import json
 import platform
+import resource
 import subprocess
 import sys
 from concurrent.futures import Future, ThreadPoolExecutor, as_completed
@@ -34,7 +36,9 @@ ABOUT = "_about.json"
 
 INTERRUPTED, UNUSABLE = 130, 2
 
-WHERE = "import youbot_env; print(youbot_env.__file__)"
+PACKAGES = "youbot_env, identification, controllers, youbot_scripts"
+
+WHERE = f"import {PACKAGES}; print(*(module.__file__ for module in ({PACKAGES})), sep='\\n')"
 
 
 def main(arguments: list[str] | None = None) -> int:
@@ -63,9 +67,10 @@ def _fault(code: Code, out: Path, resume: bool) -> str | None:
         [code.python, "-P", "-c", WHERE], capture_output=True, text=True, cwd=code.root.parent
     )
     if found.returncode:
-        return f"{code.python} has no youbot_env; use the checkout's own .venv/bin/python"
-    if not Path(found.stdout.strip()).resolve().is_relative_to(code.root):
-        return f"{code.python} runs the code of {found.stdout.strip()}, which is not in {code.root}"
+        return f"{code.python} lacks {PACKAGES}; use the checkout's own .venv/bin/python"
+    for path in map(Path, found.stdout.splitlines()):
+        if not path.resolve().is_relative_to(code.root):
+            return f"{code.python} runs the code of {path}, which is not in {code.root}"
     if out.is_dir() and any(out.glob("*.json")) and not resume:
         return f"{out} holds a record: name another folder, or --resume it"
     return None
@@ -110,7 +115,9 @@ def record(chosen: list[Case], code: Code, out: Path, jobs: int) -> int:
             _abandon(runner, waiting)
             raise
     _write_about(out, code, seconds)
-    print(f"{len(chosen)} cases in {since():.0f} s: {out}")
+    used = resource.getrusage(resource.RUSAGE_CHILDREN)
+    core = used.ru_utime + used.ru_stime
+    print(f"{len(chosen)} cases in {since():.0f} s ({core:.0f} s of one core): {out}")
     return 0
 
 
@@ -121,13 +128,16 @@ def _abandon(runner: Runner, waiting: dict[Future[float], str]) -> None:
 
 
 def _write_about(out: Path, code: Code, seconds: dict[str, float]) -> None:
+    path = out / ABOUT
+    if path.exists():  # the cases that were resumed took their time too
+        seconds = {**json.loads(path.read_text("utf-8"))["seconds"], **seconds}
     about: dict[str, Any] = {
         "code": str(code.root),
         "data": str(code.data),
         "python": platform.python_version(),
         "seconds": dict(sorted(seconds.items(), key=lambda item: -item[1])),
     }
-    write_json(out / ABOUT, about)
+    write_json(path, about)
 
 
 if __name__ == "__main__":
