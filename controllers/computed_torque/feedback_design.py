@@ -22,8 +22,8 @@ from controllers.computed_torque.feedback import (
     estimate,
 )
 from controllers.interface import Array, Loop
-from controllers.linear.drives import DriveSettings
 from controllers.linear.linear_system import (
+    DriveSettings,
     LinearSystem,
     acting_delay,
     closed,

@@ -3,27 +3,12 @@
 from __future__ import annotations
 
 from collections import deque
-from dataclasses import dataclass, field
 
 import numpy as np
 
 from controllers.interface import Array, Loop
-from controllers.linear.linear_system import acting_delay, drive_lag, split_delay
+from controllers.linear.linear_system import DriveSettings, acting_delay, drive_lag, split_delay
 from youbot_env.model.model import Model
-
-
-@dataclass(frozen=True)
-class DriveSettings:
-    """When a measured torque is believed instead of the commanded one."""
-
-    contradiction_share: float = field(
-        default=0.05,
-        metadata={
-            "unit": "of the torque limit",
-            "reason": "a measured torque may differ by so much from the expected one: the ripple "
-            "and quantisation of a current measurement stay below",
-        },
-    )
 
 
 class CommandTracker:

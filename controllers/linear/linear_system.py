@@ -46,6 +46,20 @@ class LinearisationSettings:
     )
 
 
+@dataclass(frozen=True)
+class DriveSettings:
+    """When a measured torque is believed instead of the commanded one."""
+
+    contradiction_share: float = field(
+        default=0.05,
+        metadata={
+            "unit": "of the torque limit",
+            "reason": "a measured torque may differ by so much from the expected one: the ripple "
+            "and quantisation of a current measurement stay below",
+        },
+    )
+
+
 @dataclass(frozen=True, eq=False)
 class LinearSystem:
     """x(k+1) = a x(k) + b u(k), y(k) = c x(k) + d u(k), or x' = a x + b u where ``period`` is None.
