@@ -13,7 +13,7 @@ from itertools import chain
 from typing import Any
 
 from controllers.interface import Controller, Loop
-from controllers.policy.policy import RATE_TOLERANCE, Policy
+from controllers.policy.policy import Policy, PolicySettings
 from controllers.policy.policy_file import load_policy, shipped_policies
 from controllers.tuning.gains_file import is_gains_file, load_gains
 from youbot_env.errors import InputError
@@ -235,7 +235,8 @@ def build_policy(source: str | os.PathLike[str], model: Model, loop: Loop) -> Po
         If the file is no valid policy, or the loop is not what it was trained for.
     """
     network, description = load_policy(source)
-    if abs(loop.sample_time * description.control_rate - 1.0) > RATE_TOLERANCE:
+    difference = abs(loop.sample_time * description.control_rate - 1.0)
+    if difference > PolicySettings.max_rate_difference_share:
         raise InputError(
             f"policy {description.name}: was trained at {description.control_rate:g} Hz, the loop "
             f"runs at {1.0 / loop.sample_time:g} Hz; train one for it"
