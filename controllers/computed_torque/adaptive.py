@@ -137,6 +137,7 @@ class AdaptiveComputedTorque(ComputedTorque):
         super().reset()
         self._rows.reset()
         self._believe(self._start)
+        # Three constant forces beside the parameters, none to begin with.
         start = np.append(self._start * self._scale, np.zeros(3))
         how = self._settings
         self.estimator = OnlineEstimator(
@@ -154,6 +155,7 @@ class AdaptiveComputedTorque(ComputedTorque):
                 physical = physical_parameters(
                     found, self._start, self.model.geometry, self._settings
                 )
+                # Written back: a recursion that goes on from what cannot be drifts away.
                 estimator.estimate[:BASE_COUNT] = physical * self._scale
                 self._believe(physical)
         return torque

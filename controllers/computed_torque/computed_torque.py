@@ -66,8 +66,10 @@ class ComputedTorque:
         if bandwidth is not None:
             bandwidth = finite("bandwidth [rad/s]", bandwidth, positive=True)
         self.design = design(model, self.loop, bandwidth, settings or FeedbackSettings())
+        # In samples: a command is read ``_lead`` ahead of now, at the start of its hold.
         self._lead = acting_delay(model, self.loop) / self.loop.sample_time
         self.preview_needed = ceil(self._lead - ROUNDING) + 1
+        # Only forces that read pose or wheel angles need them moved on along the reference.
         self._follows = bool(model.structure.at(WORLD)) or model.structure.depends_on_angle
         self._kernel = inverse_kernel(model.structure)
         self._lengths, self._theta = model.lengths, model.theta.copy()
@@ -168,6 +170,7 @@ class ComputedTorque:
             reference_at(
                 self._nodes, self.design.past + self._lead - age, self.loop.sample_time, at
             )
+        # Row k of the queue was commanded k + 1 samples ago, for the hold between two of the ends.
         self._queue[:, PLANNED] = ends[:-1, :3] - ends[1:, :3]
         self._begun = True
 

@@ -69,7 +69,8 @@ class FeedbackSettings:
         default=0.7,
         metadata={
             "unit": "of the acceleration that the torque limit allows",
-            "reason": "a larger disturbance is not believed: nothing could be left to drive with",
+            "reason": "a larger disturbance is not believed: it would leave too little torque to "
+            "drive with",
         },
     )
     first_error_deviations: float = field(
@@ -135,13 +136,16 @@ def design(
             settings.max_bandwidth_times_period / period,
             settings.max_bandwidth_times_delay / total,
         )
+    # The estimator steps by whole samples of the delay, then by the part that is left.
     slots, part = split_delay(acting_delay(model, loop), period)
     to_acceleration, to_torque = force_maps(model)
     most = settings.max_disturbance_share * loop.torque_limit * np.abs(to_acceleration).sum(axis=1)
+    # A twist is a weighted sum of four wheels' speeds, each with its own noise.
     per_wheel = np.sqrt((model.geometry.body_twist(np.eye(4)) ** 2).sum(axis=0))
     jump = settings.first_error_deviations * loop.speed_noise * per_wheel
     tolerance = settings.contradiction_share * loop.torque_limit
     axes = np.empty((3, 10))
+    # Never zero: (1 - exp(-rate T)) / rate is 0 / 0 for a platform without friction.
     for axis, rate in enumerate(np.maximum(decay_rates(model), 1e-6)):
         keep, keep_part = np.exp(-rate * period), np.exp(-rate * part)
         gain, gain_part = (1.0 - keep) / rate, (1.0 - keep_part) / rate
@@ -186,6 +190,7 @@ def _estimator(keep: float, gain: float, period: float, bandwidth: float) -> tup
     intensity bandwidth^4 times the noise's gives the poles of s^2 + sqrt(2) b s + b^2."""
     transition, seen = np.array([[keep, gain], [0.0, 1.0]]), np.array([[1.0, 0.0]])
     wander = np.diag([0.0, bandwidth**4 * period**2])
+    # The filter's Riccati equation is the regulator's of the transposed system.
     spread = solve_discrete_are(transition.T, seen.T, wander, np.eye(1))
     gains = spread[:, 0] / (spread[0, 0] + 1.0)
     return float(gains[0]), float(gains[1])
@@ -198,6 +203,7 @@ def _regulator(rate: float, lag: float, period: float, bandwidth: float) -> tupl
     plant[0, :2] = -rate, 1.0
     if lag > 0.0:
         plant[1, 1:] = -1.0 / lag, 1.0 / lag
+    # The last column is the held input, so one exponential gives transition and input together.
     moved = expm(plant * period)
     transition, drive = moved[:size, :size], moved[:size, size:]
     cost = np.zeros((size, size))
@@ -239,6 +245,7 @@ def channel_slope(model: Model) -> Array:
 
 def feedback_system(design: FeedbackDesign) -> LinearSystem:
     """Body force (3,) [N, N, N m] per error (3,), reference minus measured twist."""
+    # Without the bound on the disturbance the code is linear.
     axes = design.axes.copy()
     axes[:, MOST] = np.inf
     shapes = ((2 + design.past, 3), (design.slots, 3), (1, 3))
@@ -252,6 +259,7 @@ def feedback_system(design: FeedbackDesign) -> LinearSystem:
         state, out = state.copy(), np.empty(3)
         queue, drives = np.zeros((design.slots, WIDTH)), np.zeros(WIDTH)
         queue[:, CORRECTION], drives[CORRECTION] = commands, drive[0]
+        # A reference without surprises, and torques that are not measured.
         smooth, unknown = np.zeros(3), np.full(4, np.nan)
         maps = design.to_acceleration
         estimate(
@@ -265,6 +273,7 @@ def feedback_system(design: FeedbackDesign) -> LinearSystem:
         return np.concatenate([np.ravel(part) for part in parts]), out
 
     columns = [step(unit, np.zeros(3)) for unit in np.eye(sum(sizes))]
+    # The estimator takes measured minus reference; a controller's input is the opposite.
     drives = [step(np.zeros(sum(sizes)), -unit) for unit in np.eye(3)]
     (a, c), (b, d) = (
         [np.stack(part, axis=1) for part in zip(*rows, strict=True)] for rows in (columns, drives)

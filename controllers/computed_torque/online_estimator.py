@@ -136,6 +136,7 @@ class OnlineEstimator:
         self._shares = row_time / np.array(times)
         self._pause = -round(settings.pause_time / row_time)
         self._grace = round(settings.learning_time / row_time)
+        # As if the last change were long past: the first rows may find one.
         self._since_change = self._grace + 1
         self._excitation, self._surprise = np.zeros(3), np.zeros(3)
         self.noise = np.full(3, settings.min_noise)
@@ -167,16 +168,18 @@ class OnlineEstimator:
         self._excitation += self._shares[0] * (demand**2 - self._excitation)
         used = self._excitation > self._settings.min_excitation**2
         missed = measured - columns @ self.estimate
+        # Written so that NaN, too, is no row.
         if not used.any() or not np.abs(missed).max() < self._settings.max_miss:
             return False
         known = np.einsum("ai,ij,aj->a", columns, self._squares.covariance, columns)
         self._since_change += 1
         if self._since_change < 0:
-            return False
+            return False  # the filters still hold the platform as it was before the change
         if self._since_change == 0:
             self._start_over()
             return False
         self._judge(missed, known, used)
+        # Rows over their noise: the recursion weighs all rows alike.
         rows = columns[used] / self.noise[used, None]
         self._squares.update(rows, measured[used] / self.noise[used])
         self._bound()
@@ -194,9 +197,11 @@ class OnlineEstimator:
         if self._surprise.max() <= self._settings.max_surprise:
             return
         if self._since_change > self._grace:
+            # A new change: wait until the filters have settled, then start over.
             self._since_change = self._pause
             self.changes += 1
         elif self._since_change == self._grace:
+            # Learning has not helped, so the misses are an effect that the model lacks: more noise.
             self.noise = self.noise * np.sqrt(np.maximum(self._surprise, 1.0))
             self._start_over()
 
@@ -207,6 +212,7 @@ class OnlineEstimator:
 
     def _bound(self) -> None:
         """Forgetting must not make a direction less certain than it was beforehand."""
+        # Rows and columns alike, so that the covariance stays symmetric and positive.
         spread = np.diag(self._squares.covariance)
         shrink = np.sqrt(np.minimum(1.0, self._prior / spread))
         self._squares.covariance = self._squares.covariance * shrink * shrink[:, None]

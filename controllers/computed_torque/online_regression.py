@@ -72,6 +72,7 @@ class OnlineRows:
         sizes = [abs(label.parameter.size) for label in mechanism.labels[:BASE_COUNT]]
         self._steps = settings.column_step_share * np.array(sizes)
         self._weights = np.array(hold_weights(FilterSettings.rate, loop.sample_time))
+        # Signals are filtered before they are compared, so their ages must agree.
         self._age = loop.measurement_delay / loop.sample_time
         self._settled = int(
             np.ceil(FilterSettings.settling_time_constants / FilterSettings.rate / loop.sample_time)
@@ -106,6 +107,7 @@ class OnlineRows:
         acted : (17,) means over the last sample, see ``feedback.estimate``
         """
         if not np.isfinite(twist).all():
+            # A filter that has seen a NaN keeps it for ever.
             self._count = 0
             return False
         move_on(self._motion, twist, place, period)
@@ -127,6 +129,7 @@ class OnlineRows:
             self._sums,
         )
         if self._count < self._settled:
+            # The filters started from zero, which the platform did not.
             self._sums[:] = 0.0
             return False
         self._gathered += 1
@@ -179,12 +182,14 @@ def filter_rows(torque, theta, steps, acted, maps, weights, age, filtered, sums)
                 unit = scale[axis] * jacobian[wheel, axis] / steps[i]
                 start += unit * (torque[1 + i, 0, wheel] - torque[0, 0, wheel])
                 end += unit * (torque[1 + i, 1, wheel] - torque[0, 1, wheel])
+            # What the base parameters demand is not "else": it stands in the columns.
             rest_start -= theta[i] * start
             rest_end -= theta[i] * end
             filtered[i, axis] = decay * filtered[i, axis] + at_start * start + at_end * end
             sums[i, axis] += filtered[i, axis]
         rest = decay * filtered[count, axis] + at_start * rest_start + at_end * rest_end
         filtered[count, axis] = rest
+        # The torque is held between samples, so its filter is that of a held signal.
         filtered[count + 1, axis] = decay * filtered[count + 2, axis] + (1.0 - decay) * force
         part = age - whole
         aligned = (1.0 - part) * filtered[count + 1 + whole, axis]

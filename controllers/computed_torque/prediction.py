@@ -1,4 +1,9 @@
-"""From a call's inputs to the motion that its command will drive, as compiled code."""
+"""From a call's inputs to the motion that its command will drive, as compiled code.
+
+:func:`predict` is one sample: it takes the reference on, runs the estimator of the tracking error,
+moves the platform's place on to now, and reads the reference at the instants at which the command
+will act.
+"""
 
 from __future__ import annotations
 
@@ -21,10 +26,12 @@ def predict(
     past, coming, has_slopes, begun, follows = counts
     jacobian, to_acceleration = maps
     period = timing[PERIOD]
+    # A reference that is no number goes on along its last acceleration, which stays constant.
     for i in range(11, 17):
         if not abs(inputs[i]) < np.inf:
             slope = nodes[past, i - 8] if i < 14 else 0.0
             inputs[i] = nodes[past, i - 11] + period * slope
+    # A preview ends before its first sample that is no number.
     for row in range(past + 1, past + 1 + coming):
         if not np.isfinite(nodes[row]).all():
             coming = row - past - 1
@@ -32,6 +39,7 @@ def predict(
     take_sample(nodes, past, inputs[WANTED], coming, has_slopes, period)
     if not begun:
         extend_to_past(nodes, past, period)
+    # The measurement is of ``age`` ago, so it is compared with the reference of that instant.
     at = np.empty(6)
     reference_at(nodes, past - timing[AGE] / period, period, at)
     error = inputs[TWIST] - at[:3]
@@ -39,11 +47,14 @@ def predict(
     measured = inputs[TORQUE]
     estimate(state, queue, drive, acted, axes, timing, to_acceleration, change, error, measured)
     if not begun:
+        # Far beyond noise the platform moves already: the estimator starts at the measured error,
+        # for it would take its first miss for a disturbance.
         for axis in range(3):
             if abs(error[axis]) > axes[axis, JUMP] and abs(error[axis]) < np.inf:
                 state[0, axis] = error[axis]
                 state[1, axis] = 0.0
     locate(inputs, nodes[past], state, period, jacobian, begun, place)
+    # Start, middle and end of the hold: the nodes of Simpson's rule for the mean demand.
     ends = np.array([0.0, 0.5, 1.0])
     pose, angle, here = place[1:4].copy(), place[4:8].copy(), float(past)
     for k in range(3):
@@ -63,6 +74,7 @@ def locate(inputs, wanted, state, period, jacobian, begun, place):
     what is measured of them."""
     twist = wanted[:3] + state[0]
     if begun:
+        # Trapezoid in the twist, midpoint in the yaw: second order, like what the samples know.
         mean = 0.5 * (twist + place[8:11])
         yaw = place[3] + 0.5 * period * mean[2]
         c, s = np.cos(yaw), np.sin(yaw)
@@ -74,6 +86,7 @@ def locate(inputs, wanted, state, period, jacobian, begun, place):
             for axis in range(3):
                 place[4 + wheel] += period * jacobian[wheel, axis] * mean[axis]
     place[8:11] = twist
+    # What is measured replaces what was reckoned; NaN fails the comparison and leaves it.
     for i in range(4):
         value = inputs[TIME] if i == 0 else inputs[3 + i]
         if abs(value) < np.inf:

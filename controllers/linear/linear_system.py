@@ -54,8 +54,8 @@ class DriveSettings:
         default=0.05,
         metadata={
             "unit": "of the torque limit",
-            "reason": "a measured torque may differ by so much from the expected one: the ripple "
-            "and quantisation of a current measurement stay below",
+            "reason": "smaller differences may be noise of the measurement; larger ones are "
+            "drives that do not do what they are told",
         },
     )
 
@@ -128,6 +128,7 @@ def twist_dynamics(model: Model, twist: ArrayLike | None = None) -> LinearSystem
 
 def _about(model: Model, twist: Array) -> tuple[Array, Array]:
     """a (S, S) and b (S, 3) of twist and drives in the coordinates of the body force."""
+    # The torques that hold the twist: a linear system is one about a steady motion.
     torque = model.inverse_dynamics(twist, np.zeros(3))
     a, b = model.linearise(initial_state(model, twist=twist, torque=torque), torque)
     to_force = model.geometry.wheel_jacobian.T
@@ -190,6 +191,7 @@ def effective_mass(model: Model) -> Inertia:
 
 def held(a: Array, b: Array, duration: float) -> tuple[Array, Array]:
     """exp(a t) (S, S) and its integral over [0, t] times b (S, m): a held input's effect."""
+    # As scipy.signal.cont2discrete does, to the bit; its import alone takes longer than a design.
     size, inputs = b.shape
     block = np.zeros((size + inputs, size + inputs))
     block[:size, :size], block[:size, size:] = a, b
@@ -238,6 +240,7 @@ def sampled(
             (whole + 1, moved @ early),
             (whole, held(plant.a, plant.b, since - first)[1]),
         ):
+            # No effect, no column: without a part of a sample the older command has no state.
             if effect.any():
                 matrix, where = commanded(age)
                 matrix[rows, where] += output @ effect
@@ -251,6 +254,7 @@ def sampled(
     for age in range(late):
         rows = slice(base + age * outputs, base + (age + 1) * outputs)
         if age > 0:
+            # A shift register: each measurement on its way is the younger one of a sample ago.
             a[rows, base + (age - 1) * outputs : base + age * outputs] = np.eye(outputs)
         elif rest_old > 0:
             put(rows, plant.c, period - rest_old)

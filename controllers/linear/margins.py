@@ -44,8 +44,7 @@ class MarginSettings:
         default=400,
         metadata={
             "unit": "1",
-            "reason": "equal steps of log(frequency): crossings are found between them, so that "
-            "margins agree with python-control's to a thousandth",
+            "reason": "equal steps of log(frequency); crossings are interpolated between them",
         },
     )
     lowest_frequency_share: float = field(
@@ -121,6 +120,7 @@ def margins(loop_gain: Complex) -> Margins:
     one = opened(loop_gain)
     log_gain = np.log(np.abs(one))
     phase = np.unwrap(np.angle(one), axis=-2)
+    # Unwrapped, so that a crossing between two frequencies is not a jump of 360 degrees.
     half_turns = (phase - np.pi) / (2 * np.pi)  # whole where the phase is -180 degrees, mod 360
     at_phase = _at_crossings(half_turns - np.round(half_turns), log_gain, limit=0.25)
     at_gain = _at_crossings(log_gain, np.angle(-one), limit=np.inf)

@@ -56,7 +56,7 @@ class LQISettings:
         default=0.5,
         metadata={
             "unit": "of the sample rate",
-            "reason": "a sampled loop has no faster poles to place",
+            "reason": "the upper end of the search: times the sample time a bandwidth is no larger",
         },
     )
     halvings: int = field(
@@ -157,6 +157,7 @@ def lqi(model: Model, loop: Loop, weights: Weights) -> LQIDesign:
         raise NoOptimumError(
             f"LQI: no optimal gains for this model and loop ({error}); try another bandwidth"
         ) from None
+    # The controller carries the plant with measurements on their way; the cost does not see them.
     plant = sampled_platform(model, loop)
     gain = np.zeros((3, len(plant.a)))
     gain[:, :size] = mass @ found[:, :size] @ scale
@@ -224,6 +225,7 @@ def fastest(model: Model, loop: Loop, settings: LQISettings = LQISettings()) -> 
             f"{settings.gain_margin:g} dB and phase margin >= {settings.phase_margin:g} degrees; "
             "ask for less"
         )
+    # Halved in the logarithm: a bandwidth is known to a share of itself.
     for _ in range(settings.halvings):
         middle = float(np.sqrt(low * high))
         low, high = (middle, high) if keeps(middle) else (low, middle)

@@ -134,6 +134,7 @@ def matrices(inertia: Inertia, gains: PIDGains) -> tuple[Array, Array]:
     mass, friction = inertia
     decay, b = np.linalg.solve(mass, friction), np.array(gains.bandwidth)
     own = np.diag(decay)
+    # An axis whose friction is faster than its poles would get a negative proportional gain.
     placed = np.maximum(2.0 * gains.damping * b, own)
     return mass @ (np.diag(placed) - decay), mass * b**2
 
@@ -211,6 +212,7 @@ def bandwidths(
             f"{settings.phase_margin:g} degrees; ask for less"
         )
     step = coarse[1] / coarse[0]
+    # Between the fastest that keeps the margins and the next, which does not.
     fine = coarse[count - 1] * np.geomspace(1.0, step, settings.fine_count)[:, None]
     x, y, w = fine[np.maximum(last_kept(fine), 1) - 1, range(3)].tolist()
     return x, y, w
@@ -231,6 +233,7 @@ def design(model: Model, loop: Loop, settings: PIDSettings = PIDSettings()) -> P
     gains = replace(gains, bandwidth=bandwidths(model, loop, gains, settings))
     plant, frequency = sampled_platform(model, loop), frequency_grid(loop.sample_time)
     seen, inertia = plant.response(frequency), effective_mass(model)
+    # The search took each axis as the fastest of all; together they are a little too fast.
     for _ in range(settings.max_shrinks):
         gap = margins(response(inertia, gains, loop.sample_time, frequency) @ seen)
         kept = gap.gain.min() >= settings.gain_margin and gap.phase.min() >= settings.phase_margin

@@ -40,6 +40,7 @@ class BodyLoops:
     def reset(self) -> None:
         """Empties integrals and slopes."""
         self.state = np.zeros((len(self.lead), 3, 3))
+        # No last error: the first has no slope.
         self.state[:, 2] = np.nan
 
     def __call__(self, wheel_speed: Array, reference: Array) -> Array:
@@ -75,6 +76,7 @@ def _step(error, state, gains, numbers, to_wheels, limit, out):
         if known:
             for axis in range(3):
                 change = error[row, axis] - last[axis]
+                # NaN, the first error after a reset or a gap, is no change.
                 slope[axis] = keep * slope[axis] + (rise * change if change == change else 0.0)
                 last[axis] = error[row, axis]
             for axis in range(3):

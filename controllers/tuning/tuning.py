@@ -47,7 +47,7 @@ class SearchSettings:
         metadata={
             "unit": "1",
             "reason": "points per free number in a later round, where one, two or three are free: "
-            "some 50 to 125 loops side by side",
+            "9, 49 or 125 loops side by side",
         },
     )
     rounds: int = field(
@@ -62,8 +62,8 @@ class SearchSettings:
         default=0.5,
         metadata={
             "unit": "of the span",
-            "reason": "what is left of it after a round: the best point of a grid is never "
-            "farther than a step from that of the next",
+            "reason": "what is left of it after a round: the next grid still reaches the "
+            "neighbours of the best point",
         },
     )
     torque_rate_share: float = field(
@@ -223,6 +223,7 @@ class GainSearch:
         InputError
             If no point of the first grid does.
         """
+        # Gains matter by their ratios, so the grid is even in their logarithms.
         low, high = np.log(np.array(self.law.span)).T
         width = (high - low) / 2
         centre, least = (low + high) / 2, np.inf
@@ -256,6 +257,7 @@ class GainSearch:
         if wanted is not None:
             kept &= gap.gain.min(axis=-1) >= wanted.gain_margin
             kept &= gap.phase.min(axis=-1) >= wanted.phase_margin
+        # Margins cost far less than a simulation, so they refuse points first.
         tried = np.flatnonzero(kept)
         if len(tried):
             found = self.score(points[tried])

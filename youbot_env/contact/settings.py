@@ -24,10 +24,7 @@ class EngineSettings:
     )
     min_rollers: int = field(
         default=6,
-        metadata={
-            "unit": "1",
-            "reason": "the youBot's; fewer leave a wheel without one on the floor",
-        },
+        metadata={"unit": "1", "reason": "the youBot's wheels have six"},
     )
     contact_time: float = field(
         default=0.002,
@@ -50,8 +47,7 @@ class EngineSettings:
         default=0.02,
         metadata={
             "unit": "of a wheel's mass",
-            "reason": "the base model takes rollers for massless; these are as light as the "
-            "engine bears",
+            "reason": "that is in its rollers, which the base model takes for massless",
         },
     )
     payload_height: float = field(
