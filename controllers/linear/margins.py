@@ -88,10 +88,10 @@ def control_margins(loop_gain: Complex, frequency: Array) -> Margins:
     return Margins(np.abs(20.0 * np.log10(gain)), phase)
 
 
-def frequency_grid(period: float) -> Array:
+def frequency_grid(period: float, settings: MarginSettings = MarginSettings()) -> Array:
     """(w,) [rad/s] up to Nyquist's frequency."""
-    lowest, count = MarginSettings.lowest_frequency_share, MarginSettings.frequency_count
-    return np.geomspace(lowest, 1.0, count) * np.pi / period
+    shares = np.geomspace(settings.lowest_frequency_share, 1.0, settings.frequency_count)
+    return shares * np.pi / period
 
 
 def opened(loop_gain: Complex) -> Complex:

@@ -27,17 +27,9 @@ from youbot_env.model.model import Model
 
 
 @dataclass(frozen=True)
-class LQISettings:
+class LQISettings(MarginSettings):
     """What an LQI design is asked for, and how finely it is sought."""
 
-    gain_margin: float = field(
-        default=MarginSettings.gain_margin,
-        metadata={"unit": "dB", "reason": "see MarginSettings"},
-    )
-    phase_margin: float = field(
-        default=MarginSettings.phase_margin,
-        metadata={"unit": "degrees", "reason": "see MarginSettings"},
-    )
     damping: float = field(
         default=0.75,
         metadata={
@@ -193,10 +185,10 @@ def linear_lqi(design: LQIDesign) -> LinearSystem:
     return LinearSystem(a + into @ c, b + into @ on_twist, c, on_twist, period)
 
 
-def lqi_margins(design: LQIDesign) -> tuple[Margins, bool]:
+def lqi_margins(design: LQIDesign, settings: MarginSettings | None = None) -> tuple[Margins, bool]:
     """Margins at each axis' force, and whether the loop with its own model is stable."""
     controller = linear_lqi(design)
-    frequency = frequency_grid(float(design.plant.period or 0.0))
+    frequency = frequency_grid(float(design.plant.period or 0.0), settings or MarginSettings())
     gain = controller.response(frequency) @ design.plant.response(frequency)
     return margins(gain), closed(design.plant, controller).is_stable
 
@@ -212,7 +204,9 @@ def fastest(model: Model, loop: Loop, settings: LQISettings = LQISettings()) -> 
 
     def keeps(bandwidth: float) -> bool:
         try:
-            gap, stable = lqi_margins(lqi(model, loop, Weights(bandwidth, settings.damping)))
+            gap, stable = lqi_margins(
+                lqi(model, loop, Weights(bandwidth, settings.damping)), settings
+            )
         except NoOptimumError:
             return False
         enough = gap.gain.min() >= settings.gain_margin and gap.phase.min() >= settings.phase_margin

@@ -23,17 +23,9 @@ from youbot_env.model.model import Model
 
 
 @dataclass(frozen=True)
-class PIDSettings:
+class PIDSettings(MarginSettings):
     """What a PID design is asked for, and how finely it is sought."""
 
-    gain_margin: float = field(
-        default=MarginSettings.gain_margin,
-        metadata={"unit": "dB", "reason": "see MarginSettings"},
-    )
-    phase_margin: float = field(
-        default=MarginSettings.phase_margin,
-        metadata={"unit": "degrees", "reason": "see MarginSettings"},
-    )
     damping: float = field(
         default=1.0,
         metadata={"unit": "1", "reason": "two equal poles: the fastest step without overshoot"},
@@ -190,7 +182,7 @@ def bandwidths(
     InputError
         If none does.
     """
-    frequency, inertia = frequency_grid(loop.sample_time), effective_mass(model)
+    frequency, inertia = frequency_grid(loop.sample_time, settings), effective_mass(model)
     plant = sampled_platform(model, loop).response(frequency)
 
     def last_kept(tried: Array) -> NDArray[np.intp]:
@@ -231,7 +223,8 @@ def design(model: Model, loop: Loop, settings: PIDSettings = PIDSettings()) -> P
     lag = drive_lag(model) if settings.cancels_lag else 0.0
     gains = PIDGains((1.0, 1.0, 1.0), settings.damping, lag, settings.filter_share * lag)
     gains = replace(gains, bandwidth=bandwidths(model, loop, gains, settings))
-    plant, frequency = sampled_platform(model, loop), frequency_grid(loop.sample_time)
+    plant = sampled_platform(model, loop)
+    frequency = frequency_grid(loop.sample_time, settings)
     seen, inertia = plant.response(frequency), effective_mass(model)
     # The search took each axis as the fastest of all; together they are a little too fast.
     for _ in range(settings.max_shrinks):
