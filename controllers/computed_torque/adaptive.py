@@ -13,7 +13,7 @@ from controllers.computed_torque.online_regression import BASE_COUNT, OnlineRows
 from controllers.computed_torque.prediction import TWIST
 from controllers.interface import Array, Loop, Observation, Reference
 from identification.mechanisms.mecanum import Mecanum
-from youbot_env.errors import finite
+from youbot_env.errors import check_settings, finite
 from youbot_env.model.model import Model
 from youbot_env.physics.geometry import Geometry
 from youbot_env.physics.stated_parameters import to_public
@@ -72,6 +72,9 @@ class AdaptiveSettings:
     rows: RowSettings = field(default_factory=RowSettings)
     estimator: EstimatorSettings = field(default_factory=EstimatorSettings)
     feedback: FeedbackSettings = field(default_factory=FeedbackSettings)
+
+    def __post_init__(self) -> None:
+        check_settings(self)
 
 
 class AdaptiveComputedTorque(ComputedTorque):

@@ -32,7 +32,7 @@ from controllers.linear.linear_system import (
     split_delay,
 )
 from controllers.linear.margins import Margins, frequency_grid, margins
-from youbot_env.errors import InputError
+from youbot_env.errors import InputError, check_settings
 from youbot_env.model.model import Model
 from youbot_env.physics import inverse_dynamics as dynamics
 
@@ -85,6 +85,9 @@ class FeedbackSettings:
         default=DriveSettings.contradiction_share,
         metadata={"unit": "of the torque limit", "reason": "see DriveSettings"},
     )
+
+    def __post_init__(self) -> None:
+        check_settings(self)
 
 
 @dataclass(frozen=True, eq=False)

@@ -15,6 +15,7 @@ import numpy as np
 
 from controllers.interface import Array
 from identification.fitting.recursive import RecursiveLeastSquares
+from youbot_env.errors import check_settings
 
 
 @dataclass(frozen=True)
@@ -100,6 +101,9 @@ class EstimatorSettings:
             "reason": "a miss counts as so many at most: outliers hardly raise the noise",
         },
     )
+
+    def __post_init__(self) -> None:
+        check_settings(self)
 
 
 class OnlineEstimator:

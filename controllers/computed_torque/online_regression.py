@@ -16,6 +16,7 @@ from controllers.computed_torque.feedback import TORQUE
 from controllers.interface import Array, Loop
 from identification.mechanisms.mecanum import Mecanum
 from identification.signals.filters import FilterSettings, hold_weights
+from youbot_env.errors import check_settings
 from youbot_env.model.model import Model
 from youbot_env.physics.effect import BASE
 from youbot_env.simulation.compiled import inverse_kernel
@@ -44,6 +45,9 @@ class RowSettings:
             "too large",
         },
     )
+
+    def __post_init__(self) -> None:
+        check_settings(self)
 
 
 class OnlineRows:

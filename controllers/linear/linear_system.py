@@ -19,6 +19,7 @@ from scipy.linalg import expm
 
 from controllers.interface import Array, Loop
 from controllers.linear.margins import Complex, python_control
+from youbot_env.errors import check_settings
 from youbot_env.model.model import Model
 from youbot_env.physics import inverse_dynamics as dynamics
 from youbot_env.physics.points import Instant
@@ -45,6 +46,9 @@ class LinearisationSettings:
         },
     )
 
+    def __post_init__(self) -> None:
+        check_settings(self)
+
 
 @dataclass(frozen=True)
 class DriveSettings:
@@ -58,6 +62,9 @@ class DriveSettings:
             "drives that do not do what they are told",
         },
     )
+
+    def __post_init__(self) -> None:
+        check_settings(self)
 
 
 @dataclass(frozen=True, eq=False)

@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from controllers.interface import Array
-from youbot_env.errors import optional_library
+from youbot_env.errors import check_settings, optional_library
 
 Complex = NDArray[np.complex128]
 
@@ -54,6 +54,9 @@ class MarginSettings:
             "reason": "below it integral action alone decides, far from both crossings",
         },
     )
+
+    def __post_init__(self) -> None:
+        check_settings(self)
 
 
 @dataclass(frozen=True, eq=False)

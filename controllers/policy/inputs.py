@@ -10,7 +10,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from controllers.interface import Array, Observation, Reference
-from youbot_env.errors import InputError
+from youbot_env.errors import InputError, check_settings
 from youbot_env.physics.geometry import SIGN_LATERAL, SIGN_Y, Geometry
 
 CUT = 5.0
@@ -52,6 +52,9 @@ class FeatureSettings:
         default=4.0,
         metadata={"unit": "1", "reason": "a quarter of the torque limit is usual"},
     )
+
+    def __post_init__(self) -> None:
+        check_settings(self)
 
 
 @dataclass(frozen=True)

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from controllers.interface import Array, Controller, Observation, Reference
 from controllers.policy.inputs import CUT, Layout
-from youbot_env.errors import InputError
+from youbot_env.errors import InputError, check_settings
 from youbot_env.physics.hardware import MAX_WHEEL_TORQUE
 
 Weights = NDArray[np.float32]
@@ -37,6 +37,9 @@ class PolicySettings:
             "other rate",
         },
     )
+
+    def __post_init__(self) -> None:
+        check_settings(self)
 
 
 @dataclass(frozen=True, eq=False)

@@ -19,6 +19,7 @@ from controllers.pid.design import (
     response as pid_response,
 )
 from controllers.pid.pid import BodyLoops
+from youbot_env.errors import check_settings
 from youbot_env.model.model import Model
 from youbot_env.physics.geometry import Geometry
 
@@ -66,6 +67,9 @@ class GainRanges:
             "interpolated",
         },
     )
+
+    def __post_init__(self) -> None:
+        check_settings(self)
 
 
 class WheelLoops:

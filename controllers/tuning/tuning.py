@@ -25,7 +25,7 @@ from controllers.linear.margins import (
     margins,
 )
 from controllers.tuning.trials import Law, Score, TuningTrial
-from youbot_env.errors import InputError, finite
+from youbot_env.errors import InputError, check_settings, finite
 from youbot_env.model.model import Model
 
 Progress = Callable[[float], None]
@@ -73,6 +73,9 @@ class SearchSettings:
             "reason": "gains may cost the drives a tenth more than the model-based controller does",
         },
     )
+
+    def __post_init__(self) -> None:
+        check_settings(self)
 
 
 class TunableLaw(Protocol):

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import asdict, dataclass, field
 
-from youbot_env.errors import InputError, count, finite
+from youbot_env.errors import InputError, check_settings, count, finite
 from youbot_env.model.model import Model
 
 TRANSLATED = (
@@ -71,6 +71,9 @@ class EngineSettings:
             "reason": "at a wheel; beyond it the run has diverged and nothing is simulated",
         },
     )
+
+    def __post_init__(self) -> None:
+        check_settings(self)
 
 
 @dataclass(frozen=True)
