@@ -153,11 +153,12 @@ class FileKind(Generic[T]):
         # Imported late: commands that read no file start without it.
         from fastjsonschema import JsonSchemaValueException
 
+        found = dict(content)  # of any mapping; the validator knows dictionaries alone
         try:
-            self._validate(content)
+            self._validate(found)
         except JsonSchemaValueException as error:
-            raise InputError(f"{source}: {_misfit(error, self.noun)}") from None
-        return dict(content)
+            raise named(source, InputError(_misfit(error, self.noun))) from None
+        return found
 
     def check_version(self, content: Any, source: str) -> None:
         """Refuse what is no object, and files of other versions."""
@@ -269,8 +270,9 @@ def _object(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
     found = dict(pairs)
     if len(found) == len(pairs):
         return found
-    keys = [key for key, _ in pairs]
-    return _Repeated(next(key for key in keys if keys.count(key) > 1))
+    # One pass, since a hostile file may hold a million keys.
+    seen: set[str] = set()
+    return _Repeated(next(key for key, _ in pairs if key in seen or seen.add(key)))
 
 
 def _fault(value: Any, may_hold_nan: bool, depth: int) -> tuple[str, str] | None:

@@ -241,6 +241,21 @@ def test_a_strangers_text_does_not_fill_the_screen(kind: Kind, path: Path):
         refused(kind, path)
 
 
+@pytest.mark.parametrize("effect", [1, {"parameters": {"x" * 100_000: "x"}}, {"parameters": {}}])
+def test_nor_does_a_strangers_path(effect: Any, tmp_path: Path):
+    kind, path = KINDS["model"], tmp_path / "m.json"
+    kind.write(path)
+    put(path, content(path) | {"effects": {"x" * 100_000: effect}})
+    refused(kind, path)
+
+
+def test_a_million_keys_with_one_twice_are_refused_at_once(tmp_path: Path):
+    path = tmp_path / "m.json"
+    keys = [f'"{k}":0' for k in range(10**6)]
+    path.write_text("{" + ",".join([*keys, keys[-1]]) + "}")
+    assert "key '999999' is given twice" in refused(KINDS["model"], path)
+
+
 def test_other_versions_are_refused(kind: Kind, path: Path):
     found = content(path)
     if "schema_version" not in found:
