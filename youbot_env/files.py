@@ -146,6 +146,11 @@ class FileKind(Generic[T]):
             return self.build(found, source)
         except InputError as error:
             raise named(source, error) from None
+        except (ArithmeticError, ValueError) as error:
+            # Numbers that are each possible, 1e308 kg say, may overflow together; numpy's
+            # LinAlgError is a ValueError.
+            cause = InputError(f"its numbers cannot be used together: {error}")
+            raise named(source, cause) from None
 
     def checked(self, content: Any, source: str) -> dict[str, Any]:
         """The content, if it is an object of this version that fits the schema."""

@@ -182,6 +182,29 @@ def test_a_number_that_is_none_is_refused_by_its_path(kind: Kind, path: Path, li
     assert "is not a finite number" in message and ".".join(kind.number) in message
 
 
+@pytest.mark.parametrize(
+    ("name", "key"), [("model", "m0"), ("model", "I1"), ("axis model", "coulomb")]
+)
+def test_numbers_that_overflow_together_are_one_line(name: str, key: str, tmp_path: Path):
+    kind, path = KINDS[name], tmp_path / "m.json"
+    kind.write(path)
+    found = content(path)
+    found["parameters"][key]["value"] = 1e308
+    put(path, found)
+    try:
+        kind.read(path)
+    except InputError:
+        refused(kind, path)
+
+
+@pytest.mark.parametrize("mechanism", ["arm", 1, ["axis"], {"a": 1}, None])
+def test_a_mechanism_that_is_none_is_refused(mechanism: Any, tmp_path: Path):
+    kind, path = KINDS["model of any mechanism"], tmp_path / "m.json"
+    kind.write(path)
+    put(path, content(path) | {"mechanism": mechanism})
+    assert "unknown mechanism" in refused(kind, path)
+
+
 def test_an_integer_of_thousands_of_digits_is_refused(kind: Kind, path: Path):
     with_number(kind, path, "1" * 5000)
     assert "not valid JSON" in refused(kind, path)
