@@ -2,13 +2,12 @@
 
 from __future__ import annotations
 
-from collections import deque
-
 import numpy as np
 
 from controllers.interface import Array, Loop
-from controllers.linear.linear_system import DriveSettings, acting_delay, drive_lag, split_delay
+from controllers.linear.linear_system import DriveSettings, acting_delay, drive_lag
 from youbot_env.model.model import Model
+from youbot_env.simulation.delay_line import DelayLine
 
 
 class CommandTracker:
@@ -19,14 +18,15 @@ class CommandTracker:
 
     def __init__(self, model: Model, loop: Loop) -> None:
         self.period = loop.sample_time
-        self.whole, self.rest = split_delay(acting_delay(model, loop), self.period)
+        self.delay = acting_delay(model, loop)
         self.lag = drive_lag(model)
         self.tolerance = DriveSettings.contradiction_share * loop.torque_limit
         self.reset()
 
     def reset(self) -> None:
         """Nothing is on its way."""
-        self.queue = deque([np.zeros(4)] * (self.whole + 2), maxlen=self.whole + 2)
+        self._line = DelayLine(self.delay)
+        self._last: Array = np.zeros(4)
         self.acting: Array = np.zeros(4)
 
     def contradiction(self, measured: Array | None) -> Array | None:
@@ -40,14 +40,12 @@ class CommandTracker:
         apart = measured - self.acting
         if max(map(abs, apart.tolist())) <= self.tolerance:
             return None
-        last = measured - self.queue[-1]
+        last = measured - self._last
         return None if max(map(abs, last.tolist())) <= self.tolerance else apart
 
     def command(self, torque: Array) -> None:
         """Moves on by one sample under a new command (4,) [N m]."""
-        self.queue.append(torque)
-        for acting, piece in ((self.queue[0], self.rest), (self.queue[1], self.period - self.rest)):
-            if piece <= 0.0:
-                continue
+        self._last = torque
+        for (late,), piece in self._line.passed(torque[None], self.period):
             keep = np.exp(-piece / self.lag) if self.lag > 0.0 else 0.0
-            self.acting = acting + keep * (self.acting - acting)
+            self.acting = late + keep * (self.acting - late)
