@@ -6,6 +6,7 @@ from .diagnosis import (
     diagnose as diagnose,
 )
 from .fitting import (
+    FitSettings as FitSettings,
     Identification as Identification,
     Observability as Observability,
     RecursiveLeastSquares as RecursiveLeastSquares,

@@ -14,11 +14,6 @@ from numpy.typing import NDArray
 Array = NDArray[np.float64]
 
 
-def rows_per_block(duration: float, step: float) -> int:
-    """Rows at ``step`` [s] in a block of some duration [s], whose signs are drawn together."""
-    return max(1, round(duration / step))
-
-
 def random_signs(rng: np.random.Generator, draws: int, blocks: int) -> Array:
     """(draws, blocks) of -1 and 1."""
     return rng.choice([-1.0, 1.0], size=(draws, blocks))

@@ -71,7 +71,7 @@ def curves_of(
     cycles : per turn, for a wheel's angle
     """
     found = []
-    for abscissa in _abscissae(logs, variable, cycles, settings.smoothing_rate_rad_s):
+    for abscissa in _abscissae(logs, variable, cycles, settings.smoothing_rate):
         knots = _knots(abscissa, settings)
         features = [
             reduction(hat_functions(values, knots, abscissa.period))

@@ -15,6 +15,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from identification.fitting.settings import FitSettings
 from identification.mechanisms.mechanism import Mechanism
 from identification.residual_map.bootstrap import family_wise_p_values, random_signs
 from identification.residual_map.curves import Curve, curves_of
@@ -110,6 +111,7 @@ def residual_map(
     *,
     seed: int = 0,
     settings: ResidualMapSettings = ResidualMapSettings(),
+    fit: FitSettings = FitSettings(),
 ) -> ResidualMap:
     """Map what a model leaves of the filtered forces onto the variables of the motion.
 
@@ -119,6 +121,8 @@ def residual_map(
     theta : (P,) parameters at which the residual is taken; they are refitted along in every step
     logs : the mechanism's samples of each log
     seed : of the random signs
+    settings, fit : all numbers that the map depends on; of the fit's those of the filter and of
+        cross-validation
 
     Notes
     -----
@@ -126,9 +130,9 @@ def residual_map(
     Shares of different variables overlap: a force along the world's X axis depends on the heading
     and, in a small room, on the position too.
     """
-    if sum(samples.dt * len(samples) for samples in logs) < settings.min_duration_s:
+    if sum(samples.dt * len(samples) for samples in logs) < settings.min_duration:
         return ResidualMap(())
-    table = residual_table(mechanism, np.asarray(theta, float), logs, settings)
+    table = residual_table(mechanism, np.asarray(theta, float), logs, settings, fit)
     folds = table.folds
     rng = np.random.default_rng(seed)
     signs = random_signs(rng, settings.bootstrap_draws, blocks_of(folds))
@@ -145,7 +149,9 @@ def residual_map(
     with_twist = NuisanceRegressors(table.index[twist.variable], ridge)
     beyond = residuals_after(folds, with_twist)
     sides = right_hand_sides(folds, beyond, signs)
-    groups = [(table.index[g.variable], settings.max_orders if g.pairs else None) for g in others]
+    groups = [
+        (table.index[g.variable], settings.fitted_wheel_orders if g.pairs else None) for g in others
+    ]
     rest = held_out_gains(folds, sides, with_twist, groups, settings.ridge_strengths)
     shares = _shares(table, [of_twist, *rest], twist_gain, total, signs.shape[1], beyond)
     refit = 1.0 - total / given if given > 0 else 0.0

@@ -9,11 +9,12 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from identification.fitting.regression_rows import residual_and_columns
+from identification.fitting.cross_validation import rows_per_block
+from identification.fitting.regression_rows import residual_and_columns, stride
+from identification.fitting.settings import FitSettings
 from identification.mechanisms.mecanum import Mecanum
 from identification.mechanisms.mecanum_samples import MecanumSamples
 from identification.mechanisms.mechanism import Mechanism
-from identification.residual_map.bootstrap import rows_per_block
 from identification.residual_map.features import FeatureGroup, FeatureScales, feature_groups
 from identification.residual_map.held_out_gain import FoldRows
 from identification.residual_map.settings import ResidualMapSettings
@@ -45,15 +46,19 @@ class ResidualTable:
 
 
 def residual_table(
-    mechanism: Mechanism, theta: Array, logs: Sequence[Any], settings: ResidualMapSettings
+    mechanism: Mechanism,
+    theta: Array,
+    logs: Sequence[Any],
+    settings: ResidualMapSettings,
+    fit: FitSettings,
 ) -> ResidualTable:
     """Residual, columns and features of logs (the mechanism's samples) at theta (P,)."""
-    slow = [averaged_down(samples, settings.max_sample_rate_hz) for samples in logs]
+    slow = [averaged_down(samples, settings.max_sample_rate) for samples in logs]
     seconds = sum(samples.dt * len(samples) for samples in slow)
-    row_rate = min(settings.max_row_rate_hz, settings.max_rows / seconds)
+    row_rate = min(settings.max_row_rate, settings.max_rows / seconds)
+    constants = fit.filter.settling_time_constants
     reductions = [
-        RowReduction(mechanism.filter_rate, s.dt, max(1, round(1.0 / (row_rate * s.dt))))
-        for s in slow
+        RowReduction(mechanism.filter_rate, constants, s.dt, stride(s.dt, row_rate)) for s in slow
     ]
     rows, variables = [], []
     for samples, reduction in zip(slow, reductions, strict=True):
@@ -62,14 +67,14 @@ def residual_table(
         ends = residual_and_columns(mechanism, demand, samples, free)
         rows.append(reduction.of_interval_ends(ends))
         variables.append(
-            motion_variables(mechanism, samples, demand.force, settings.smoothing_rate_rad_s)
+            motion_variables(mechanism, samples, demand.force, settings.smoothing_rate)
         )
     scales, groups = FeatureScales.of(variables, settings), feature_groups(variables[0])
     folds, sizes = [], []
     for row, one, reduction in zip(rows, variables, reductions, strict=True):
         features = [reduction(group.features(one, scales)) for group in groups]
         sizes = [part.shape[1] for part in features]
-        block = rows_per_block(settings.block_duration_s, reduction.step)
+        block = rows_per_block(fit.independent_time, reduction.step)
         folds.append(FoldRows(np.column_stack(features), row[..., 1:], row[..., 0], block))
     edges = np.cumsum([0, *sizes])
     index = {
@@ -77,7 +82,7 @@ def residual_table(
         for group, a, b in zip(groups, edges, edges[1:], strict=False)
     }
     if len(folds) == 1:
-        folds = folds[0].split(settings.folds_of_single_log)
+        folds = folds[0].split(fit.blocks_of_single_log)
     return ResidualTable(
         tuple(groups), index, tuple(folds), tuple(variables), tuple(reductions), settings
     )

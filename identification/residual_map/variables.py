@@ -70,10 +70,12 @@ def smooth(values: Array, rate: float, dt: float) -> Array:
 class RowReduction:
     """From samples (N, ...) at ``dt`` [s] to rows (n, ...): the filter, then means of blocks.
 
-    rate: of the filter [rad/s]; size: samples in a row.
+    rate: of the filter [rad/s]; settling: its time constants until its start is forgotten; size:
+    samples in a row.
     """
 
     rate: float
+    settling: float
     dt: float
     size: int
 
@@ -90,4 +92,4 @@ class RowReduction:
         return self._averaged(first_order(ends[0], ends[1], self.rate, self.dt))
 
     def _averaged(self, filtered: Array) -> Array:
-        return block_mean(filtered[settled(self.rate, self.dt) :], self.size)
+        return block_mean(filtered[settled(self.rate, self.dt, self.settling) :], self.size)
