@@ -25,7 +25,8 @@ from identification.logs.log import Log
 from identification.logs.wheel_checks import Slip, slip_of
 from identification.mechanisms.mechanism import Mechanism
 from identification.mechanisms.registry import AnyModel, mechanism_of
-from identification.residual_map.residual_map import ResidualMap, residual_map
+from identification.residual_map.residual_map import residual_map
+from identification.residual_map.shares import ResidualMap
 from youbot_env.errors import InputError
 from youbot_env.files import write_atomically
 from youbot_env.physics.geometry import Geometry

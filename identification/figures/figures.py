@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from identification.comparison import Comparison, LogComparison, stretches_of
-from identification.diagnosis.diagnose import Diagnosis
+from identification.diagnosis.report import Diagnosis
 from identification.figures import failures as failure_figures, time_series as figures
 from identification.figures.style import percent, write_figures
 from identification.fitting.errors import NoiseLevel, force_floor, force_traces
@@ -21,7 +21,7 @@ from identification.mechanisms.mechanism import ParameterLabel
 from identification.mechanisms.quantities import Quantities
 from identification.mechanisms.registry import AnyModel, quantities_of
 from identification.residual_map.curves import Curve
-from identification.residual_map.residual_map import ResidualMap
+from identification.residual_map.shares import ResidualMap
 from youbot_env.model.model import Model
 from youbot_env.motions.base import Motion, MotionSequence
 from youbot_env.motions.multisine import Multisine

@@ -9,7 +9,7 @@ drawn at random, block by block: see :mod:`identification.residual_map.bootstrap
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -31,77 +31,10 @@ from identification.residual_map.held_out_gain import (
     strongest_order,
 )
 from identification.residual_map.settings import ResidualMapSettings
+from identification.residual_map.shares import ResidualMap, Share
 from identification.residual_map.table import ResidualTable, residual_table
 
 Array = NDArray[np.float64]
-
-
-@dataclass(frozen=True)
-class Share:
-    """Held-out share of the residual's variance that a variable explains.
-
-    share : beyond the twist, of the twist alone; 0 where chance could have made it
-    p_value : family-wise, over all variables
-    cycles : per turn, of a wheel's angle that has a share
-    """
-
-    variable: str
-    share: float
-    p_value: float
-    cycles: int | None = None
-
-    def to_dict(self) -> dict[str, Any]:
-        """JSON form."""
-        found = {"variable": self.variable, "share": self.share, "p_value": self.p_value}
-        return found if self.cycles is None else {**found, "cycles": self.cycles}
-
-
-@dataclass(frozen=True)
-class ResidualMap:
-    """Result of :func:`residual_map`: shares, the largest first.
-
-    refit : share of the given parameters' residual that disappears when they are fitted again,
-        held out; it may be negative
-    """
-
-    shares: tuple[Share, ...]
-    refit: float = 0.0
-    _table: ResidualTable | None = field(default=None, repr=False, compare=False)
-    _residual: tuple[tuple[Array, ...], ...] = field(default=(), repr=False, compare=False)
-
-    def to_list(self) -> list[dict[str, Any]]:
-        """JSON form, as the design fixes it."""
-        return [share.to_dict() for share in self.shares]
-
-    @property
-    def leading(self) -> tuple[str, ...]:
-        """Variables with a share, the largest first."""
-        return tuple(share.variable for share in self.shares if share.share > 0)
-
-    def curve(self, variable: str) -> list[Curve]:
-        """The residual over a variable, for a plot: one curve, or one for each component of twist.
-
-        Of what the model's parameters leave, and for other variables than the twist of what any
-        function of the twist leaves; none where the logs were too short for a map.
-
-        Raises
-        ------
-        KeyError
-            If the logs have no such variable.
-        """
-        cycles = {share.variable: share.cycles for share in self.shares}[variable]
-        table = self._table
-        if table is None:
-            return []
-        return curves_of(
-            variable,
-            table.variables,
-            table.reductions,
-            self._residual[0 if variable == "twist" else 1],
-            block=table.folds[0].block,
-            settings=table.settings,
-            cycles=cycles or 1,
-        )
 
 
 def residual_map(
@@ -155,7 +88,26 @@ def residual_map(
     rest = held_out_gains(folds, sides, with_twist, groups, settings.ridge_strengths)
     shares = _shares(table, [of_twist, *rest], twist_gain, total, signs.shape[1], beyond)
     refit = 1.0 - total / given if given > 0 else 0.0
-    return ResidualMap(shares, float(refit), table, (tuple(residual), tuple(beyond)))
+    return ResidualMap(shares, float(refit), partial(_curves, table, residual, beyond))
+
+
+def _curves(
+    table: ResidualTable,
+    residual: Sequence[Array],
+    beyond: Sequence[Array],
+    variable: str,
+    cycles: int,
+) -> list[Curve]:
+    """Of what the model leaves over the twist, and of what is left beyond the twist over others."""
+    return curves_of(
+        variable,
+        table.variables,
+        table.reductions,
+        residual if variable == "twist" else beyond,
+        block=table.folds[0].block,
+        settings=table.settings,
+        cycles=cycles,
+    )
 
 
 def _shares(

@@ -19,8 +19,9 @@ from identification.logs.wheel_checks import slip_of
 from identification.mechanisms.calibration_parts import cut
 from identification.mechanisms.mecanum import Mecanum
 from identification.mechanisms.mecanum_samples import MecanumSamples
-from identification.residual_map.residual_map import ResidualMap, residual_map
+from identification.residual_map.residual_map import residual_map
 from identification.residual_map.settings import ResidualMapSettings
+from identification.residual_map.shares import ResidualMap
 from tests.identification.recordings import recording
 from tests.identification.shared_data import DATA, needs_data
 from youbot_env.model.model_file import load_model
