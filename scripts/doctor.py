@@ -114,9 +114,10 @@ def _shows(log: Log, start: Any, geometry: Geometry | None) -> dict[str, Any]:
     """What each motion of a log shows of the base model that ``start`` is."""
     import numpy as np
 
-    from identification.fitting.observability import log_observability, motion_that_shows
+    from identification.fitting.observability import log_observability
     from identification.fitting.regression_rows import regression_rows
     from identification.mechanisms.mecanum import Mecanum
+    from identification.mechanisms.paper_regressor import motion_that_shows
     from identification.mechanisms.registry import mechanism_of
 
     mechanism = mechanism_of(start, geometry)
@@ -139,7 +140,7 @@ def _shows(log: Log, start: Any, geometry: Geometry | None) -> dict[str, Any]:
         "parts": parts,
     }
     if isinstance(mechanism, Mecanum):  # whose motions have names
-        found["motion_that_shows"] = [motion_that_shows(mechanism, d) for d in total.blind]
+        found["motion_that_shows"] = [motion_that_shows(mechanism.geometry, d) for d in total.blind]
     return found
 
 

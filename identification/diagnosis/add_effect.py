@@ -19,7 +19,7 @@ from identification.diagnosis.settings import DiagnosisSettings
 from identification.diagnosis.structures import LoggedData, Step
 from identification.fitting.least_squares import Fit
 from identification.logs.log import Log
-from identification.mechanisms.registry import AnyModel, mechanism_of
+from identification.mechanisms.registry import AnyModel, kind_of, mechanism_of
 from youbot_env.errors import InputError
 
 
@@ -101,7 +101,8 @@ def add_effect(
     after = data.step(fitted, effect)
     before = data.step(base, None, fitted.held_out.folds)
     result = fit_without_noise_bias(data, fitted)
-    new = fitted.mechanism.fitted_model(
+    new = kind_of(model).fitted_model(
+        fitted.mechanism,
         result,
         name=model.name,
         logs=tuple(log.reference for log in logs),

@@ -16,6 +16,7 @@ from identification.diagnosis.candidates import (
     fit_without_noise_bias,
     rank,
 )
+from identification.diagnosis.experiment_design import best_experiment
 from identification.diagnosis.report import (
     Diagnosis,
     candidate_rows,
@@ -35,7 +36,7 @@ from identification.diagnosis.threads import side_by_side
 from identification.fitting.least_squares import Fit, fit
 from identification.logs.log import Log
 from identification.mechanisms.mechanism import Mechanism
-from identification.mechanisms.registry import AnyModel, mechanism_of
+from identification.mechanisms.registry import AnyModel, kind_of, mechanism_of
 from identification.residual_map.residual_map import residual_map
 from identification.residual_map.shares import ResidualMap
 from youbot_env.errors import InputError
@@ -267,7 +268,8 @@ def _model(
     step: Step, final: Fit, model: AnyModel, logs: Sequence[Log], floor: dict[str, float]
 ) -> Any:
     """The model that the last step's final fit stands for."""
-    return step.fitted.mechanism.fitted_model(
+    return kind_of(model).fitted_model(
+        step.fitted.mechanism,
         final,
         name=model.name,
         logs=tuple(log.reference for log in logs),
@@ -285,7 +287,7 @@ def _at_given_base(fitted: FittedStructure, model: AnyModel, data: LoggedData) -
     start = np.concatenate([model.theta, fitted.theta[known:]])
     free = fitted.mechanism.free & (np.arange(len(start)) >= known)
     found = fit(fitted.mechanism, data.samples, start, free=free, settings=data.settings.fit)
-    return fitted.mechanism.fitted_model(found, name=model.name)
+    return kind_of(model).fitted_model(fitted.mechanism, found, name=model.name)
 
 
 def _next_experiment(
@@ -296,16 +298,16 @@ def _next_experiment(
     seed: int,
 ) -> dict[str, Any] | None:
     """The motion that best separates the first tie, if the mechanism knows motions."""
-    propose = getattr(mechanism, "best_experiment", None)
-    if propose is None or not ties:
+    if not ties:
         return None
+    motions = mechanism.motions(seed)
     ranking = next(r for r in rankings if r.best and r.best.name in ties)
     tied = [item for item in ranking.candidates if item.name in ranking.tied and item.fitted]
     assert ranking.best is not None and ranking.best.fitted is not None
-    if not tied:
+    if not tied or not motions:
         return None
     noise = float(np.sqrt(np.mean([np.mean(r**2) for r in steps[-1].fitted.residual])))
-    return propose(_named(ranking.best), [_named(item) for item in tied], noise, seed)
+    return best_experiment(motions, _named(ranking.best), [_named(item) for item in tied], noise)
 
 
 def _named(item: Candidate) -> tuple[str, Any, Array]:
