@@ -1,4 +1,8 @@
-from .comparison import Comparison as Comparison, compare as compare
+from .comparison import (
+    Comparison as Comparison,
+    ComparisonSettings as ComparisonSettings,
+    compare as compare,
+)
 from .diagnosis import (
     Addition as Addition,
     Diagnosis as Diagnosis,
