@@ -18,6 +18,7 @@ from identification.logs.log import Log
 from identification.logs.settings import LogSettings
 from identification.logs.timebase import runs_of
 from identification.logs.wheel_checks import CheckLimits, power_share
+from identification.signals.filters import integral_of
 from identification.signals.noise import thinned, white_noise
 from youbot_env.physics.geometry import WHEELS, Geometry
 
@@ -206,8 +207,7 @@ def _position(log: Log, limits: CheckLimits) -> Iterator[Finding]:
     piece = max(int(limits.settings.position_time / log.dt), 1)
     if len(log) <= 2 * piece:
         return
-    middle = 0.5 * (log.velocity[1:] + log.velocity[:-1]) * log.dt
-    travelled = np.vstack([np.zeros(len(log.joints)), np.cumsum(middle, axis=0)])[::piece]
+    travelled = integral_of(log.velocity, log.dt)[::piece]
     for i, column in enumerate(joint_columns("position", log.joints)):
         way, expected = np.diff(log.position[::piece, i]), np.diff(travelled[:, i])
         gain = float(way @ expected / max(expected @ expected, 1e-300))

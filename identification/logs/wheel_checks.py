@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from identification.logs.findings import Finding
 from identification.logs.log import Log
 from identification.logs.settings import LogSettings
+from identification.signals.filters import integral_of
 from youbot_env.physics.geometry import WHEELS, Geometry
 
 
@@ -154,7 +155,7 @@ def _turning(log: Log, limits: CheckLimits) -> Iterator[Finding]:
     if log.pose is not None:
         stride = max(int(limits.settings.pose_time / log.dt), 1)
         turned = np.diff(log.pose[::stride, 2])
-        expected = np.diff(_integral(rate, log.dt)[::stride])
+        expected = np.diff(integral_of(rate, log.dt)[::stride])
         unit = ("rad", _DEGREES, "degrees")
         yield from _compare("pose_yaw", turned, expected, unit, limits.settings)
 
@@ -165,13 +166,9 @@ def _travel(log: Log, limits: CheckLimits) -> Iterator[Finding]:
         return
     stride = max(int(limits.settings.pose_time / log.dt), 1)
     speed = np.hypot(*limits.geometry.body_twist(log.velocity)[:, :2].T)
-    expected = np.diff(_integral(speed, log.dt)[::stride])
+    expected = np.diff(integral_of(speed, log.dt)[::stride])
     way = np.hypot(*np.diff(log.pose[::stride, :2], axis=0).T)
     yield from _compare("pose_x", way, expected, ("m", 1e3, "millimetres"), limits.settings)
-
-
-def _integral(rate: NDArray[np.float64], dt: float) -> NDArray[np.float64]:
-    return np.r_[0.0, np.cumsum(0.5 * (rate[1:] + rate[:-1]) * dt)]
 
 
 def _compare(

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from identification.logs.log import AXIS, Log
 from identification.mechanisms.axis_effects import Scales
-from identification.signals.filters import FilterSettings, block_mean
+from identification.signals.filters import FilterSettings, block_mean, integral_of
 from identification.signals.noise import white_noise
 from youbot_env.errors import InputError
 
@@ -62,11 +62,8 @@ def axis_samples(log: Log) -> AxisSamples:
         raise InputError(f"{log.source or log.name}: not the log of one axis")
     time = log.time - log.time[0]
     velocity = log.velocity[:, 0]
-    if log.position is not None:
-        position = log.position[:, 0]
-    else:
-        way = 0.5 * log.dt * (velocity[1:] + velocity[:-1])
-        position = np.concatenate([[0.0], np.cumsum(way)])
+    measured = log.position
+    position = integral_of(velocity, log.dt) if measured is None else measured[:, 0]
     return AxisSamples(log.name, time, log.dt, velocity, position, log.effort[:, 0])
 
 

@@ -17,7 +17,7 @@ from identification.logs.log import Log
 from identification.mechanisms.calibration_parts import Part, parts_of
 from identification.mechanisms.mecanum_force import MecanumForce
 from identification.mechanisms.mecanum_motions import expected_samples, library
-from identification.mechanisms.mecanum_samples import MecanumSamples, integral_of, samples_of
+from identification.mechanisms.mecanum_samples import MecanumSamples, samples_of
 from identification.mechanisms.mechanism import Experiment, Mechanism, ParameterLabel, labels_of
 from identification.mechanisms.paper_regressor import (
     PAPER_ORDER,
@@ -25,7 +25,7 @@ from identification.mechanisms.paper_regressor import (
     motion_that_shows,
     paper_scale,
 )
-from identification.signals.filters import FilterSettings
+from identification.signals.filters import FilterSettings, integral_of
 from youbot_env.motions.base import Motion
 from youbot_env.physics import inverse_dynamics as dynamics
 from youbot_env.physics.effect import CATALOGUE, Parameter

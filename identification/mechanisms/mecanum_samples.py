@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from identification.logs.log import Log
+from identification.signals.filters import integral_of
 from identification.signals.noise import white_noise
 from identification.signals.resampling import smoothed
 from youbot_env.errors import InputError
@@ -69,12 +70,6 @@ SLIPPING = 4.0
 
 ROUGH = 0.02
 """Angle [rad] that a pose may be off by rounding and by turning between samples."""
-
-
-def integral_of(rate: Array, dt: float) -> Array:
-    total = np.zeros_like(rate)
-    np.cumsum(0.5 * dt * (rate[1:] + rate[:-1]), axis=0, out=total[1:])
-    return total
 
 
 def _wheel_angles(log: Log, geometry: Geometry, dt: float) -> tuple[Array, bool]:
