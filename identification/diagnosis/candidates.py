@@ -11,15 +11,20 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from identification.fitting.cross_validation import Fold, HeldOut, held_out, make_folds
+from identification.fitting.cross_validation import (
+    CrossValidation,
+    Fold,
+    cross_validate,
+    make_folds,
+)
 from identification.fitting.errors import NoiseLevel
-from identification.fitting.least_squares import gauge_basis
-from identification.fitting.regression_rows import (
+from identification.fitting.gauge import gauge_basis
+from identification.fitting.regression import (
     Indices,
-    Rows,
-    reduce,
-    regression_rows,
-    residual_of,
+    Regression,
+    filtered_residual,
+    filtered_rows,
+    regression,
 )
 from identification.fitting.settings import FitSettings
 from identification.mechanisms.mechanism import DemandedForce
@@ -37,7 +42,7 @@ class Fitted:
 
     mechanism: Any
     theta: Array
-    rows: tuple[Rows, ...]
+    rows: tuple[Regression, ...]
     free: Indices
     basis: Array
     samples: tuple[Any, ...]
@@ -45,7 +50,7 @@ class Fitted:
     @classmethod
     def at(cls, mechanism: Any, theta: Array, samples: Sequence[Any], free: Indices) -> Fitted:
         """Rows of all logs at theta; ``free``: indices of the parameters that were fitted."""
-        rows = tuple(regression_rows(mechanism, theta, item, free, SELECTION) for item in samples)
+        rows = tuple(regression(mechanism, theta, item, free, SELECTION) for item in samples)
         return cls(mechanism, theta, rows, free, _directions(mechanism, free), tuple(samples))
 
     @cached_property
@@ -74,18 +79,18 @@ class Fitted:
         total = 0.0
         for item, of, row in zip(self.samples, noise, self.rows, strict=True):
             noisy = self.mechanism.noisy(item, of.speed, 0.0 * of.torque, rng)
-            again = residual_of(self.mechanism, self.theta, noisy, SELECTION)
+            again = filtered_residual(self.mechanism, self.theta, noisy, SELECTION)
             total += float(((again - row.residual) ** 2).sum())
         return total
 
     @cached_property
-    def held_out(self) -> HeldOut:
+    def held_out(self) -> CrossValidation:
         """Judged on what it was not fitted on."""
         return self.judged(make_folds(self.rows, self.columns))
 
-    def judged(self, folds: Sequence[Fold]) -> HeldOut:
+    def judged(self, folds: Sequence[Fold]) -> CrossValidation:
         """The same with other folds."""
-        return held_out(self.residual, self.columns, folds, self.basis)
+        return cross_validate(self.residual, self.columns, folds, self.basis)
 
     def compared(self, folds: Sequence[Fold]) -> float:
         """Its held-out squares over those with other folds."""
@@ -117,7 +122,7 @@ class Candidate:
     theta: Array
     free: Indices
     columns: tuple[Array, ...]
-    result: HeldOut
+    result: CrossValidation
     shapes: dict[str, float] = field(default_factory=dict)
     directions: int = 0
     fitted: Fitted | None = None
@@ -216,7 +221,7 @@ def _try_shape(
     free = np.concatenate([base.free, new])
     basis = _directions(mechanism, free)
     folds = make_folds(base.rows, joined)
-    result = held_out(base.residual, joined, folds, basis)
+    result = cross_validate(base.residual, joined, folds, basis)
     directions = basis.shape[1] - base.basis.shape[1]
     return Candidate(
         *(name, mechanism, theta, free, columns, result, shapes),
@@ -227,7 +232,7 @@ def _try_shape(
 
 def _columns(mechanism: Any, demand: DemandedForce, samples: Any, new: Indices) -> Array:
     ends = np.moveaxis(demand.columns(new), 0, -1)
-    return reduce(ends, mechanism, samples, SELECTION)
+    return filtered_rows(ends, mechanism, samples, SELECTION)
 
 
 def contains(larger: Candidate, smaller: Candidate, base: Fitted, enough: float = 0.995) -> bool:

@@ -22,7 +22,7 @@ from identification.diagnosis.search import Search
 from identification.diagnosis.significance import family_p_values, score_blocks
 from identification.diagnosis.threads import side_by_side
 from identification.fitting.cross_validation import block_sums
-from identification.fitting.regression_rows import residual_of
+from identification.fitting.regression import filtered_residual
 
 Array = NDArray[np.float64]
 
@@ -171,7 +171,7 @@ def _idle(search: Search, larger: Candidate, smaller: Fitted, square: float) -> 
         return False
     undone = search.final(larger.fitted).theta
     beyond = [
-        row.residual - residual_of(larger.mechanism, undone, samples, SELECTION)
+        row.residual - filtered_residual(larger.mechanism, undone, samples, SELECTION)
         for row, samples in zip(smaller.rows, search.samples, strict=True)
     ]
     columns = [row.columns.reshape(-1, row.columns.shape[-1]) for row in smaller.rows]

@@ -15,7 +15,7 @@ from identification.diagnosis.candidates import (
 from identification.fitting.cross_validation import Fold
 from identification.fitting.errors import (
     NoiseLevel,
-    Squares,
+    SumsOfSquares,
     Traces,
     add_up,
     force_floor,
@@ -27,8 +27,8 @@ from identification.fitting.least_squares import Fit
 from identification.fitting.noise_bias import final_fit, joint_fit
 from identification.fitting.observability import log_observability, refuse_blind
 from identification.logs.log import Log
-from identification.mechanisms.calibration_parts import cut
 from identification.mechanisms.mechanism import Mechanism
+from identification.mechanisms.parts import cut
 from youbot_env.errors import InputError
 
 Array = NDArray[np.float64]
@@ -96,8 +96,8 @@ class Search:
         force, velocity = [], []
         for fold, theta in zip(folds, thetas, strict=True):
             part = self.stretch(fold)
-            force.append(Squares.of(force_traces(fitted.mechanism, theta, part)))
-            velocity.append(Squares.of(_free_run(fitted.mechanism, theta, part)))
+            force.append(SumsOfSquares.of(force_traces(fitted.mechanism, theta, part)))
+            velocity.append(SumsOfSquares.of(_free_run(fitted.mechanism, theta, part)))
             self.tick()
         return Step(effect, add_up(force).ratio, add_up(velocity).ratio, fitted, thetas)
 
@@ -118,7 +118,7 @@ class Search:
             if np.isfinite(run.predicted).all():
                 velocity.append(velocity_floor(*args, run, noise, self.seed))
             else:
-                velocity.append(Squares.of(run))
+                velocity.append(SumsOfSquares.of(run))
         _, force = self._force_squares(fitted)
         return {"force_error": force.ratio, "velocity_error": add_up(velocity).ratio}
 
@@ -127,20 +127,20 @@ class Search:
         left, floor = self._force_squares(fitted)
         return left.ratio / floor.ratio
 
-    def _force_squares(self, fitted: Fitted) -> tuple[Squares, Squares]:
+    def _force_squares(self, fitted: Fitted) -> tuple[SumsOfSquares, SumsOfSquares]:
         left, floor = [], []
         for samples, noise in zip(self.samples, self.noise, strict=True):
             args = (fitted.mechanism, fitted.theta, samples)
             traces = force_traces(*args)
-            left.append(Squares.of(traces))
+            left.append(SumsOfSquares.of(traces))
             floor.append(force_floor(*args, traces, noise, self.seed))
         return add_up(left), add_up(floor)
 
 
 def given_errors(mechanism: Mechanism, theta: Array, samples: Sequence[Any]) -> dict[str, float]:
     """Errors of a model as it stands, nothing fitted."""
-    force = [Squares.of(force_traces(mechanism, theta, item)) for item in samples]
-    velocity = [Squares.of(velocity_traces(mechanism, theta, item)) for item in samples]
+    force = [SumsOfSquares.of(force_traces(mechanism, theta, item)) for item in samples]
+    velocity = [SumsOfSquares.of(velocity_traces(mechanism, theta, item)) for item in samples]
     return {"force_error": add_up(force).ratio, "velocity_error": add_up(velocity).ratio}
 
 

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from identification.fitting.errors import (
     NoiseLevel,
-    Squares,
+    SumsOfSquares,
     add_up,
     force_floor,
     force_traces,
@@ -25,11 +25,11 @@ from identification.fitting.observability import (
     refuse_blind,
 )
 from identification.fitting.recursive import EstimateHistory, recursive_course
-from identification.fitting.regression_rows import Rows, regression_rows
+from identification.fitting.regression import Regression, regression
 from identification.fitting.settings import FitSettings
 from identification.logs.log import Log
-from identification.mechanisms.calibration_parts import Part
 from identification.mechanisms.mechanism import Mechanism, Samples
+from identification.mechanisms.parts import Part
 from identification.mechanisms.registry import AnyModel, kind_of, mechanism_of
 from youbot_env.errors import InputError
 from youbot_env.model.model_file import load_model
@@ -192,7 +192,7 @@ def identify(
     mechanism = mechanism_of(start, geometry)
     samples = tuple(mechanism.samples(log) for log in logs)
     free = np.flatnonzero(mechanism.free)
-    rows = [regression_rows(mechanism, start.theta, item, free, settings) for item in samples]
+    rows = [regression(mechanism, start.theta, item, free, settings) for item in samples]
     total = log_observability(mechanism, rows)
     refuse_blind(mechanism, total)
     parts = tuple(
@@ -214,7 +214,7 @@ def identify(
         )  # numba, which the force fit does without
 
         final = refine(mechanism, samples, force, settings=settings, progress=progress)
-    course = recursive_course(mechanism, force, settings) if recursive else None
+    course = _course(mechanism, force, settings) if recursive else None
     of = kind_of(start)
     model = of.fitted_model(
         mechanism,
@@ -231,8 +231,13 @@ def identify(
     )
 
 
+def _course(mechanism: Mechanism, force: Fit, settings: FitSettings) -> EstimateHistory:
+    scale = mechanism.scale[force.free]
+    return recursive_course(force.rows, force.theta[force.free], scale, force.std, settings)
+
+
 def _part_report(
-    mechanism: Mechanism, theta: Array, name: str, part: Part, rows: Rows
+    mechanism: Mechanism, theta: Array, name: str, part: Part, rows: Regression
 ) -> PartReport:
     inside = rows.between(part.start, part.end)
     seen = log_observability(mechanism, [inside])
@@ -256,12 +261,12 @@ def _errors(
         for item, trace, level in zip(samples, traces, noise, strict=True)
     ]
     found: dict[str, Any] = {
-        "force_error": add_up(map(Squares.of, traces)).ratio,
+        "force_error": add_up(map(SumsOfSquares.of, traces)).ratio,
         "noise_floor": {"force_error": add_up(floors).ratio},
     }
     if with_velocity:
-        speed = [Squares.of(velocity_traces(mechanism, final.theta, item)) for item in samples]
-        found["velocity_error"] = add_up(speed).ratio
+        speed = [velocity_traces(mechanism, final.theta, item) for item in samples]
+        found["velocity_error"] = add_up(map(SumsOfSquares.of, speed)).ratio
     return found
 
 

@@ -10,8 +10,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from identification.fitting.errors import NoiseLevel
-from identification.fitting.least_squares import Fit, fit, gauge_basis, solve_step
-from identification.fitting.regression_rows import regression_rows
+from identification.fitting.gauge import gauge_basis
+from identification.fitting.least_squares import Fit, fit, solve_step
+from identification.fitting.regression import regression
 from identification.fitting.settings import FitSettings
 from identification.mechanisms.mechanism import Mechanism
 
@@ -94,9 +95,7 @@ class _Noise:
         rows = []
         for item, of in zip(self.samples, self.noise, strict=True):
             noisy = self.mechanism.noisy(item, size * of.speed, 0.0 * of.torque, rng)
-            rows.append(
-                regression_rows(self.mechanism, found.theta, noisy, found.free, self.settings)
-            )
+            rows.append(regression(self.mechanism, found.theta, noisy, found.free, self.settings))
         even = [np.ones(len(row.residual)) for row in rows]
         step, _ = solve_step(
             self.mechanism, rows, even, found.theta, found.free, self.basis, self.settings

@@ -8,8 +8,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from identification.fitting.least_squares import covariance_of, gauge_groups
-from identification.fitting.regression_rows import Indices, Rows
+from identification.fitting.gauge import gauge_groups
+from identification.fitting.regression import Indices, Regression, covariance_of
 from identification.mechanisms.mechanism import Mechanism
 from youbot_env.errors import InputError
 
@@ -121,7 +121,7 @@ def _blocks(names: Sequence[str], unit: Array) -> tuple[tuple[str, ...], ...]:
 
 
 def log_observability(
-    mechanism: Mechanism, rows: Sequence[Rows], blind: float = BLIND
+    mechanism: Mechanism, rows: Sequence[Regression], blind: float = BLIND
 ) -> Observability:
     """What one log (or several together) shows of the parameters, from its regression rows."""
     order = mechanism.order
@@ -152,7 +152,7 @@ def _places(mechanism: Mechanism) -> Indices:
 
 
 def block_estimates(
-    mechanism: Mechanism, theta: Array, rows: Rows, seen: Observability
+    mechanism: Mechanism, theta: Array, rows: Regression, seen: Observability
 ) -> dict[str, tuple[float, float]]:
     """Value and standard deviation of each parameter whose block a motion shows whole.
 

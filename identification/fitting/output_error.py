@@ -7,8 +7,9 @@ from collections.abc import Callable, Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from identification.fitting.least_squares import Fit, covariance_of, gauge_basis, solve_step
-from identification.fitting.regression_rows import Indices, Rows, stride
+from identification.fitting.gauge import gauge_basis
+from identification.fitting.least_squares import Fit, solve_step
+from identification.fitting.regression import Indices, Regression, covariance_of, stride
 from identification.fitting.settings import FitSettings
 from identification.mechanisms.mechanism import Mechanism, Samples
 from identification.signals.filters import block_mean
@@ -75,7 +76,7 @@ def _line_search(
     return theta, cost
 
 
-def _cost(rows: Sequence[Rows]) -> float:
+def _cost(rows: Sequence[Regression]) -> float:
     return sum(float((row.residual**2).sum()) for row in rows)
 
 
@@ -91,7 +92,7 @@ def _rows(
     free: Indices,
     settings: FitSettings,
     progress: Callable[[], None],
-) -> Rows:
+) -> Regression:
     """Residual and columns (sensitivities of the free run) by central differences."""
     columns = []
     size = stride(samples.dt, settings.row_rate)
@@ -107,4 +108,4 @@ def _rows(
     residual = _residual(mechanism, theta, samples, settings)
     step = size * samples.dt
     time = samples.time[0] - samples.dt + step * np.arange(1, len(residual) + 1)
-    return Rows(time, step, residual, np.stack(columns, axis=-1))
+    return Regression(time, step, residual, np.stack(columns, axis=-1))

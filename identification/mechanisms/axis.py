@@ -17,8 +17,8 @@ from identification.mechanisms import axis_dynamics as dynamics
 from identification.mechanisms.axis_dynamics import SYSTEM, AxisStructure, Instant
 from identification.mechanisms.axis_effects import AXIS_CATALOGUE, TURNING, Scales, fitted_to
 from identification.mechanisms.axis_samples import AxisSamples, axis_samples
-from identification.mechanisms.calibration_parts import Part
 from identification.mechanisms.mechanism import Mechanism, ParameterLabel
+from identification.mechanisms.parts import Part
 from identification.signals.filters import slope_ends
 from identification.signals.resampling import RATE_SMOOTHING, moved, smoothed
 from youbot_env.errors import InputError

@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from identification.logs.log import Log
-from identification.mechanisms.calibration_parts import Part, parts_of
+from identification.mechanisms.calibration_parts import parts_of
 from identification.mechanisms.mecanum_force import MecanumForce
 from identification.mechanisms.mecanum_motions import expected_samples, library
 from identification.mechanisms.mecanum_samples import MecanumSamples, samples_of
@@ -25,6 +25,7 @@ from identification.mechanisms.paper_regressor import (
     motion_that_shows,
     paper_scale,
 )
+from identification.mechanisms.parts import Part
 from identification.signals.filters import FilterSettings, integral_of
 from youbot_env.motions.base import Motion
 from youbot_env.physics import inverse_dynamics as dynamics

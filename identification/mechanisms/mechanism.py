@@ -167,7 +167,7 @@ class Mechanism(Protocol):
         ...
 
     def parts(self, samples: Any, /) -> list[Any]:
-        """Stretches of a log (`segments.Part`) that are judged apart."""
+        """Stretches of a log (`parts.Part`) that are judged apart."""
         ...
 
     def noisy(self, samples: Any, speed: Array, effort: Array, rng: np.random.Generator, /) -> Any:

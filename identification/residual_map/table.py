@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from identification.fitting.regression_rows import residual_and_columns
+from identification.fitting.regression import residual_and_columns
 from identification.fitting.settings import FitSettings
 from identification.residual_map.features import Group, Scales, groups
 from identification.residual_map.held_out_shares import Part

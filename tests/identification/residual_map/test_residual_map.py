@@ -16,9 +16,9 @@ import pytest
 from identification.fitting.identify import identify
 from identification.logs.reading import read_log
 from identification.logs.wheel_checks import slip_of
-from identification.mechanisms.calibration_parts import cut
 from identification.mechanisms.mecanum import Mecanum
 from identification.mechanisms.mecanum_samples import MecanumSamples
+from identification.mechanisms.parts import cut
 from identification.residual_map.residual_map import LEAST, ResidualMap, residual_map
 from tests.identification.recordings import recording
 from tests.identification.shared_data import DATA, needs_data
