@@ -138,7 +138,7 @@ def test_a_column_of_noise_is_not_taken_for_information():
     rng = np.random.default_rng(0)
     columns = rng.standard_normal((500, 3, 2))
     columns[..., 1] *= 1e-3
-    found = observability(["a", "b"], columns, 0.05, 3e-3)
+    found = observability(["a", "b"], columns, 0.05)
     assert found.rank == 1
     np.testing.assert_allclose(np.abs(found.blind[0]), [0, 1], atol=1e-3)
 
