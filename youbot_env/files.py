@@ -179,12 +179,14 @@ class FileKind(Generic[T]):
         return fastjsonschema.compile(dict(self.schema), use_default=False)
 
 
-def read_json(path: str | os.PathLike[str], kind: FileKind[T], missing: str = "") -> T:
+def read_json(
+    path: str | os.PathLike[str], kind: FileKind[T], missing: Callable[[], str] | None = None
+) -> T:
     """The object that a JSON file of a kind describes.
 
     Parameters
     ----------
-    missing : advice where there is no such file
+    missing : makes advice where there is no such file
 
     Raises
     ------
@@ -195,7 +197,9 @@ def read_json(path: str | os.PathLike[str], kind: FileKind[T], missing: str = ""
     return kind.from_text(read_bytes(source, kind.max_bytes, missing), source)
 
 
-def read_bytes(path: str | os.PathLike[str], max_bytes: int, missing: str = "") -> bytes:
+def read_bytes(
+    path: str | os.PathLike[str], max_bytes: int, missing: Callable[[], str] | None = None
+) -> bytes:
     """A file's bytes, never more than ``max_bytes``; ``missing`` advises where there is none."""
     source = os.fspath(path)
     try:
@@ -205,7 +209,7 @@ def read_bytes(path: str | os.PathLike[str], max_bytes: int, missing: str = "") 
             if len(content) == USUAL_BYTES:
                 content += stream.read(max_bytes + 1 - USUAL_BYTES)
     except FileNotFoundError as error:
-        reason = f"no such file; {missing}" if missing else f"cannot be read: {error.strerror}"
+        reason = f"no such file; {missing()}" if missing else f"cannot be read: {error.strerror}"
         raise InputError(f"{source}: {reason}") from None
     except (OSError, ValueError) as error:
         # ValueError: a name with a null byte.
