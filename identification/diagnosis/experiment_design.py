@@ -14,7 +14,8 @@ from numpy.typing import NDArray
 
 from identification.fitting.least_squares import gauge_basis
 from identification.fitting.regression_rows import regression_rows
-from identification.mechanisms.mechanism import Experiment, Mechanism, Samples
+from identification.mechanisms.mechanism import Experiment, Mechanism
+from identification.mechanisms.samples import Samples
 
 Array = NDArray[np.float64]
 

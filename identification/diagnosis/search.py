@@ -27,8 +27,8 @@ from identification.fitting.least_squares import Fit
 from identification.fitting.noise_bias import final_fit, joint_fit
 from identification.fitting.observability import log_observability, refuse_blind
 from identification.logs.log import Log
-from identification.mechanisms.calibration_parts import cut
 from identification.mechanisms.mechanism import Mechanism
+from identification.mechanisms.samples import cut
 from youbot_env.errors import InputError
 
 Array = NDArray[np.float64]

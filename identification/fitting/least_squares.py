@@ -11,7 +11,8 @@ from numpy.typing import NDArray
 from identification.fitting.covariance import hac_covariance
 from identification.fitting.regression_rows import Indices, Rows, regression_rows
 from identification.fitting.settings import FitSettings
-from identification.mechanisms.mechanism import Mechanism, Samples
+from identification.mechanisms.mechanism import Mechanism
+from identification.mechanisms.samples import Samples
 from youbot_env.errors import InputError
 
 Array = NDArray[np.float64]

@@ -10,7 +10,8 @@ from numpy.typing import NDArray
 from identification.fitting.least_squares import Fit, covariance_of, gauge_basis, solve_step
 from identification.fitting.regression_rows import Indices, Rows, stride
 from identification.fitting.settings import FitSettings
-from identification.mechanisms.mechanism import Mechanism, Samples
+from identification.mechanisms.mechanism import Mechanism
+from identification.mechanisms.samples import Samples
 from identification.signals.filters import block_mean
 from youbot_env.errors import InputError
 

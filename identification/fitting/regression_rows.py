@@ -8,7 +8,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from identification.fitting.settings import FitSettings
-from identification.mechanisms.mechanism import DemandedForce, Mechanism, Samples
+from identification.mechanisms.mechanism import Mechanism
+from identification.mechanisms.samples import DemandedForce, Samples
 from identification.signals.filters import block_mean, first_order, settled
 
 Array = NDArray[np.float64]
