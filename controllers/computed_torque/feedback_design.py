@@ -10,7 +10,7 @@ from controllers.interface import Array, Loop
 from youbot_env.errors import InputError
 from youbot_env.model.model import Model
 from youbot_env.physics import inverse_dynamics as dynamics
-from youbot_env.physics.points import Instant
+from youbot_env.physics.mechanism import Instant
 
 TRUSTED = 0.7
 """Largest disturbance that is believed, as a share of the acceleration that the limit allows."""

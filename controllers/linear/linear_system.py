@@ -17,7 +17,7 @@ from scipy.linalg import expm
 from controllers.interface import Array, Loop
 from youbot_env.errors import InputError
 from youbot_env.model.model import Model
-from youbot_env.physics.structure import DRIVE_STATE, STATE
+from youbot_env.physics.mecanum import DRIVE_STATE, STATE
 from youbot_env.simulation.free_run import initial_state
 
 Complex = NDArray[np.complex128]

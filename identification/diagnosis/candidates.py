@@ -27,7 +27,7 @@ from identification.fitting.regression import (
     regression,
 )
 from identification.fitting.settings import FitSettings
-from identification.mechanisms.mechanism import DemandedForce
+from identification.mechanisms.samples import DemandedForce
 from youbot_env.physics.effect import Parameter
 
 Array = NDArray[np.float64]

@@ -14,7 +14,8 @@ from numpy.typing import NDArray
 
 from identification.fitting.gauge import gauge_basis
 from identification.fitting.regression import regression
-from identification.mechanisms.mechanism import Experiment, Mechanism, Samples
+from identification.mechanisms.mechanism import Experiment, Mechanism
+from identification.mechanisms.samples import Samples
 
 Array = NDArray[np.float64]
 

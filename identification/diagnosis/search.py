@@ -28,7 +28,7 @@ from identification.fitting.noise_bias import final_fit, joint_fit
 from identification.fitting.observability import log_observability, refuse_blind
 from identification.logs.log import Log
 from identification.mechanisms.mechanism import Mechanism
-from identification.mechanisms.parts import cut
+from identification.mechanisms.samples import cut
 from youbot_env.errors import InputError
 
 Array = NDArray[np.float64]

@@ -9,8 +9,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from identification.fitting.settings import FitSettings
-from identification.mechanisms.mechanism import Mechanism, Samples
-from identification.mechanisms.parts import cut
+from identification.mechanisms.mechanism import Mechanism
+from identification.mechanisms.samples import Samples, cut
 from identification.signals.filters import filter_samples, first_order, settled
 from identification.signals.noise import white_noise
 

@@ -28,8 +28,9 @@ from identification.fitting.recursive import EstimateHistory, recursive_course
 from identification.fitting.regression import Regression, regression
 from identification.fitting.settings import FitSettings
 from identification.logs.log import Log
-from identification.mechanisms.mechanism import Mechanism, Samples
+from identification.mechanisms.mechanism import Mechanism
 from identification.mechanisms.registry import AnyModel, kind_of, mechanism_of
+from identification.mechanisms.samples import Samples
 from youbot_env.errors import InputError
 from youbot_env.model.model_file import load_model
 from youbot_env.physics.geometry import Geometry

@@ -11,7 +11,8 @@ from numpy.typing import NDArray
 from identification.fitting.gauge import gauge_basis
 from identification.fitting.regression import Indices, Regression, covariance_of, regression
 from identification.fitting.settings import FitSettings
-from identification.mechanisms.mechanism import Mechanism, Samples
+from identification.mechanisms.mechanism import Mechanism
+from identification.mechanisms.samples import Samples
 from youbot_env.errors import InputError
 
 Array = NDArray[np.float64]

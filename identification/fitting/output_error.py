@@ -11,7 +11,8 @@ from identification.fitting.gauge import gauge_basis
 from identification.fitting.least_squares import Fit, solve_step
 from identification.fitting.regression import Indices, Regression, covariance_of, stride
 from identification.fitting.settings import FitSettings
-from identification.mechanisms.mechanism import Mechanism, Samples
+from identification.mechanisms.mechanism import Mechanism
+from identification.mechanisms.samples import Samples
 from identification.signals.filters import block_mean
 from youbot_env.errors import InputError
 

@@ -10,7 +10,8 @@ from numpy.typing import NDArray
 
 from identification.fitting.covariance import hac_covariance
 from identification.fitting.settings import FitSettings
-from identification.mechanisms.mechanism import DemandedForce, Mechanism, Samples
+from identification.mechanisms.mechanism import Mechanism
+from identification.mechanisms.samples import DemandedForce, Samples
 from identification.signals.filters import block_mean, first_order, settled
 
 Array = NDArray[np.float64]

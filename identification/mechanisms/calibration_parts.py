@@ -4,8 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from identification.mechanisms.mecanum_samples import MecanumSamples
-from identification.mechanisms.parts import Part, cut
+from identification.mechanisms.samples import Part, Samples, cut
 
 WINDOW = 5.0
 """Seconds that are judged at once: about one period of a calibration motion."""
@@ -24,7 +23,7 @@ ARM = 0.4
 """Lever [m] by which a yaw rate is compared with a speed: about L of the youBot."""
 
 
-def parts_of(samples: MecanumSamples) -> list[Part]:
+def parts_of(samples: Samples) -> list[Part]:
     """The motions of a log in order; a log too short to be judged is one part."""
     width = round(WINDOW / samples.dt)
     starts = range(0, len(samples) - width, max(1, round(STEP / samples.dt)))
@@ -42,7 +41,7 @@ def parts_of(samples: MecanumSamples) -> list[Part]:
     return parts or [Part("free", samples)]
 
 
-def kind_of_motion(samples: MecanumSamples) -> str:
+def kind_of_motion(samples: Samples) -> str:
     """Which of the paper's motions a stretch looks like: I, II, III, IV or "free"."""
     wheel = np.sqrt((samples.wheel_speed**2).mean(axis=0))
     still = wheel < STILL * wheel.max()

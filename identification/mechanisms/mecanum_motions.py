@@ -7,7 +7,7 @@ from collections.abc import Mapping
 import numpy as np
 from numpy.typing import NDArray
 
-from identification.mechanisms.mecanum_samples import MecanumSamples
+from identification.mechanisms.samples import Samples
 from identification.signals.filters import integral_of
 from youbot_env.motions.base import Motion
 from youbot_env.motions.calibration import CALIBRATION
@@ -73,9 +73,7 @@ def followed(twist: Array, geometry: Geometry, values: Mapping[str, float]) -> A
     return np.asarray(lfilter(*bilinear(*loop, fs=1 / DT), twist, axis=0))
 
 
-def expected_samples(
-    motion: Motion, geometry: Geometry, values: Mapping[str, float]
-) -> MecanumSamples:
+def expected_samples(motion: Motion, geometry: Geometry, values: Mapping[str, float]) -> Samples:
     """What a log of a motion would hold, without noise; torques are left at zero."""
     time = np.arange(0.0, motion.duration, DT)
     twist = followed(motion.twist(time), geometry, values)
@@ -86,4 +84,4 @@ def expected_samples(
     speed = geometry.wheel_speeds(twist)
     angle = integral_of(speed, DT)
     pose = np.column_stack([x, y, yaw])
-    return MecanumSamples(motion.name, time, DT, twist, pose, angle, speed, np.zeros_like(speed))
+    return Samples(motion.name, time, DT, twist, pose, angle, speed, np.zeros_like(speed))

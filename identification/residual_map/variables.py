@@ -8,10 +8,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from identification.mechanisms.mecanum import Mecanum
-from identification.mechanisms.mecanum_samples import MecanumSamples
 from identification.signals.filters import block_mean, filter_samples
-from youbot_env.physics.geometry import WHEELS
 
 if TYPE_CHECKING:
     from identification.mechanisms.mechanism import Mechanism
@@ -83,47 +80,10 @@ def signals_of(mechanism: Mechanism, samples: Any, demanded: Array) -> Signals:
     force = np.concatenate(
         [demanded[0, :1], 0.5 * (demanded[1, :-1] + demanded[0, 1:]), demanded[1, -1:]]
     )
-    if isinstance(mechanism, Mecanum):
-        return _of_platform(mechanism, samples, force)
-    return _of_axis(mechanism, samples, force)
-
-
-def _of_platform(mechanism: Mecanum, samples: MecanumSamples, force: Array) -> Signals:
-    geometry, dt = mechanism.geometry, samples.dt
-    rolling = geometry.wheel_speeds(samples.twist)
-    rollers = samples.twist @ geometry.roller_jacobian[::2].T
-    torque = geometry.wheel_torque(force / mechanism.force_scale)
-    return Signals(
-        axes=("x", "y", "yaw"),
-        joints=WHEELS,
-        places=("x", "y"),
-        time=samples.time,
-        twist=samples.twist,
-        rates=np.column_stack([samples.twist, rolling, rollers]),
-        **_derived(samples.twist, torque, dt),
-        position=samples.pose[:, :2],
-        heading=samples.pose[:, 2],
-        angle=samples.wheel_angle,
-        speed=samples.wheel_speed,
-        departure=samples.wheel_speed - rolling,
-        turns=None,
-    )
-
-
-def _of_axis(mechanism: Any, samples: Any, force: Array) -> Signals:
-    """Of one axis: its speed is its twist; what it lacks stays None."""
-    dt, twist = samples.dt, mechanism.measured_speed(samples)
-    return Signals(
-        axes=("",),
-        joints=("",),
-        places=("",),
-        time=samples.time,
-        twist=twist,
-        rates=twist,
-        **_derived(twist, force, dt),
-        position=samples.position[:, None],
-        turns=mechanism.scales.turns,
-    )
+    found = mechanism.variables(samples)
+    torque = mechanism.joint_torque(force)
+    known: dict[str, Any] = found._asdict() | _derived(found.twist, torque, samples.dt)
+    return Signals(time=samples.time, **known)
 
 
 def _derived(twist: Array, torque: Array, dt: float) -> dict[str, Array]:

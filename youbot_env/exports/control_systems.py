@@ -18,8 +18,8 @@ from youbot_env.model.model_file import load_model
 from youbot_env.physics import inverse_dynamics as dynamics
 from youbot_env.physics.effect import WORLD
 from youbot_env.physics.geometry import WHEELS
+from youbot_env.physics.mecanum import DRIVE_STATE, STATE
 from youbot_env.physics.stated_parameters import to_theta
-from youbot_env.physics.structure import DRIVE_STATE, STATE
 from youbot_env.simulation.compiled import kernel
 from youbot_env.simulation.free_run import initial_state
 

@@ -18,8 +18,8 @@ from youbot_env.exports.step_function import refuse_delay
 from youbot_env.model.model import Model
 from youbot_env.physics import inverse_dynamics as dynamics
 from youbot_env.physics.effect import CLOCK
+from youbot_env.physics.mechanism import Instant
 from youbot_env.physics.namespaces import floats, tensors
-from youbot_env.physics.points import Instant
 from youbot_env.physics.stated_parameters import internal_values
 from youbot_env.physics.structure import ModelStructure
 from youbot_env.simulation import free_run as simulate

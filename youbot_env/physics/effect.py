@@ -34,7 +34,7 @@ from math import isfinite
 from typing import Any, NamedTuple
 
 from youbot_env.errors import InputError
-from youbot_env.physics.geometry import WHEELS
+from youbot_env.physics.hardware import WHEELS
 
 
 class Body(NamedTuple):
@@ -138,7 +138,8 @@ class Parameter:
     default : a shape constant's value; None for a parameter that is identified linearly
     lower, upper : physical bounds
     size : the size at which the effect matters ("catalogue size"), also the scale of its column
-    each_wheel : one value a wheel, called ``<name>_fl`` ... ``<name>_br``
+    each_wheel : one value a joint, called ``<name>_fl`` ... ``<name>_br``
+    joints : names of the joints that ``each_wheel`` speaks of, where they are not the four wheels
     relative_to : "mean" or "least" for values of which only differences can be seen; the common
         part belongs to ``absorbed_by``, a base parameter (None: it cannot be known)
     grid : values of a shape constant that a search should try
@@ -159,12 +160,13 @@ class Parameter:
     grid: tuple[float, ...] = ()
     instant: bool = False
     whole: bool = False
+    joints: tuple[str, ...] = WHEELS
 
     @property
     def names(self) -> tuple[str, ...]:
         """The scalar parameters that this one stands for."""
         if self.each_wheel:
-            return tuple(f"{self.name}_{wheel}" for wheel in WHEELS)
+            return tuple(f"{self.name}_{wheel}" for wheel in self.joints)
         return (self.name,)
 
     @property

@@ -18,7 +18,7 @@ from youbot_env.model.model_file import load_model
 from youbot_env.physics import inverse_dynamics as dynamics
 from youbot_env.physics.effect import ACTUATOR, CATALOGUE, CHANNEL, CLOCK
 from youbot_env.physics.geometry import Geometry
-from youbot_env.physics.structure import DRIVE_STATE, STATE
+from youbot_env.physics.mecanum import DRIVE_STATE, STATE
 from youbot_env.simulation.compiled import kernel
 from youbot_env.simulation.free_run import initial_state, substeps
 

@@ -10,8 +10,8 @@ from identification.diagnosis.candidates import try_candidate
 from identification.diagnosis.diagnose import diagnose
 from identification.diagnosis.search import Search
 from identification.diagnosis.selection import AT_FLOOR, select
-from identification.mechanisms.parts import cut
 from identification.mechanisms.registry import mechanism_of
+from identification.mechanisms.samples import cut
 from tests.identification.recordings import recording
 from youbot_env.errors import InputError
 from youbot_env.model.model_file import load_model

@@ -18,7 +18,7 @@ from youbot_env.model.model_file import load_model
 from youbot_env.physics.effect import CATALOGUE
 from youbot_env.physics.geometry import Geometry
 from youbot_env.physics.inverse_dynamics import wrench
-from youbot_env.physics.points import Instant
+from youbot_env.physics.mechanism import Instant
 from youbot_env.physics.structure import ModelStructure
 
 PAPER = load_model("paper")

@@ -13,8 +13,8 @@ from tests.youbot_env.structures import CASES, model, random_instant, state_of
 from youbot_env.model.model import Model
 from youbot_env.physics import effect as effects, inverse_dynamics as dynamics
 from youbot_env.physics.effect import CATALOGUE, WHEEL, Parameter, effect
+from youbot_env.physics.mechanism import Instant
 from youbot_env.physics.namespaces import floats, symbols, tensors
-from youbot_env.physics.points import Instant
 from youbot_env.physics.structure import ModelStructure
 from youbot_env.simulation.compiled import kernel
 

@@ -10,7 +10,7 @@ import pytest
 
 from tests.youbot_env.structures import CASES, EVERYTHING, model, random_instant
 from youbot_env.model.model import Model
-from youbot_env.physics.points import Instant
+from youbot_env.physics.mechanism import Instant
 from youbot_env.simulation.compiled import inverse_kernel
 from youbot_env.simulation.generated_code import INVERSE, MOTION
 
