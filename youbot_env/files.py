@@ -146,6 +146,11 @@ class FileKind(Generic[T]):
             return self.build(found, source)
         except InputError as error:
             raise named(source, error) from None
+        except (ArithmeticError, ValueError) as error:
+            # Numbers that are each possible, 1e308 kg say, may overflow together; numpy's
+            # LinAlgError is a ValueError.
+            cause = InputError(f"its numbers cannot be used together: {error}")
+            raise named(source, cause) from None
 
     def checked(self, content: Any, source: str) -> dict[str, Any]:
         """The content, if it is an object of this version that fits the schema."""
@@ -153,11 +158,12 @@ class FileKind(Generic[T]):
         # Imported late: commands that read no file start without it.
         from fastjsonschema import JsonSchemaValueException
 
+        found = dict(content)  # of any mapping; the validator knows dictionaries alone
         try:
-            self._validate(content)
+            self._validate(found)
         except JsonSchemaValueException as error:
-            raise InputError(f"{source}: {_misfit(error, self.noun)}") from None
-        return dict(content)
+            raise named(source, InputError(_misfit(error, self.noun))) from None
+        return found
 
     def check_version(self, content: Any, source: str) -> None:
         """Refuse what is no object, and files of other versions."""
@@ -269,8 +275,9 @@ def _object(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
     found = dict(pairs)
     if len(found) == len(pairs):
         return found
-    keys = [key for key, _ in pairs]
-    return _Repeated(next(key for key in keys if keys.count(key) > 1))
+    # One pass, since a hostile file may hold a million keys.
+    seen: set[str] = set()
+    return _Repeated(next(key for key, _ in pairs if key in seen or seen.add(key)))
 
 
 def _fault(value: Any, may_hold_nan: bool, depth: int) -> tuple[str, str] | None:
