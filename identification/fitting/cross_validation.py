@@ -98,6 +98,7 @@ def cross_validate(
     right = [residual[fold.log][fold.rows].ravel() for fold in folds]
     grams = np.stack([c.T @ c for c in seen])
     sides = np.stack([c.T @ r for c, r in zip(seen, right, strict=True)])
+    # Normal equations add up: to leave a fold out is a subtraction, no second pass.
     total, side = grams.sum(axis=0), sides.sum(axis=0)
     rounding = settings.min_held_out_share
     everything = _solve(total, side, rounding)
@@ -120,6 +121,7 @@ def _solve(gram: Array, side: Array, rounding: float) -> Array:
     ``rounding``: share of the largest eigenvalue under which a direction is not seen.
     """
     norm = np.sqrt(np.maximum(np.diag(gram), 1e-300))
+    # With a unit diagonal the units of the parameters do not decide what is rounding.
     scaled = gram / np.outer(norm, norm)
     return np.linalg.pinv(scaled, rcond=rounding, hermitian=True) @ (side / norm) / norm
 

@@ -73,6 +73,7 @@ class SumsOfSquares:
     @property
     def by_axis(self) -> Array:
         """(A,) the same for each axis alone; NaN for an axis that never moved."""
+        # 0 / 0 is NaN, and meant: such an axis has no error to speak of.
         with np.errstate(invalid="ignore", divide="ignore"):
             return np.sqrt(self.residual / self.measured)
 
@@ -119,6 +120,7 @@ def force_floor(
     rng = np.random.default_rng(seed)
     noisy = mechanism.noisy(part, noise.speed, noise.torque, rng)
     again = force_traces(mechanism, theta, noisy, settings)
+    # Squares grow with the length: those of the part stand for the whole log.
     share = len(clean.time) / len(known.time)
     left = SumsOfSquares.of(known, again.residual - known.residual).residual * share
     return SumsOfSquares(left, SumsOfSquares.of(clean).measured)

@@ -125,6 +125,7 @@ class _GaussNewton:
             best = here if here.square < best.square else best
             if waited > settings.max_steps_without_fall:
                 break
+            # Also where the squares are NaN: halfway back to the best iterate.
             if not here.square < settings.max_square_ratio * best.square:
                 here = self.at(0.5 * (here.theta + best.theta), here.bounded)
                 continue
@@ -201,6 +202,7 @@ def solve_step(
     matrix = np.concatenate([p.columns.reshape(-1, len(free)) for p in parts]) / scale
     right = np.concatenate([p.residual.ravel() for p in parts])
     directions = scale[:, None] * basis
+    # Of unit length, so that the cut-off means the same for each.
     directions = directions / np.linalg.norm(directions, axis=0)
     rounding = settings.min_singular_value_share
     solution, *_ = np.linalg.lstsq(matrix @ directions, right, rcond=rounding)
@@ -219,6 +221,7 @@ def _bounded_step(
 
     box = ((lower - value) * scale, (upper - value) * scale)
     inside = np.clip(value, lower, upper) - value
+    # Rounding must leave no box empty or without width: lsq_linear refuses it.
     box = (np.minimum(box[0], inside * scale), np.maximum(box[1], inside * scale) + 1e-300)
     # The gauge needs no constraint here: bounds and the least norm settle the common part.
     result = lsq_linear(matrix, right, bounds=box)

@@ -82,6 +82,7 @@ def observability(
     flat = columns.reshape(-1, columns.shape[-1])
     gramian = flat.T @ flat * dt
     if gauge is not None:
+        # As strong as the strongest column: what is settled by convention counts as seen.
         gramian = gramian + gauge.T @ gauge * np.diag(gramian).max()
     norm = np.sqrt(np.diag(gramian))
     # Measurement noise alone gives every column some length: short ones must not be blown up.

@@ -72,6 +72,7 @@ def _line_search(
         tried = theta.copy()
         tried[free] += share * step
         lower = sum(float((_residual(mechanism, tried, s, settings) ** 2).sum()) for s in logs)
+        # A free run that diverges makes NaN, which is below no cost.
         if lower < cost:
             return tried, lower
     return theta, cost
@@ -98,6 +99,7 @@ def _rows(
     columns = []
     size = stride(samples.dt, settings.row_rate)
     for index in free:
+        # The larger of both: far above rounding, small beside the parameter.
         step = settings.output_error_scaled_difference / mechanism.scale[index]
         step = max(step, settings.output_error_relative_difference * abs(theta[index]))
         ahead, behind = theta.copy(), theta.copy()
@@ -107,6 +109,7 @@ def _rows(
         columns.append(block_mean(difference / (2 * step), size))
         progress()
     residual = _residual(mechanism, theta, samples, settings)
+    # A free run starts at the first sample, and no filter has to settle.
     step = size * samples.dt
     time = samples.time[0] - samples.dt + step * np.arange(1, len(residual) + 1)
     return Regression(time, step, residual, np.stack(columns, axis=-1))

@@ -33,6 +33,7 @@ class Regression:
 
     def between(self, start: float, end: float) -> Regression:
         """The rows that lie in a stretch of time [s]."""
+        # A row's time is its end: it must have begun inside as well.
         inside = (self.time - self.step >= start) & (self.time <= end)
         return replace(
             self,
@@ -58,6 +59,7 @@ def regression(
     ends = residual_and_columns(mechanism, mechanism.demand(theta, samples), samples, free)
     filtered = filtered_rows(ends, mechanism, samples, settings)
     step = stride(samples.dt, settings.row_rate) * samples.dt
+    # Rows begin where the filter has forgotten its start.
     first = samples.time[0] + (_settled(mechanism, samples, settings) - 1) * samples.dt
     time = first + step * np.arange(1, len(filtered) + 1)
     return Regression(time, step, filtered[..., 0], filtered[..., 1:])

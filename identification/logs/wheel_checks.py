@@ -84,6 +84,7 @@ def _moments_of_slip(log: Log, limits: CheckLimits) -> Iterator[Finding]:
     noise = float(np.sqrt(np.mean(log.speed_noise**2)))
     by_noise = settings.slip_noise_deviations * noise
     slips_a_little = along > max(settings.min_slip_of_still_wheel * usual, by_noise)
+    # A wheel may rest; that it stands while the identity fails makes it suspect.
     still = (np.ptp(pieces, axis=1) == 0) & slips_a_little[:, None]
     slips = along > max(settings.max_slip * usual, by_noise)
     if still.any():
@@ -102,13 +103,16 @@ def _moments_of_slip(log: Log, limits: CheckLimits) -> Iterator[Finding]:
 
 def _sign_cure(log: Log, ratio: float, settings: LogSettings) -> str:
     """What to do if other signs or another order would make the identity hold; else ""."""
+    # All signs turned at once say the same, so the first wheel's is held.
     signs = [np.array([1.0, *rest]) / 2 for rest in product((1.0, -1.0), repeat=3)]
     ratios = [slip_ratio(log.velocity, sign) for sign in signs]
     best = int(np.argmin(ratios))
     if ratios[best] > min(settings.max_remaining_slip * ratio, settings.max_slip):
         return ""
     wrong = np.sign(signs[best] * NO_SLIP)
+    # Of the two sides of a split the smaller one is called wrong.
     wrong *= 1.0 if wrong.sum() >= 0 else -1.0
+    # A speed of the wrong sign makes the power negative too, which tells the wheels at fault.
     against = power_share(log, settings) < -settings.max_fed_back_power
     if against.any() and not against.all():
         turned = [wheel for wheel, bad in zip(WHEELS, against, strict=True) if bad]
@@ -130,6 +134,7 @@ def _columns(kind: str, wheels: list[str]) -> str:
 
 def _scale_cure(wheel_speed: NDArray[np.float64], ratio: float, settings: LogSettings) -> str:
     """What to do if another scale of one wheel would make the identity hold; else ""."""
+    # The combination of wheels that stays nearest to zero: NO_SLIP, if all scales are right.
     values, vectors = np.linalg.eigh(wheel_speed.T @ wheel_speed)
     unique = values[0] < settings.max_scale_eigenvalue * values[1]
     most = min(settings.max_remaining_slip * ratio, settings.max_slip)
