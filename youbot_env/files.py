@@ -41,6 +41,9 @@ LARGEST = sys.float_info.max
 MAX_SHOWN = 40
 """Characters of a file's own text that a message repeats."""
 
+MAX_CAUSE = 800
+"""Characters of a message after the file's name: the list of all effects has 500."""
+
 
 # --- writing ---------------------------------------------------------------------------------
 
@@ -143,6 +146,11 @@ class FileKind(Generic[T]):
             return self.build(found, source)
         except InputError as error:
             raise named(source, error) from None
+        except (ArithmeticError, ValueError) as error:
+            # Numbers that are each possible, 1e308 kg say, may overflow together; numpy's
+            # LinAlgError is a ValueError.
+            cause = InputError(f"its numbers cannot be used together: {error}")
+            raise named(source, cause) from None
 
     def checked(self, content: Any, source: str) -> dict[str, Any]:
         """The content, if it is an object of this version that fits the schema."""
@@ -150,11 +158,12 @@ class FileKind(Generic[T]):
         # Imported late: commands that read no file start without it.
         from fastjsonschema import JsonSchemaValueException
 
+        found = dict(content)  # of any mapping; the validator knows dictionaries alone
         try:
-            self._validate(content)
+            self._validate(found)
         except JsonSchemaValueException as error:
-            raise InputError(f"{source}: {_misfit(error, self.noun)}") from None
-        return dict(content)
+            raise named(source, InputError(_misfit(error, self.noun))) from None
+        return found
 
     def check_version(self, content: Any, source: str) -> None:
         """Refuse what is no object, and files of other versions."""
@@ -176,12 +185,14 @@ class FileKind(Generic[T]):
         return fastjsonschema.compile(dict(self.schema), use_default=False)
 
 
-def read_json(path: str | os.PathLike[str], kind: FileKind[T], missing: str = "") -> T:
+def read_json(
+    path: str | os.PathLike[str], kind: FileKind[T], missing: Callable[[], str] | None = None
+) -> T:
     """The object that a JSON file of a kind describes.
 
     Parameters
     ----------
-    missing : advice where there is no such file; by default to give a file of the kind
+    missing : makes advice where there is no such file
 
     Raises
     ------
@@ -189,12 +200,12 @@ def read_json(path: str | os.PathLike[str], kind: FileKind[T], missing: str = ""
         If the file cannot be read or is not valid: one line with file, path in it and cause.
     """
     source = os.fspath(path)
-    return kind.from_text(
-        read_bytes(source, kind.max_bytes, missing or f"give {kind.noun}"), source
-    )
+    return kind.from_text(read_bytes(source, kind.max_bytes, missing), source)
 
 
-def read_bytes(path: str | os.PathLike[str], max_bytes: int, missing: str = "") -> bytes:
+def read_bytes(
+    path: str | os.PathLike[str], max_bytes: int, missing: Callable[[], str] | None = None
+) -> bytes:
     """A file's bytes, never more than ``max_bytes``; ``missing`` advises where there is none."""
     source = os.fspath(path)
     try:
@@ -204,7 +215,7 @@ def read_bytes(path: str | os.PathLike[str], max_bytes: int, missing: str = "") 
             if len(content) == USUAL_BYTES:
                 content += stream.read(max_bytes + 1 - USUAL_BYTES)
     except FileNotFoundError as error:
-        reason = f"no such file; {missing}" if missing else f"cannot be read: {error.strerror}"
+        reason = f"no such file; {missing()}" if missing else f"cannot be read: {error.strerror}"
         raise InputError(f"{source}: {reason}") from None
     except (OSError, ValueError) as error:
         # ValueError: a name with a null byte.
@@ -216,8 +227,12 @@ def read_bytes(path: str | os.PathLike[str], max_bytes: int, missing: str = "") 
 
 
 def named(source: str, error: InputError) -> InputError:
-    """The same error with the file's name, if it lacks it."""
-    return error if str(error).startswith(f"{source}: ") else InputError(f"{source}: {error}")
+    """The same error with the file's name, if it lacks it, and no longer than a screen."""
+    cause = str(error).removeprefix(f"{source}: ")
+    # Names and values in it are the file's own, which may be megabytes.
+    return InputError(
+        f"{source}: {cause if len(cause) <= MAX_CAUSE else cause[:MAX_CAUSE] + '...'}"
+    )
 
 
 # --- JSON ------------------------------------------------------------------------------------
@@ -260,8 +275,9 @@ def _object(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
     found = dict(pairs)
     if len(found) == len(pairs):
         return found
-    keys = [key for key, _ in pairs]
-    return _Repeated(next(key for key in keys if keys.count(key) > 1))
+    # One pass, since a hostile file may hold a million keys.
+    seen: set[str] = set()
+    return _Repeated(next(key for key, _ in pairs if key in seen or seen.add(key)))
 
 
 def _fault(value: Any, may_hold_nan: bool, depth: int) -> tuple[str, str] | None:
@@ -341,7 +357,7 @@ def _misfit(error: Any, noun: str) -> str:
     if rule == "enum":
         return f"{what} {_short(repr(value))} is none of {', '.join(error.rule_definition)}"
     if rule in BOUNDS:
-        return f"{what}: {_short(value)} must be {BOUNDS[rule]} {error.rule_definition:g}"
+        return f"{what}: {_short(value)} must be {BOUNDS[rule]} {error.rule_definition:.10g}"
     if rule in ("minItems", "maxItems"):
         bound = "at least" if rule == "minItems" else "at most"
         return f"{what} must have {bound} {error.rule_definition} entries, not {len(value)}"
