@@ -14,6 +14,7 @@ from controllers.computed_torque.prediction import POSE, TIME, TORQUE, TWIST, pr
 from controllers.interface import Array, Loop, Observation, Reference
 from youbot_env.errors import finite
 from youbot_env.model.model import Model
+from youbot_env.physics import inverse_dynamics as dynamics
 from youbot_env.physics.effect import WORLD
 from youbot_env.simulation.compiled import inverse_kernel
 from youbot_env.simulation.generated_code import MOTION
@@ -63,7 +64,7 @@ class ComputedTorque:
         self._lead = acting_delay(model, self.loop) / self.loop.sample_time
         self.preview_needed = ceil(self._lead - ROUNDING) + 1
         self._follows = bool(model.structure.at(WORLD)) or model.structure.depends_on_angle
-        self._kernel = inverse_kernel(model.structure)
+        self._kernel = inverse_kernel(model.structure, dynamics)
         self._lengths, self._theta = model.lengths, model.theta.copy()
         self._jacobian = np.ascontiguousarray(model.geometry.wheel_jacobian)
         self._warm_up()

@@ -15,6 +15,7 @@ from controllers.interface import Array, Loop
 from identification.mechanisms.mecanum import Mecanum
 from identification.signals.filters import FilterSettings, hold_weights
 from youbot_env.model.model import Model
+from youbot_env.physics import inverse_dynamics as dynamics
 from youbot_env.physics.effect import BASE
 from youbot_env.simulation.compiled import inverse_kernel
 from youbot_env.simulation.generated_code import MOTION
@@ -47,7 +48,7 @@ class OnlineRows:
     """
 
     def __init__(self, model: Model, loop: Loop) -> None:
-        self._kernel, self._lengths = inverse_kernel(model.structure), model.lengths
+        self._kernel, self._lengths = inverse_kernel(model.structure, dynamics), model.lengths
         mechanism = Mecanum(model.geometry, model.structure)
         self._jacobian = np.ascontiguousarray(model.geometry.wheel_jacobian)
         self._force_scale = mechanism.force_scale

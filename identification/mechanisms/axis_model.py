@@ -28,10 +28,6 @@ BASE_NAMES = tuple(name for item in AXIS_BASE for name in item.parameter_names)
 UNITS = ("m", "rad")
 """Units of the position: of an axis that slides, and of one that turns."""
 
-BARELY = 0.2
-"""A standard deviation above this share of the value is called barely observable."""
-
-
 AxisModel = Model[Scales]
 """A model of one axis: ``geometry`` holds the units and typical sizes of the axis."""
 
@@ -64,19 +60,6 @@ def base_axis_model(logs: Sequence[Log], *, unit: str = "rad") -> AxisModel:
         raise InputError(f"unit {unit!r}: an axis is logged in m (m/s, N) or rad (rad/s, N m)")
     axis = Axis(typical(logs, turns=unit == "rad"))
     return axis_model(axis, default_theta(axis))
-
-
-def warnings_of(model: AxisModel) -> list[str]:
-    """Plain sentences on what the logs barely show; an offset may well be zero."""
-    entries = [(name, entry) for name, entry in model.parameters.items() if name != "offset"]
-    for effect, parameters in model.effects.items():
-        entries += [(f"{effect}.{name}", entry) for name, entry in parameters.items()]
-    return [
-        f"{name} = {entry.value:.3g} +- {entry.std:.2g} {entry.unit} is barely observable "
-        "in these logs"
-        for name, entry in entries
-        if entry.std is not None and entry.std > BARELY * abs(entry.value)
-    ]
 
 
 def save_axis_model(path: str | os.PathLike[str], model: AxisModel) -> None:

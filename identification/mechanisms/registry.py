@@ -5,14 +5,15 @@ from __future__ import annotations
 import os
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
-from functools import cache
+from functools import cache, partial
+from math import inf
 from typing import Any
 
 from identification.logs.log import Log
-from identification.mechanisms import plausibility
 from identification.mechanisms.mecanum import CONVENTIONS
 from identification.mechanisms.mechanism import Conventions, FitResult, Mechanism
 from identification.mechanisms.physical_parameters import fitted_model
+from identification.mechanisms.plausibility import barely_observable, warnings_of
 from identification.mechanisms.quantities import Quantities
 from youbot_env.errors import InputError
 from youbot_env.model.model import Model
@@ -28,6 +29,10 @@ AnyModel = Model[Any]
 """A model of any mechanism."""
 
 
+def _no_file(*_: object) -> Any:
+    raise InputError("models of this mechanism have no file")
+
+
 @dataclass(frozen=True)
 class Entry:
     """One kind of mechanism that can be identified, and its model files.
@@ -41,9 +46,9 @@ class Entry:
 
     conventions: Conventions[Any]
     start: Callable[[Sequence[Log], str], AnyModel]
-    read: Callable[[Mapping[str, Any], str], AnyModel]
-    save: Callable[[str | os.PathLike[str], AnyModel], None]
-    warnings: Callable[[AnyModel], list[str]]
+    read: Callable[[Mapping[str, Any], str], AnyModel] = _no_file
+    save: Callable[[str | os.PathLike[str], AnyModel], None] = _no_file
+    warnings: Callable[[AnyModel], list[str]] = barely_observable
     takes_geometry: bool = False
 
     @property
@@ -62,7 +67,7 @@ def _mecanum() -> Entry:
         lambda logs, unit: load_model("paper"),
         model_from_dict,
         save_model,
-        plausibility.warnings_of,
+        warnings_of,
         takes_geometry=True,
     )
 
@@ -78,7 +83,7 @@ def _axis() -> Entry:
         lambda logs, unit: axis_model.base_axis_model(logs, unit=unit),
         axis_model.axis_from_dict,
         axis_model.save_axis_model,
-        axis_model.warnings_of,
+        partial(barely_observable, sizes={"offset": inf}),  # which may well be zero
     )
 
 

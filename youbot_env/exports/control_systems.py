@@ -184,7 +184,7 @@ class Platform:
         model = signals.model
         self._model, self._places = model, signals.places
         self._size = len(model.structure.state_names)
-        self._derivative: Any = kernel(model.structure).derivative
+        self._derivative: Any = kernel(model.structure, dynamics).derivative
         self._known: tuple[dict[str, float], Array] = (dict(model.values), model.theta)
 
     def derivative(self, t: float, x: Array, u: Array, params: Mapping[str, float]) -> Array:

@@ -72,7 +72,7 @@ def base_of(points: EffectPoints) -> Base:
     return Base(m0, inertia, m_ax, m_ay, wheel_inertia, mu1, mu2)
 
 
-def _body(points: EffectPoints) -> list[Body]:
+def body_points(points: EffectPoints) -> list[Body]:
     """The platform in the body frame."""
     at = points.at
     return [Body(at.twist, at.acceleration, at.time, points.base)]  # type: ignore[arg-type]
@@ -159,7 +159,7 @@ MECANUM = MechanismKind(
     lengths=("l", "h", "R", "r"),
     geometry=Geometry(),
     sites={
-        BODY: Site(_body, _alone),
+        BODY: Site(body_points, _alone),
         WHEEL: Site(_wheels, lambda points, torque: body_force(points.geometry, torque)),
         ROLLER: Site(_rollers, lambda points, torque: roller_force(points.geometry, torque)),
         WORLD: Site(

@@ -19,14 +19,13 @@ import numpy as np
 import platformdirs
 
 import youbot_env
-from youbot_env.physics.structure import ModelStructure
 from youbot_env.simulation.generated_code import (
-    INVERSE,
     LENGTHS,
     MOTION,
-    PHYSICS,
-    SYSTEM,
+    SOURCES,
+    Dynamics,
     Inverse,
+    Structure,
     System,
 )
 
@@ -44,7 +43,7 @@ class Kernel:
         Rates of the state's components, a tuple of scalars.
     """
 
-    structure: ModelStructure
+    structure: Structure
     advance: Any
     derivative: Any
 
@@ -69,7 +68,7 @@ class InverseKernel:
         the acting torques (Simpson's rule) and their mean rate. ``torque`` (3, 4) as above.
     """
 
-    structure: ModelStructure
+    structure: Structure
     acting: Any
     several: Any
     interface: Any
@@ -77,33 +76,33 @@ class InverseKernel:
 
 
 @lru_cache(maxsize=64)
-def kernel(structure: ModelStructure) -> Kernel:
+def kernel(structure: Structure, dynamics: Dynamics) -> Kernel:
     """The compiled kernel of a structure of any mechanism; compiles at the first use on a machine.
 
     A cached file that is torn or damaged is written again.
     """
-    return _built(structure, SYSTEM, _compiled)
+    return _built(structure, System(dynamics), _compiled)
 
 
 @lru_cache(maxsize=64)
-def rollout(structure: ModelStructure) -> Any:
+def rollout(structure: Structure, dynamics: Dynamics) -> Any:
     """The compiled free run of the same module, alone: half of what there is to compile.
 
     rollout(start, torque, duration, lengths, theta, substeps, out)
         From ``start`` (S,) under ``torque`` (N, 4), linear between samples that lie ``duration``
         (N - 1,) [s] apart; fills ``out`` (N, S).
     """
-    return _built(structure, SYSTEM, _compiled_rollout)
+    return _built(structure, System(dynamics), _compiled_rollout)
 
 
 @lru_cache(maxsize=64)
-def inverse_kernel(structure: ModelStructure) -> InverseKernel:
+def inverse_kernel(structure: Structure, dynamics: Dynamics) -> InverseKernel:
     """The same of the platform's inverse dynamics: a module of its own, since few need it."""
-    return _built(structure, INVERSE, _compiled_inverse)
+    return _built(structure, Inverse(dynamics), _compiled_inverse)
 
 
 def _built(
-    structure: ModelStructure, system: System | Inverse, compiled: Callable[[Any, Path], Any]
+    structure: Structure, system: System | Inverse, compiled: Callable[[Any, Path], Any]
 ) -> Any:
     for _ in range(2):
         path = _cached_source(structure, system)
@@ -122,7 +121,7 @@ def cache_folder() -> Path:
     return Path(chosen) if chosen else Path(platformdirs.user_cache_dir("youbot")) / "kernels"
 
 
-def _compiled(structure: ModelStructure, path: Path) -> Kernel:
+def _compiled(structure: Structure, path: Path) -> Kernel:
     """Load a generated module and run what is wanted of it once, so that damage shows here."""
     module = _load(path)
     size, count = len(structure.state_names), len(structure.parameter_names)
@@ -134,7 +133,7 @@ def _compiled(structure: ModelStructure, path: Path) -> Kernel:
     return found
 
 
-def _compiled_rollout(structure: ModelStructure, path: Path) -> Any:
+def _compiled_rollout(structure: Structure, path: Path) -> Any:
     run = _load(path).rollout
     size, count = len(structure.state_names), len(structure.parameter_names)
     start, torque, out = (
@@ -154,7 +153,7 @@ def _compiled_rollout(structure: ModelStructure, path: Path) -> Any:
     return run
 
 
-def _compiled_inverse(structure: ModelStructure, path: Path) -> InverseKernel:
+def _compiled_inverse(structure: Structure, path: Path) -> InverseKernel:
     module = _load(path)
     found = InverseKernel(structure, module.acting, module.several, module.interface, module.held)
     motion, torque = np.zeros((3, len(MOTION))), np.zeros((3, 4))
@@ -166,7 +165,7 @@ def _compiled_inverse(structure: ModelStructure, path: Path) -> InverseKernel:
     return found
 
 
-def _cached_source(structure: ModelStructure, system: System | Inverse = SYSTEM) -> Path:
+def _cached_source(structure: Structure, system: System | Inverse) -> Path:
     path = cache_folder() / f"{system.prefix}_{_key(structure, system)}.py"
     if _is_intact(path):
         return path
@@ -176,13 +175,13 @@ def _cached_source(structure: ModelStructure, system: System | Inverse = SYSTEM)
         return _private_source(structure, system)
 
 
-def _private_source(structure: ModelStructure, system: System | Inverse) -> Path:
+def _private_source(structure: Structure, system: System | Inverse) -> Path:
     """A read-only home must not keep anybody from simulating: compile for this process alone."""
     path = _private_folder() / f"{system.prefix}_{_key(structure, system)}.py"
     return _write(path, _sealed_source(structure, system))
 
 
-def _sealed_source(structure: ModelStructure, system: System | Inverse) -> str:
+def _sealed_source(structure: Structure, system: System | Inverse) -> str:
     source = system.source(structure)
     return f"{_SEAL}{_checksum(source)}\n{source}"
 
@@ -232,10 +231,10 @@ def _forget(path: Path) -> None:
             continue  # not ours to remove; the next attempt goes elsewhere or fails by itself
 
 
-def _key(structure: ModelStructure, system: System | Inverse = SYSTEM) -> str:
+def _key(structure: Structure, system: System | Inverse) -> str:
     """Changes with whatever could change the generated source."""
     digest = hashlib.sha256(youbot_env.__version__.encode())
-    for name in (*PHYSICS, structure.mechanism.module):
+    for name in (*SOURCES, system.dynamics.__name__, structure.mechanism.module):
         digest.update(Path(str(sys.modules[name].__file__)).read_bytes())
     for item in structure.components:
         digest.update(repr((item.name, item.acts_at.name, item.parameter_names)).encode())

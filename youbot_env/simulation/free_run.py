@@ -3,18 +3,30 @@
 from __future__ import annotations
 
 import math
+from typing import Protocol
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from youbot_env.errors import InputError
-from youbot_env.model.model import Model
 from youbot_env.physics import inverse_dynamics as dynamics
 from youbot_env.physics.mechanism import Geometry as Lengths, Instant
 from youbot_env.physics.structure import ModelStructure
 from youbot_env.simulation.compiled import rollout
 
 Array = NDArray[np.float64]
+
+
+class Dynamic(Protocol):
+    """What a free run asks of a model."""
+
+    @property
+    def structure(self) -> ModelStructure: ...
+    @property
+    def geometry(self) -> Lengths: ...
+    @property
+    def theta(self) -> Array: ...
+
 
 SLOWEST = 15.0
 """Rate [1/s] that is resolved even by a model without anything so fast: a log at 50 Hz then gets
@@ -32,7 +44,7 @@ back, so that three quarters of a radian in a step cost only 1e-4 of what it add
 
 
 def initial_state(
-    model: Model,
+    model: Dynamic,
     *,
     twist: ArrayLike = (0.0, 0.0, 0.0),
     pose: ArrayLike = (0.0, 0.0, 0.0),
@@ -111,7 +123,7 @@ def ripple_rate(structure: ModelStructure, geometry: Lengths, theta: Array) -> f
     return float(np.sqrt(bend / swing) * fastest)
 
 
-def substeps(model: Model, duration: float) -> int:
+def substeps(model: Dynamic, duration: float) -> int:
     """Runge-Kutta steps for ``duration`` [s]: the stiffest mode moves by a quarter in each.
 
     Raises
@@ -133,7 +145,7 @@ def _substeps(structure: ModelStructure, geometry: Lengths, theta: Array, durati
     return max(math.ceil(rate), 1)
 
 
-def simulate(model: Model, time: ArrayLike, torque: ArrayLike, start: ArrayLike) -> Array:
+def simulate(model: Dynamic, time: ArrayLike, torque: ArrayLike, start: ArrayLike) -> Array:
     """Free run: states (N, S) at ``time`` (N,) [s] from ``start`` (S,).
 
     ``torque`` (N, 4) [N m] is what the interface commands or logs, linear between samples. With a
@@ -164,7 +176,7 @@ def simulate_theta(
 ) -> Array:
     """The same of any mechanism, for bare parameters theta (P,) and intervals (N - 1,) [s].
 
-    For searches, which pass through parameters that no :class:`Model` would accept.
+    For searches, which pass through parameters that no model would accept.
     """
     state = _vector("start", start, len(structure.state_names))
     time = np.concatenate([[0.0], np.cumsum(duration)])
@@ -176,7 +188,7 @@ def simulate_theta(
     lengths = np.array([getattr(geometry, name) for name in structure.mechanism.lengths])
     count = _substeps(structure, geometry, theta, float(fine.max(initial=0.0)))
     theta = np.ascontiguousarray(theta, float)
-    rollout(structure)(state, acting, fine, lengths, theta, count, out)
+    rollout(structure, dynamics)(state, acting, fine, lengths, theta, count, out)
     return out[np.searchsorted(grid, time)]
 
 

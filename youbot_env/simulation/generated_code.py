@@ -6,31 +6,56 @@ printed as Python that numba compiles. Nothing here knows an equation of motion.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from types import SimpleNamespace
-from typing import Any, ClassVar
+from typing import Any, ClassVar, Protocol
 
-from youbot_env.physics import inverse_dynamics as dynamics
-from youbot_env.physics.geometry import allocate
-from youbot_env.physics.mecanum import MECANUM
-from youbot_env.physics.mechanism import Instant
+from youbot_env.physics.effect import Effect
+from youbot_env.physics.mechanism import Components, Instant, MechanismKind
 from youbot_env.physics.namespaces import symbols
-from youbot_env.physics.structure import ModelStructure
 
-PHYSICS = tuple(
+SOURCES = tuple(
     f"youbot_env.{name}"
     for name in (
         "simulation.generated_code",
         "physics.effect",
         "physics.geometry",
-        "physics.inverse_dynamics",
         "physics.mechanism",
         "physics.namespaces",
         "physics.structure",
     )
 )
-"""Modules that generated code follows from, beside the mechanism's own: for the cache's key."""
+"""Modules that generated code follows from, beside the dynamics and the mechanism's own: for the
+cache's key."""
+
+
+class Structure(Protocol):
+    """What generated code asks of a model's structure: see `ModelStructure`, which is one."""
+
+    @property
+    def mechanism(self) -> MechanismKind: ...
+    @property
+    def components(self) -> tuple[Effect, ...]: ...
+    @property
+    def parameter_names(self) -> tuple[str, ...]: ...
+    @property
+    def state_names(self) -> tuple[str, ...]: ...
+    @property
+    def depends_on_load(self) -> bool: ...
+
+
+class Dynamics(Protocol):
+    """The functions that code is generated from: the module `physics.inverse_dynamics` is such."""
+
+    __name__: str
+
+    @property
+    def wrench(self) -> Callable[..., Components]: ...
+    @property
+    def interface_torque(self) -> Callable[..., Components]: ...
+    @property
+    def state_derivative(self) -> Callable[..., Components]: ...
 
 
 @dataclass(frozen=True)
@@ -39,15 +64,14 @@ class System:
 
     prefix: ClassVar[str] = "kernel"
 
-    def source(self, structure: ModelStructure) -> str:
+    dynamics: Dynamics
+
+    def source(self, structure: Structure) -> str:
         """See :func:`kernel_source`."""
-        return kernel_source(structure)
+        return kernel_source(structure, self.dynamics)
 
 
-SYSTEM = System()
-
-
-def kernel_source(structure: ModelStructure) -> str:
+def kernel_source(structure: Structure, dynamics: Dynamics) -> str:
     """Python source of a module with ``derivative``, ``advance`` and ``rollout``."""
     mechanism = structure.mechanism
     size = len(structure.state_names)
@@ -57,7 +81,7 @@ def kernel_source(structure: ModelStructure) -> str:
         "lengths": [f"g_{name}" for name in mechanism.lengths],
         "theta": [f"p{i}" for i in range(len(structure.parameter_names))],
     }
-    derivative = _derivative(structure, names)
+    derivative = _derivative(structure, dynamics, names)
     return "\n\n".join([HEADER, derivative, _step(size, names), _loops(size, names)])
 
 
@@ -68,7 +92,7 @@ from math import cos, exp, sin, sqrt, tanh
 from numba import njit'''
 
 
-def _derivative(structure: ModelStructure, names: dict[str, list[str]]) -> str:
+def _derivative(structure: Structure, dynamics: Dynamics, names: dict[str, list[str]]) -> str:
     symbol = {key: real_symbols(group) for key, group in names.items()}
     geometry = SimpleNamespace(
         **dict(zip(structure.mechanism.lengths, symbol["lengths"], strict=True))
@@ -215,8 +239,8 @@ TORQUES = ("u1", "u2", "u3", "u4")
 
 RATES = ("w1", "w2", "w3", "w4")
 
-LENGTHS = MECANUM.lengths
-"""Of the platform, in the order in which its kernels take them."""
+LENGTHS = ("l", "h", "R", "r")
+"""Lengths of the platform, in the order in which its kernels take them."""
 
 ROUNDS = 400
 """Rounds in which torques that depend on themselves come to rest: 0.9 is the largest share, and
@@ -232,21 +256,25 @@ class Inverse:
 
     prefix: ClassVar[str] = "inverse"
 
-    def source(self, structure: ModelStructure) -> str:
+    dynamics: Dynamics
+
+    def source(self, structure: Structure) -> str:
         """Python source of a module with what ``kernels.InverseKernel`` holds."""
         return "\n\n".join(
-            [HEADER, _demand(structure), _command(structure), _inverse_loops(structure)]
+            [
+                HEADER,
+                _demand(structure, self.dynamics),
+                _command(structure, self.dynamics),
+                _inverse_loops(structure),
+            ]
         )
 
 
-INVERSE = Inverse()
-
-
-def _theta(structure: ModelStructure) -> list[str]:
+def _theta(structure: Structure) -> list[str]:
     return [f"p{i}" for i in range(len(structure.parameter_names))]
 
 
-def _demand(structure: ModelStructure) -> str:
+def _demand(structure: Structure, dynamics: Dynamics) -> str:
     """Least-norm torques that a motion demands while given torques act."""
     motion, torque = real_symbols(MOTION), real_symbols(TORQUES)
     lengths, theta = (
@@ -264,10 +292,10 @@ def _demand(structure: ModelStructure) -> str:
     )
     force = dynamics.wrench(symbols(), structure, geometry, theta, at)
     arguments = [str(symbol) for symbol in (*motion, *torque, *lengths, *theta)]
-    return function_source("demand", arguments, allocate(geometry, force))
+    return function_source("demand", arguments, structure.mechanism.torque_of(geometry, force))
 
 
-def _command(structure: ModelStructure) -> str:
+def _command(structure: Structure, dynamics: Dynamics) -> str:
     """Interface torques behind which given torques act and change at given rates."""
     torque, rate, theta = (real_symbols(n) for n in (TORQUES, RATES, _theta(structure)))
     (time,) = real_symbols(["time"])
@@ -278,7 +306,7 @@ def _command(structure: ModelStructure) -> str:
     return function_source("command", arguments, results)
 
 
-def _inverse_loops(structure: ModelStructure) -> str:
+def _inverse_loops(structure: Structure) -> str:
     theta = ", ".join(f"theta[{i}]" for i in range(len(structure.parameter_names)))
     lengths = ", ".join(f"lengths[{i}]" for i in range(len(LENGTHS)))
     row = ", ".join(f"motion[k, {i}]" for i in range(len(MOTION)))

@@ -202,7 +202,7 @@ class Plant(StateRows):
         self._needed: dict[float, int] = {}
         late = count if self.structure.at(CLOCK) else 0
         self._lines = [DelayLine(model.delay) for _ in range(late)]
-        self._advance: Any = kernel(self.structure).advance
+        self._advance: Any = kernel(self.structure, dynamics).advance
 
     def reset(
         self, model: Model | None = None, *, row: int | Sequence[int] | None = None, **start: Any
@@ -282,7 +282,7 @@ class Plant(StateRows):
 
     def __setstate__(self, state: dict[str, Any]) -> None:
         self.__dict__.update(state)
-        self._advance = kernel(self.structure).advance
+        self._advance = kernel(self.structure, dynamics).advance
 
 
 def checked_torque(torque: ArrayLike, platforms: int, *, single: bool) -> Array:

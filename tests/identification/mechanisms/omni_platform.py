@@ -1,7 +1,7 @@
 """A platform on three omni wheels, 120 degrees apart: a third mechanism, said in one file.
 
 Its axes are the mecanum platform's (VX, VY, W in the body frame), its joints three wheels whose
-rollers let it slide along their axles. One thing can be added to its base model: a slope.
+rollers let it slide along their axles. A slope or dry friction can be added to its base model.
 """
 
 from __future__ import annotations
@@ -15,11 +15,9 @@ from numpy.typing import NDArray
 from identification.logs.log import Log
 from identification.mechanisms.mechanism import Conventions, Variables
 from identification.mechanisms.quantities import FORCES, VELOCITIES, Quantities
-from identification.mechanisms.registry import Entry
 from identification.mechanisms.samples import Samples, planar_pose
-from youbot_env.model.model import Estimate, Model
-from youbot_env.physics.effect import BODY, WHEEL, WORLD, Body, Parameter, Registry, Wheel, effect
-from youbot_env.physics.mecanum import into_body, planar_rates
+from youbot_env.physics.effect import BODY, WHEEL, WORLD, Parameter, Registry, Wheel, effect
+from youbot_env.physics.mecanum import body_points, into_body, planar_rates
 from youbot_env.physics.mechanism import Components, EffectPoints, MechanismKind, Site
 
 Array = NDArray[np.float64]
@@ -34,15 +32,6 @@ class Lengths(NamedTuple):
 
     L: float = 0.2
     R: float = 0.05
-
-
-class Base(NamedTuple):
-    """The base parameters."""
-
-    mass: Any
-    inertia: Any
-    spin: Any
-    viscous: Any
 
 
 def wheel_rates(lengths: Any, twist: Components) -> Components:
@@ -70,10 +59,6 @@ def _wheels(points: EffectPoints) -> list[Wheel]:
     at, lengths = points.at, points.geometry
     rows = zip(wheel_rates(lengths, at.twist), wheel_rates(lengths, at.acceleration), strict=True)
     return [Wheel(*row, 0.0, at.torque[i], at.time, points.base) for i, row in enumerate(rows)]
-
-
-def _body(points: EffectPoints) -> list[Body]:
-    return [Body(points.at.twist, points.at.acceleration, points.at.time, points.base)]  # type: ignore[arg-type]
 
 
 BASE, CATALOGUE = Registry(), Registry()
@@ -124,12 +109,12 @@ OMNI = MechanismKind(
     lengths=Lengths._fields,
     geometry=Lengths(),
     sites={
-        BODY: Site(_body, lambda points, force: force[0]),
+        BODY: Site(body_points, lambda points, force: force[0]),
         WHEEL: Site(_wheels, lambda points, torque: body_force(points.geometry, torque)),
         # Neither of the effects there asks where the platform is.
-        WORLD: Site(_body, lambda points, f: into_body(points.xp, points.at.pose[2], f[0])),
+        WORLD: Site(body_points, lambda points, f: into_body(points.xp, points.at.pose[2], f[0])),
     },
-    base_of=lambda points: Base(*points.theta[:4]),
+    base_of=lambda points: tuple(points.theta[:4]),
     joint_rates=wheel_rates,
     force_of=body_force,
     torque_of=wheel_torque,
@@ -163,22 +148,3 @@ CONVENTIONS: Conventions[Lengths] = Conventions(
     quantities=lambda lengths: Quantities(FORCES, VELOCITIES, np.array([lengths.L] * 2 + [1.0])),
     advice=lambda lengths, direction: "record a motion along all axes too",
 )
-
-
-def model(**effects: dict[str, float]) -> Model[Lengths]:
-    """A platform of 9 kg, with effects at given values."""
-    values = {"mass": 9.0, "inertia": 0.3, "spin": 0.004, "viscous": 0.05}
-    base = {n: Estimate(values[n], p.unit) for n, p in OMNI.base_parameters(Lengths()).items()}
-    found = Model(Lengths(), base, name="omni", mechanism=OMNI)
-    for name, of in effects.items():
-        found = found.with_effect(name, **of)
-    return found
-
-
-def entry() -> Entry:
-    """As it is registered."""
-
-    def no_file(*_: Any) -> Any:
-        raise NotImplementedError
-
-    return Entry(CONVENTIONS, lambda logs, unit: model(), no_file, no_file, lambda model: [])

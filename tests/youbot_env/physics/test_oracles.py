@@ -266,7 +266,7 @@ def test_rigid_trajectory_equals_mujocos(engine):
         mujoco.mj_step(m, data)
     state = initial_state(RIGID, twist=twist)[None]
     torque = RIGID.geometry.wheel_torque(force)[None]
-    advance = kernel(RIGID.structure).advance
+    advance = kernel(RIGID.structure, dynamics).advance
     advance(state, torque, RIGID.lengths, RIGID.theta[None], 1.5, 1500)
     np.testing.assert_allclose(state[0, 3:6], data.qpos, rtol=0, atol=1e-6)
     np.testing.assert_allclose(

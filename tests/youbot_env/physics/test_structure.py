@@ -13,7 +13,7 @@ from youbot_env.physics.effect import CATALOGUE
 from youbot_env.physics.mecanum import MECANUM
 from youbot_env.physics.mechanism import MechanismKind
 from youbot_env.physics.structure import ModelStructure
-from youbot_env.simulation.generated_code import PHYSICS
+from youbot_env.simulation.generated_code import SOURCES
 
 CASES = [
     pytest.param(MECANUM, ("wheel_coulomb_friction", "actuator_lag"), id="platform"),
@@ -77,7 +77,7 @@ def test_a_platform_holds_one_actuator(monkeypatch: pytest.MonkeyPatch):
 def test_the_key_of_a_kernel_reads_what_orders_its_arguments(kind: MechanismKind):
     """A changed order of theta or of the state must not meet a kernel of the old one."""
     homes = {ModelStructure.__module__, MechanismKind.__module__, kind.module}
-    assert homes <= {*PHYSICS, kind.module} <= set(sys.modules)
+    assert homes <= {*SOURCES, kind.module} <= set(sys.modules)
 
 
 @pytest.mark.parametrize("kind", [MECANUM, AXIS])

@@ -160,7 +160,7 @@ def test_integrator_is_of_fourth_order(case: str):
 
     def final(steps: int) -> np.ndarray:
         state = start[None].copy()
-        kernel(m.structure).advance(state, torque, m.lengths, m.theta[None], 0.4, steps)
+        kernel(m.structure, dynamics).advance(state, torque, m.lengths, m.theta[None], 0.4, steps)
         return state[0]
 
     coarse = 192 if m.structure.depends_on_angle else 24
@@ -225,7 +225,7 @@ def test_batch_rows_do_not_touch_each_other():
     states = np.array([initial_state(m, twist=rng.normal(size=3)) for _ in range(5)])
     torque = rng.normal(size=(5, 4))
     theta = m.theta * rng.uniform(0.9, 1.1, (5, 1))
-    advance = kernel(m.structure).advance
+    advance = kernel(m.structure, dynamics).advance
     alone = states.copy()
     for k in range(5):
         advance(alone[k : k + 1], torque[k : k + 1], m.lengths, theta[k : k + 1], 0.02, 7)
