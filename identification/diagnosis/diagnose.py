@@ -74,41 +74,33 @@ def diagnose(
     data = LoggedData(mechanism, logs, seed, progress, settings)
     names = list(effects) if effects is not None else list(mechanism.catalogue.names())
     chosen = select(data, mechanism, model.theta, names, np.random.default_rng(seed))
-    steps, rankings = list(chosen.steps), chosen.rankings
-    floor = data.floor(steps[-1].fitted)
-    unexplained = steps[-1].force_error > settings.max_error_over_floor * floor["force_error"]
-    if unexplained:
-        steps = _dominant(steps, floor["force_error"], settings)
-        floor = data.floor(steps[-1].fitted)
+    steps, floor, unexplained = _explained(data, list(chosen.steps))
     accepted = [step.effect for step in steps if step.effect]
     ties = {
         ranking.best.name: list(ranking.tied)
-        for ranking in rankings
+        for ranking in chosen.rankings
         if ranking.best and ranking.tied and ranking.best.name in accepted
     }
     verdict = verdict_of(unexplained, bool(ties), bool(accepted))
     final, maps = _final_fit_and_maps(data, steps)
     given = data.given_errors(mechanism, model.theta)
-    try:
-        fitted_model = _model(steps[-1], final, model, logs, floor)
-        sized, unphysical = fitted_model, ""
-    except InputError as error:
-        fitted_model, unphysical = None, str(error).removeprefix(f"model {model.name}: ")
-        sized = _at_given_base(steps[-1].fitted, model, data) if accepted else model
+    fitted_model, unphysical = _model(steps[-1], final, model, logs, floor)
+    # Sizes for the words and the table of candidates, also where there is no model.
+    sized = _at_given_base(steps[-1], model, data) if fitted_model is None else fitted_model
     return Diagnosis(
         verdict=verdict,
         missing=tuple(accepted),
         ambiguous_with=ties,
         partial=tuple(accepted) if unexplained else (),
         steps=tuple(steps),
-        rankings=rankings,
+        rankings=chosen.rankings,
         fitted_model=fitted_model,
         mechanism=steps[-1].fitted.mechanism,
         samples=tuple(data.samples),
         given_model=given,
         noise_floor=floor,
         maps=tuple(maps),
-        next_experiment=_next_experiment(mechanism, steps, rankings, ties, seed),
+        next_experiment=_next_experiment(mechanism, steps, chosen.rankings, ties, seed),
         warnings=tuple(warnings_of(logs, given, steps[0], unphysical, settings)),
         sentences=tuple(sentences_of(sized, steps, verdict, ties, floor)),
         candidates=candidate_rows(chosen.first, steps[0], sized),
@@ -234,13 +226,23 @@ def _refitted(data: LoggedData, full: FittedStructure, effects: tuple[str, ...])
     return fit_structure(data, mechanism, start)
 
 
-def _dominant(steps: list[Step], floor: float, settings: DiagnosisSettings) -> list[Step]:
-    """Where something unknown remains: at most the first effect, if it takes most of the excess."""
-    if len(steps) < 2:
-        return steps
-    before, after = steps[0].force_error ** 2, steps[1].force_error ** 2
-    dominant = before - after > settings.min_dominant_share_of_excess * (before - floor**2)
-    return steps[:2] if dominant else steps[:1]
+def _explained(data: LoggedData, steps: list[Step]) -> tuple[list[Step], dict[str, float], bool]:
+    """The steps that are kept, the last one's noise floor, and whether something is left over it.
+
+    Where something unknown remains, at most the first effect is kept, if it takes most of the
+    excess over the floor: others may well stand for the unknown.
+    """
+    settings = data.settings
+    floor = data.floor(steps[-1].fitted)
+    level = floor["force_error"]
+    unexplained = steps[-1].force_error > settings.max_error_over_floor * level
+    if not unexplained:
+        return steps, floor, False
+    if len(steps) > 1:
+        before, after = steps[0].force_error ** 2, steps[1].force_error ** 2
+        least = settings.min_dominant_share_of_excess * (before - level**2)
+        steps = steps[:2] if before - after > least else steps[:1]
+    return steps, data.floor(steps[-1].fitted), True
 
 
 def _final_fit_and_maps(data: LoggedData, steps: Sequence[Step]) -> tuple[Fit, list[ResidualMap]]:
@@ -266,28 +268,31 @@ def _final_fit_and_maps(data: LoggedData, steps: Sequence[Step]) -> tuple[Fit, l
 
 def _model(
     step: Step, final: Fit, model: AnyModel, logs: Sequence[Log], floor: dict[str, float]
-) -> Any:
-    """The model that the last step's final fit stands for."""
-    return kind_of(model).fitted_model(
-        step.fitted.mechanism,
-        final,
-        name=model.name,
-        logs=tuple(log.reference for log in logs),
-        errors={**step.errors, "held_out": True, "noise_floor": floor},
-        provenance={"command": "diagnose"},
-    )
+) -> tuple[Any | None, str]:
+    """The model that the last step's final fit stands for; none, and why, if it is not physical."""
+    try:
+        found = kind_of(model).fitted_model(
+            step.fitted.mechanism,
+            final,
+            name=model.name,
+            logs=tuple(log.reference for log in logs),
+            errors={**step.errors, "held_out": True, "noise_floor": floor},
+            provenance={"command": "diagnose"},
+        )
+    except InputError as error:
+        return None, str(error).removeprefix(f"model {model.name}: ")
+    return found, ""
 
 
-def _at_given_base(fitted: FittedStructure, model: AnyModel, data: LoggedData) -> Any:
-    """The accepted effects fitted beside the given model's parameters, which stay.
-
-    For their sizes in words, where the logs do not show the parameters that were given.
-    """
-    known = len(model.theta)
-    start = np.concatenate([model.theta, fitted.theta[known:]])
-    free = fitted.mechanism.free & (np.arange(len(start)) >= known)
-    found = fit(fitted.mechanism, data.samples, start, free=free, settings=data.settings.fit)
-    return kind_of(model).fitted_model(fitted.mechanism, found, name=model.name)
+def _at_given_base(step: Step, model: AnyModel, data: LoggedData) -> Any:
+    """The accepted effects fitted beside the given model's parameters, which stay."""
+    if not step.effect:
+        return model
+    mechanism, known = step.fitted.mechanism, len(model.theta)
+    start = np.concatenate([model.theta, step.fitted.theta[known:]])
+    free = mechanism.free & (np.arange(len(start)) >= known)
+    found = fit(mechanism, data.samples, start, free=free, settings=data.settings.fit)
+    return kind_of(model).fitted_model(mechanism, found, name=model.name)
 
 
 def _next_experiment(
