@@ -7,15 +7,13 @@ from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Any
 
+from controllers.recording import Progress, record
 from identification.logs.log import Log
 from youbot_env.model.model import Model
 from youbot_env.motions.base import Motion
-from youbot_env.tracking.env import YouBotTrackingEnv
-from youbot_scripts.evaluation.closed_loop import ENCODER_TICKS, LoopSettings
-from youbot_scripts.recording.driving import Progress
+from youbot_env.simulation.plant import Plant, Platforms
 from youbot_scripts.recording.named_motions import with_effects
 from youbot_scripts.recording.named_plants import Driven, plant_named
-from youbot_scripts.recording.recording import record
 
 LAG = "actuator_lag"
 
@@ -56,18 +54,16 @@ class PlantSource:
         """The model that knows all that a model can know of it; with contacts that is not all."""
         return self.driven.model
 
-    def environment(self, loop: LoopSettings, motion: Motion, length: float) -> YouBotTrackingEnv:
-        """The plant in the environment's loop."""
-        return YouBotTrackingEnv(
-            self.truth,
-            plant=self.driven.contact or "model",
-            delay=loop.delay,
-            wheel_speed_noise=loop.noise,
-            encoder_ticks=ENCODER_TICKS,
-            reference=motion,
-            episode_length=length,
-            control_rate=loop.rate,
-        )
+    def platform(self) -> Platforms:
+        """One platform for a closed loop.
+
+        Raises
+        ------
+        InputError
+            If MuJoCo is missing, or no bodies have these parameters and effects.
+        """
+        found = self.driven.platform()
+        return Plant(found) if isinstance(found, Model) else found
 
     def logs(
         self, motions: Sequence[Motion], seed: int, progress: Progress | None = None

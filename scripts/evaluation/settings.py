@@ -11,8 +11,8 @@ from typing import Any
 
 from controllers import registry
 from youbot_env.errors import InputError, count, finite
-from youbot_scripts.evaluation.closed_loop import LoopSettings
 from youbot_scripts.evaluation.knowledge import IDENTIFIED, ModelSource
+from youbot_scripts.evaluation.loop_settings import LoopSettings
 from youbot_scripts.evaluation.plants import PlantSource
 from youbot_scripts.evaluation.trials import Condition, ReferenceMotion
 

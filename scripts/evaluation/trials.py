@@ -13,16 +13,19 @@ from typing import Any
 import numpy as np
 
 from controllers import registry
+from controllers.loop import Trace, closed_loop
+from controllers.recording import generator
 from youbot_env import __version__
 from youbot_env.model.model import Model
 from youbot_env.model.model_file import model_from_dict, model_to_dict
 from youbot_env.motions.base import Motion
 from youbot_env.motions.multisine import multisine
-from youbot_scripts.evaluation.closed_loop import LoopSettings, Trace, drive
+from youbot_env.tracking.randomisation import episode_streams
+from youbot_env.tracking.task import DIVERGED, twist_scale
 from youbot_scripts.evaluation.knowledge import ModelSource
+from youbot_scripts.evaluation.loop_settings import LoopSettings
 from youbot_scripts.evaluation.metrics import judge
 from youbot_scripts.evaluation.plants import PlantSource
-from youbot_scripts.recording.named_motions import generator
 from youbot_scripts.shared.results_folder import Record, resumed
 
 Advance = Callable[[], None]
@@ -148,14 +151,21 @@ class EvaluationTrial:
 
     def trace(self) -> Trace:
         """Drive it."""
-        plant, loop, course = self.condition.plant, self.condition.loop, self.course
-        motion = course.motion(plant, self.seed, self.index)
-        env = plant.environment(loop, motion, course.length)
-        controller = registry.build(self.controller, self.model, loop.known(), **self.settings)
+        plant, stated, course = self.condition.plant, self.condition.loop, self.course
+        loop = stated.known()
         noise = int(generator(self.seed, str(self.index), "noise").integers(2**31))
-        steps = round(course.length * loop.rate)
         with np.errstate(all="ignore"):  # a loop that diverges is a result
-            return drive(env, controller, motion, seed=noise, steps=steps, show_pose=loop.pose)
+            return closed_loop(
+                plant.platform(),
+                registry.build(self.controller, self.model, loop, **self.settings),
+                course.motion(plant, self.seed, self.index),
+                loop,
+                # The noise of the tracking environment's episode of this seed.
+                episode_streams(np.random.default_rng(noise)).noise,
+                count=round(course.length * stated.rate),
+                show_pose=stated.pose,
+                bound=DIVERGED * twist_scale(plant.truth.geometry),
+            )
 
     def __call__(self) -> Record:
         return {

@@ -16,7 +16,8 @@ from matplotlib.figure import Figure
 from matplotlib.patches import Rectangle
 from PIL import Image
 
-from identification.comparison import Comparison, compare, stretches_of
+from controllers.recording import record
+from identification.comparison import Comparison, compare
 from identification.figures import (
     failures,
     figures,
@@ -39,7 +40,6 @@ from youbot_env.model.model_file import load_model
 from youbot_env.motions.base import Motion
 from youbot_env.motions.multisine import multisine
 from youbot_scripts.cli import main
-from youbot_scripts.recording.recording import record
 
 PAPER = load_model("paper")
 
@@ -244,10 +244,11 @@ class TestEstimatesFigure:
 def test_stretches_show_the_comparison_s_numbers(compared: Comparison):
     (item,) = compared.logs
     worst = compared.worst()
-    figure = failures.stretch_figure(stretches_of(item), worst, item.force_floor, name="run")
+    stretches = compared.stretches(item)
+    figure = failures.stretch_figure(stretches, worst, item.force_floor, name="run")
     for k, axis in enumerate(("VX", "VY", "W")):
         axes = figure.axes[k]
-        rows = [row for row in stretches_of(item) if row["axis"] == axis]
+        rows = [row for row in stretches if row["axis"] == axis]
         bars = [patch for patch in axes.patches if isinstance(patch, Rectangle)]
         assert [bar.get_height() for bar in bars] == pytest.approx(
             [100 * row["force_error"] for row in rows]
