@@ -210,7 +210,7 @@ class Mechanism(Generic[Known]):
     @cached_property
     def labels(self) -> tuple[ParameterLabel, ...]:
         """(P,) what is known of each parameter beforehand."""
-        found = []
+        found: list[ParameterLabel] = []
         for item in self.structure.components:
             declared = self.kind.declared(item, self.geometry)
             for name in item.parameter_names:

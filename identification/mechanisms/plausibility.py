@@ -17,7 +17,7 @@ BARELY = 0.2
 def warnings_of(model: Model[Geometry]) -> list[str]:
     """Plain sentences on implausible or barely observable parameters."""
     # A centre of mass may well lie at O: it is judged by the footprint.
-    footprint = dict.fromkeys(("aX", "aY"), model.geometry.l)
+    footprint = {"aX": model.geometry.l, "aY": model.geometry.l}
     barely = barely_observable(model, footprint)
     return [*_inertia(model), *_wheel(model), *_centre_of_mass(model), *barely]
 
@@ -73,7 +73,8 @@ def barely_observable(model: Model[Any], sizes: Mapping[str, float] | None = Non
     ----------
     sizes : of parameters that may well be zero: by these they are judged, not by their values
     """
-    sizes, found = sizes or {}, []
+    sizes = sizes or {}
+    found: list[str] = []
     estimates = dict(model.parameters) | {
         f"{effect}.{name}": estimate
         for effect, parameters in model.effects.items()

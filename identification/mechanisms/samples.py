@@ -207,7 +207,7 @@ class DemandedForce:
     def _loss_by(self, joint: int) -> Array:
         """(A, 2, N - 1): by how much the force lost grows with one joint's torque."""
         step = LOAD_STEP * self._full_torque
-        ends = []
+        ends: list[Array] = []
         for shift in (step, -step):
             torque = list(self.instant.torque)
             torque[joint] = torque[joint] + shift
@@ -281,7 +281,7 @@ class DemandedForce:
         """Rates of the acting torques: differences between smoothed samples."""
         if not self.structure.has_actuator:
             return torque  # nobody asks
-        rates = []
+        rates: list[Array] = []
         for value in torque:
             node = np.concatenate(
                 [value[0, :1], 0.5 * (value[1, :-1] + value[0, 1:]), value[1, -1:]]

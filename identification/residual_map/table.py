@@ -13,6 +13,7 @@ from identification.fitting.cross_validation import rows_per_block
 from identification.fitting.regression import residual_and_columns, stride
 from identification.fitting.settings import FitSettings
 from identification.mechanisms.mechanism import Mechanism
+from identification.mechanisms.samples import Samples
 from identification.residual_map.features import FeatureGroup, FeatureScales, feature_groups
 from identification.residual_map.held_out_gain import FoldRows
 from identification.residual_map.settings import ResidualMapSettings
@@ -85,7 +86,7 @@ def residual_table(
     )
 
 
-def averaged_down(samples: Any, rate: float) -> Any:
+def averaged_down(samples: Samples, rate: float) -> Samples:
     """The samples averaged over successive blocks, to ``rate`` [Hz] or just above."""
     size = max(1, int(1.0 / (rate * samples.dt) + 1e-6))
     if size == 1:
@@ -99,7 +100,7 @@ def averaged_down(samples: Any, rate: float) -> Any:
 
 
 def motion_variables(
-    mechanism: Mechanism, samples: Any, demanded: Array, smoothing: float
+    mechanism: Mechanism, samples: Samples, demanded: Array, smoothing: float
 ) -> MotionVariables:
     """Variables of a log.
 
@@ -111,7 +112,8 @@ def motion_variables(
     force = np.concatenate(
         [demanded[0, :1], 0.5 * (demanded[1, :-1] + demanded[0, 1:]), demanded[1, -1:]]
     )
-    found, torque = mechanism.variables(samples), mechanism.joint_torque(force)
+    found = mechanism.variables(samples)
+    torque = mechanism.joint_torque(force)
     derived = _derived(found.twist, torque, smoothing, samples.dt)
     known: dict[str, Any] = found._asdict() | derived
     return MotionVariables(time=samples.time, **known)

@@ -27,7 +27,7 @@ effect has a :class:`Public` form, and models, files and tables hold that one.
 from __future__ import annotations
 
 import inspect
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Generator, Iterable
 from contextlib import contextmanager
 from dataclasses import dataclass
 from math import isfinite
@@ -274,7 +274,8 @@ class Effect:
 
     def evaluate(self, xp: Any, point: Any, values: Any, wheel: int = 0) -> Any:
         """Call the function at ``point`` (of wheel number ``wheel``) with scalar ``values``."""
-        arguments, start = [], 0
+        arguments: list[Any] = []
+        start = 0
         for parameter in self.parameters:
             arguments.append(values[start + wheel] if parameter.each_wheel else values[start])
             start += len(parameter.names)
@@ -331,7 +332,7 @@ class Registry:
         return tuple(self._effects)
 
     @contextmanager
-    def restored_on_error(self) -> Iterator[None]:
+    def restored_on_error(self) -> Generator[None, None, None]:
         """Take back what was registered in this block if it ends in an exception."""
         before = dict(self._effects)
         try:

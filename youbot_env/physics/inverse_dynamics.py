@@ -180,7 +180,7 @@ def mass_matrix(
     """Rows of the A x A mass matrix of the acceleration at a state."""
     size = len(structure.mechanism.axes)
     still = wrench(xp, structure, geometry, theta, replace(at, acceleration=(0.0,) * size))
-    columns = []
+    columns: list[Components] = []
     for axis in range(size):
         unit = tuple(1.0 if k == axis else 0.0 for k in range(size))
         force = wrench(xp, structure, geometry, theta, replace(at, acceleration=unit))

@@ -9,7 +9,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from typing import Any, NamedTuple
 
-import youbot_env.physics.catalogue  # noqa: F401 - fills the registries
+import youbot_env.physics.catalogue  # noqa: F401  # pyright: ignore - fills the registries
 from youbot_env.physics.effect import (
     BASE,
     BODY,

@@ -68,7 +68,7 @@ def jacobian(structure: ModelStructure, geometry: Geometry, theta: ArrayLike) ->
     not pull).
     """
     theta = np.asarray(theta, float)
-    found = []
+    found: list[Array] = []
     for item, where in structure.slices:
         count = len(item.public_names)
         block = np.zeros((count, len(theta)))
@@ -86,7 +86,7 @@ def _slopes(item: Effect, geometry: Geometry, theta: Array) -> Array:
 
     here = stated(theta)
     sizes = np.array([item.parameter(name).size for name in item.parameter_names])
-    columns = []
+    columns: list[Array] = []
     for index, step in enumerate(1e-6 * sizes):
         move = step * np.eye(len(theta))[index]
         ahead, behind = stated(theta + move) - here, here - stated(theta - move)

@@ -67,7 +67,8 @@ class ModelStructure:
     @cached_property
     def slices(self) -> tuple[tuple[Effect, slice], ...]:
         """Each component with its place in ``theta``."""
-        found, start = [], 0
+        found: list[tuple[Effect, slice]] = []
+        start = 0
         for item in self.components:
             found.append((item, slice(start, start + len(item.parameter_names))))
             start = found[-1][1].stop

@@ -75,7 +75,6 @@ class InverseKernel:
     held: Any
 
 
-@lru_cache(maxsize=64)
 def kernel(structure: Structure, dynamics: Dynamics) -> Kernel:
     """The compiled kernel of a structure of any mechanism; compiles at the first use on a machine.
 
@@ -84,7 +83,6 @@ def kernel(structure: Structure, dynamics: Dynamics) -> Kernel:
     return _built(structure, System(dynamics), _compiled)
 
 
-@lru_cache(maxsize=64)
 def rollout(structure: Structure, dynamics: Dynamics) -> Any:
     """The compiled free run of the same module, alone: half of what there is to compile.
 
@@ -95,12 +93,12 @@ def rollout(structure: Structure, dynamics: Dynamics) -> Any:
     return _built(structure, System(dynamics), _compiled_rollout)
 
 
-@lru_cache(maxsize=64)
 def inverse_kernel(structure: Structure, dynamics: Dynamics) -> InverseKernel:
     """The same of the platform's inverse dynamics: a module of its own, since few need it."""
     return _built(structure, Inverse(dynamics), _compiled_inverse)
 
 
+@lru_cache(maxsize=192)
 def _built(
     structure: Structure, system: System | Inverse, compiled: Callable[[Any, Path], Any]
 ) -> Any:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from typing import Protocol
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -17,16 +17,9 @@ from youbot_env.simulation.compiled import rollout
 Array = NDArray[np.float64]
 
 
-class Dynamic(Protocol):
-    """What a free run asks of a model."""
-
-    @property
-    def structure(self) -> ModelStructure: ...
-    @property
-    def geometry(self) -> Lengths: ...
-    @property
-    def theta(self) -> Array: ...
-
+Model = Any
+"""A `Model`. Not named, so that mechanisms whose logs are simulated stand below models and their
+files; no Protocol either, which pyright does not match with cached properties."""
 
 SLOWEST = 15.0
 """Rate [1/s] that is resolved even by a model without anything so fast: a log at 50 Hz then gets
@@ -44,7 +37,7 @@ back, so that three quarters of a radian in a step cost only 1e-4 of what it add
 
 
 def initial_state(
-    model: Dynamic,
+    model: Model,
     *,
     twist: ArrayLike = (0.0, 0.0, 0.0),
     pose: ArrayLike = (0.0, 0.0, 0.0),
@@ -123,7 +116,7 @@ def ripple_rate(structure: ModelStructure, geometry: Lengths, theta: Array) -> f
     return float(np.sqrt(bend / swing) * fastest)
 
 
-def substeps(model: Dynamic, duration: float) -> int:
+def substeps(model: Model, duration: float) -> int:
     """Runge-Kutta steps for ``duration`` [s]: the stiffest mode moves by a quarter in each.
 
     Raises
@@ -145,7 +138,7 @@ def _substeps(structure: ModelStructure, geometry: Lengths, theta: Array, durati
     return max(math.ceil(rate), 1)
 
 
-def simulate(model: Dynamic, time: ArrayLike, torque: ArrayLike, start: ArrayLike) -> Array:
+def simulate(model: Model, time: ArrayLike, torque: ArrayLike, start: ArrayLike) -> Array:
     """Free run: states (N, S) at ``time`` (N,) [s] from ``start`` (S,).
 
     ``torque`` (N, 4) [N m] is what the interface commands or logs, linear between samples. With a

@@ -11,8 +11,7 @@ from dataclasses import dataclass
 from types import SimpleNamespace
 from typing import Any, ClassVar, Protocol
 
-from youbot_env.physics.effect import Effect
-from youbot_env.physics.mechanism import Components, Instant, MechanismKind
+from youbot_env.physics.mechanism import Components, Instant
 from youbot_env.physics.namespaces import symbols
 
 SOURCES = tuple(
@@ -30,19 +29,9 @@ SOURCES = tuple(
 cache's key."""
 
 
-class Structure(Protocol):
-    """What generated code asks of a model's structure: see `ModelStructure`, which is one."""
-
-    @property
-    def mechanism(self) -> MechanismKind: ...
-    @property
-    def components(self) -> tuple[Effect, ...]: ...
-    @property
-    def parameter_names(self) -> tuple[str, ...]: ...
-    @property
-    def state_names(self) -> tuple[str, ...]: ...
-    @property
-    def depends_on_load(self) -> bool: ...
+Structure = Any
+"""A `ModelStructure`. Not named, so that code is generated below the physics that it follows from;
+no Protocol either, which pyright does not match with cached properties."""
 
 
 class Dynamics(Protocol):

@@ -1,12 +1,12 @@
 """A platform on three omni wheels, 120 degrees apart: a third mechanism, said in one file.
 
-Its axes are the mecanum platform's (VX, VY, W in the body frame), its joints three wheels whose
-rollers let it slide along their axles. A slope or dry friction can be added to its base model.
+Axes: VX, VY, W in the body frame. Joints: wheels whose rollers let it slide along their axles.
 """
 
 from __future__ import annotations
 
 from collections.abc import Sequence
+from functools import partial
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -65,8 +65,8 @@ BASE, CATALOGUE = Registry(), Registry()
 
 
 def _add(registry: Registry, place: Any, *parameters: Parameter) -> Any:
-    known = {"source": "textbook", "recognise": "In a test."}
-    return effect(registry=registry, acts_at=place, parameters=parameters, **known)
+    said = partial(effect, source="textbook", recognise="In a test.", registry=registry)
+    return said(acts_at=place, parameters=parameters)
 
 
 @_add(BASE, BODY, Parameter("mass", "kg", lower=0, size=9), Parameter("inertia", "kg m^2", size=1))
