@@ -66,14 +66,14 @@ def main(
     """
     from identification.comparison import compare
     from identification.logs.reading import read_logs
-    from identification.mechanisms.registry import kind_of, load_any_model
+    from identification.mechanisms.registry import kind_of, load_any_model, platform_geometry
     from youbot_env.model.model_file import load_geometry
 
     check_pictures(plots, report)
     loaded = load_any_model(model)
     lengths = load_geometry(geometry) if geometry else None
     of = kind_of(loaded)
-    read = read_logs(logs, of.joints, geometry=lengths or getattr(loaded, "geometry", None))
+    read = read_logs(logs, of.joints, geometry=lengths or platform_geometry(loaded))
     with progress(len(read) + 1, "compare") as advance:
         result = compare(loaded, read, geometry=lengths, seed=seed, progress=advance)
     out = console(json)

@@ -72,6 +72,7 @@ def main(
         check_mechanism,
         kind_of,
         load_any_model,
+        platform_geometry,
         save_any_model,
     )
     from youbot_env.plugins import load_effects
@@ -81,7 +82,7 @@ def main(
         load_effects(effects)
     loaded = load_any_model(model)
     check_mechanism(loaded, mechanism)
-    read = read_logs(logs, kind_of(loaded).joints, geometry=getattr(loaded, "geometry", None))
+    read = read_logs(logs, kind_of(loaded).joints, geometry=platform_geometry(loaded))
     with progress(40, "diagnose") as advance:
         result = diagnose(loaded, read, seed=seed, progress=advance)
     out = console(json)

@@ -23,7 +23,7 @@ if TYPE_CHECKING:
     from rich.console import Console
 
     from identification.logs.log import Log
-    from identification.mechanisms.registry import MechanismKind
+    from identification.mechanisms.registry import Entry
     from youbot_env.physics.geometry import Geometry
 
 EXAMPLES = (
@@ -66,7 +66,7 @@ def main(
         raise InputError(f"{len(broken)} of {len(reports)} logs cannot be used: {broken[0]}")
 
 
-def _examine(path: Path, of: MechanismKind, geometry: Geometry | None, unit: str) -> dict[str, Any]:
+def _examine(path: Path, of: Entry, geometry: Geometry | None, unit: str) -> dict[str, Any]:
     from identification.logs.findings import LogError
     from identification.logs.reading import read_log
     from youbot_env.errors import InputError
@@ -106,7 +106,7 @@ def _noise(log: Log) -> dict[str, float]:
 
 def _units(start: Any) -> dict[str, str]:
     """Units of a joint's channels."""
-    turns = start.scales.turns if hasattr(start, "scales") else True
+    turns = getattr(start.geometry, "turns", True)
     return {"speed": "rad/s", "torque": "N m"} if turns else {"speed": "m/s", "torque": "N"}
 
 
@@ -115,14 +115,12 @@ def _shows(log: Log, start: Any, geometry: Geometry | None) -> dict[str, Any]:
     import numpy as np
 
     from identification.fitting.observability import log_observability
-    from identification.fitting.regression_rows import regression_rows
-    from identification.mechanisms.mecanum import Mecanum
-    from identification.mechanisms.paper_regressor import motion_that_shows
+    from identification.fitting.regression import regression
     from identification.mechanisms.registry import mechanism_of
 
     mechanism = mechanism_of(start, geometry)
     samples = mechanism.samples(log)
-    rows = regression_rows(mechanism, start.theta, samples, np.flatnonzero(mechanism.free))
+    rows = regression(mechanism, start.theta, samples, np.flatnonzero(mechanism.free))
     total = log_observability(mechanism, [rows])
     parts = []
     for part in mechanism.parts(samples):
@@ -139,8 +137,9 @@ def _shows(log: Log, start: Any, geometry: Geometry | None) -> dict[str, Any]:
         "cures": [mechanism.advice(direction) for direction in total.blind],
         "parts": parts,
     }
-    if isinstance(mechanism, Mecanum):  # whose motions have names
-        found["motion_that_shows"] = [motion_that_shows(mechanism.geometry, d) for d in total.blind]
+    name = mechanism.conventions.motion_that_shows
+    if name is not None:
+        found["motion_that_shows"] = [name(mechanism.geometry, d) for d in total.blind]
     return found
 
 

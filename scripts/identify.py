@@ -78,14 +78,22 @@ def main(
     """
     from identification.fitting.identify import identify
     from identification.logs.reading import read_logs
-    from identification.mechanisms.registry import kind, kind_of, load_any_model, save_any_model
+    from identification.mechanisms.registry import (
+        kind,
+        kind_of,
+        load_any_model,
+        platform_geometry,
+        save_any_model,
+    )
     from youbot_env.model.model_file import load_geometry
 
     check_pictures(plots, report)
     start = load_any_model(model) if model else None
     lengths = load_geometry(geometry) if geometry else None
     of = kind_of(start) if start else kind(mechanism)
-    read = read_logs(logs, of.joints, geometry=lengths or getattr(start, "geometry", None))
+    read = read_logs(
+        logs, of.joints, geometry=lengths or (platform_geometry(start) if start else None)
+    )
     start = start or of.start(read, unit)
     with progress(60 if output_error else 2, "identify") as advance:
         result = identify(

@@ -11,12 +11,13 @@ from typing import Any, Literal
 
 import sympy
 
-from identification.mechanisms.axis_dynamics import AxisStructure
+from identification.mechanisms.axis import AXIS
 from identification.mechanisms.axis_effects import AXIS_BASE, JOINT, TURNING, Base, Joint
 from youbot_env.equations import equations as symbolic
 from youbot_env.equations.printing import collected, join, latex, text
 from youbot_env.physics.effect import Effect
 from youbot_env.physics.namespaces import symbols
+from youbot_env.physics.structure import ModelStructure
 
 Form = Literal["text", "latex"]
 
@@ -48,7 +49,7 @@ def equation(effects: Sequence[str] = (), form: Form = "text") -> str:
     InputError
         If an effect is unknown or named twice.
     """
-    structure = AxisStructure(tuple(effects))
+    structure = ModelStructure(tuple(effects), AXIS)
     terms = [
         item.function(symbols(), _JOINT, *_real(item.parameter_names))
         for item, _ in structure.wrenches

@@ -6,7 +6,7 @@ Nothing here states physics. Wheel and roller rates stay symbols of their own (`
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from types import SimpleNamespace
@@ -37,8 +37,9 @@ from youbot_env.physics.effect import (
     World,
 )
 from youbot_env.physics.geometry import Geometry, body_force, roller_rates, wheel_rates
+from youbot_env.physics.mecanum import MECANUM, Base
+from youbot_env.physics.mechanism import EffectPoints, Instant, component_force
 from youbot_env.physics.namespaces import floats, symbols
-from youbot_env.physics.points import Base, EffectPoints, Instant, component_wrench
 from youbot_env.physics.structure import ModelStructure
 
 Form = Literal["text", "latex", "numeric"]
@@ -214,6 +215,10 @@ class _OpenPoints(EffectPoints):
     def rollers(self) -> list[Roller]:
         return [Roller(*_real(f"gamma{i}' gamma{i}'' t"), base=self.base) for i in range(1, 5)]
 
+    def of(self, place: Place) -> Sequence[Any]:
+        open_points = {WHEEL: self.wheels, ROLLER: self.rollers}
+        return open_points.get(place) or super().of(place)
+
 
 @dataclass(frozen=True)
 class Equations:
@@ -241,7 +246,9 @@ class Equations:
     def points(self) -> _OpenPoints:
         """Where the components are evaluated."""
         at = Instant(tuple(_TWIST), tuple(_ACCELERATION), tuple(_POSE), time=_TIME)  # type: ignore[arg-type]
-        return _OpenPoints(symbols(), self.geometry, self.theta, at, self.structure.carriers)
+        return _OpenPoints(
+            symbols(), MECANUM, self.geometry, self.theta, at, self.structure.carriers
+        )
 
     @cached_property
     def no_slip(self) -> dict[sympy.Symbol, Any]:
@@ -268,7 +275,7 @@ class Equations:
         """Demanded F_X, F_Y, M_W."""
         totals = [sympy.Integer(0)] * 3
         for item, where in self.structure.wrenches:
-            force = component_wrench(symbols(), item, self.theta[where], self.points)
+            force = component_force(item, self.theta[where], self.points)
             for axis in range(3):
                 totals[axis] += self._readable(tidy(sympy.sympify(force[axis])))
         return tuple(sympy.expand(total) for total in totals)  # type: ignore[return-value]
