@@ -31,7 +31,7 @@ from youbot_scripts.shared.tables import Table, show
 if TYPE_CHECKING:
     from rich.console import Console
 
-    from identification.diagnosis.diagnose import Diagnosis
+    from identification.diagnosis.report import Diagnosis
     from identification.logs.log import Log
     from youbot_scripts.shared.report_page import Part
 
