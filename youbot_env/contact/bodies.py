@@ -111,7 +111,7 @@ class Bodies:
         if self._lost:
             return
         steps = max(1, math.ceil(duration / self._timestep - 1e-9))
-        passed = self._line.passed(command[None], duration)
+        passed = self._line.passed(command[None].copy(), duration)
         pieces = [(torque[0], length) for torque, length in passed]
         if len(pieces) == 1 and not self._lag and not self._load_is_due(duration):
             self.acting = pieces[0][0].copy()
