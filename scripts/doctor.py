@@ -115,12 +115,12 @@ def _shows(log: Log, start: Any, geometry: Geometry | None) -> dict[str, Any]:
     import numpy as np
 
     from identification.fitting.observability import log_observability
-    from identification.fitting.regression_rows import regression_rows
+    from identification.fitting.regression import regression
     from identification.mechanisms.registry import mechanism_of
 
     mechanism = mechanism_of(start, geometry)
     samples = mechanism.samples(log)
-    rows = regression_rows(mechanism, start.theta, samples, np.flatnonzero(mechanism.free))
+    rows = regression(mechanism, start.theta, samples, np.flatnonzero(mechanism.free))
     total = log_observability(mechanism, [rows])
     parts = []
     for part in mechanism.parts(samples):

@@ -17,11 +17,10 @@ from controllers.tuning.gains_file import gains_to_dict, save_gains
 from controllers.tuning.trials import TuningTrial, references
 from controllers.tuning.tunable_laws import TunableKinematic, TunablePID
 from controllers.tuning.tuning import (
-    ROUNDS,
-    TORQUE_RATE_SHARE,
-    Bench,
+    GainSearch,
     Requirements,
-    Tuned,
+    SearchSettings,
+    TunedGains,
     allowed_torque_rate,
 )
 from youbot_env.errors import InputError, finite
@@ -118,7 +117,7 @@ def main(
     motions = references(plant, count=runs, duration=duration, seed=seed)
     trial = TuningTrial(plant, loop, motions, duration, seed)
     margins = {"gain_margin": gain_margin, "phase_margin": phase_margin}
-    with common.progress(3 * ROUNDS + 1, "tuning") as advance:
+    with common.progress(3 * SearchSettings.rounds + 1, "tuning") as advance:
         limit = torque_rate or allowed_torque_rate(plant, loop, trial)
         wanted = Requirements(**margins, torque_rate=limit)
         if controller is TunedKind.PID:
@@ -126,12 +125,12 @@ def main(
         else:
             structure = TunableKinematic(plant, loop, lead=lead)
         advance(1)
-        bench = Bench(structure, trial)
+        bench = GainSearch(structure, trial)
         kept = {"tuned": wanted, "any rate": Requirements(**margins), "free": None}
         found = {name: bench.best(keep, advance) for name, keep in kept.items()}
     if controller is TunedKind.KINEMATIC:
         stock = [STOCK_PROPORTIONAL, STOCK_INTEGRAL, NO_LEAD]
-        found["stock"] = bench.tuned(np.array(stock[: len(structure.names)]))
+        found["stock"] = bench.evaluate(np.array(stock[: len(structure.names)]))
     gains = {
         name: structure.gains(np.array(list(one.point.values()))) for name, one in found.items()
     }
@@ -153,7 +152,9 @@ def main(
     _show_results(console, f"{controller} control of {plant.name}", found)
     _show_gains(console, gains)
     _show_loop(console, bench, found["tuned"])
-    source = "" if torque_rate else f" ({TORQUE_RATE_SHARE:g} times computed torque's)"
+    source = (
+        "" if torque_rate else f" ({SearchSettings.torque_rate_share:g} times computed torque's)"
+    )
     console.print(
         f"Kept: gain margin >= {gain_margin:g} dB, phase margin >= {phase_margin:g} degrees, "
         f"torque rate <= {limit:.3f} N m/s{source}",
@@ -165,7 +166,7 @@ def main(
         console.print(f"Next: youbot evaluate --controllers {beside}", soft_wrap=True)
 
 
-def _show_results(console: Any, title: str, found: dict[str, Tuned]) -> None:
+def _show_results(console: Any, title: str, found: dict[str, TunedGains]) -> None:
     common.show_table(
         console,
         title,
@@ -193,12 +194,12 @@ def _show_gains(console: Any, gains: dict[str, Any]) -> None:
     common.show_table(console, "Gains", ("name", *files, "unit"), rows, left=("unit",))
 
 
-def _show_loop(console: Any, bench: Bench, best: Tuned) -> None:
+def _show_loop(console: Any, bench: GainSearch, best: TunedGains) -> None:
     """Margins of each axis, with python-control's beside them where it is installed, and poles."""
     columns = [best.margins.gain, best.margins.phase]
     headers = ["axis", "gain dB", "phase deg"]
     if importlib.util.find_spec("control"):
-        theirs = bench.python_controls(np.array(list(best.point.values())))
+        theirs = bench.python_control_margins(np.array(list(best.point.values())))
         columns += [theirs.gain, theirs.phase]
         headers += ["python-control: dB", "deg"]
     rows = [

@@ -26,11 +26,11 @@ from identification.diagnosis.structures import (
     visible_directions,
 )
 from identification.diagnosis.threads import side_by_side
-from identification.fitting.cross_validation import block_sums, held_out, make_folds
+from identification.fitting.cross_validation import block_sums, cross_validate, make_folds
 from identification.fitting.least_squares import Fit
 from identification.fitting.noise_bias import final_fit, joint_fit
 from identification.fitting.observability import log_observability, refuse_blind
-from identification.fitting.regression_rows import Indices, reduce, residual_of
+from identification.fitting.regression import Indices, filtered_residual, filtered_rows
 from identification.mechanisms.samples import DemandedForce
 from youbot_env.physics.effect import Parameter
 
@@ -74,6 +74,7 @@ def try_candidate(base: FittedStructure, name: str) -> Candidate:
     best = min(map(judge, itertools.product(*grids.values())), key=_square)
     if best.square > settings.max_refined_share * base.held_out.square:
         return best
+    # One shape constant after the other, each from the best values so far.
     for shape, grid in grids.items():
         parameter = mechanism.catalogue[name].parameter(shape)
         if parameter.whole:
@@ -118,6 +119,7 @@ def _linear_candidate(
     theta = mechanism.extend_theta(base.theta, name, shapes)
     own = np.arange(len(base.theta), len(theta), dtype=np.intp)
     new = own[mechanism.free[own]]
+    # Without strength the effect changes nothing: the structure's own demand is taken over.
     columns = tuple(
         _columns(base, mechanism, mechanism.demand(theta, item, known), item, new)
         for item, known in zip(base.samples, base.demands, strict=True)
@@ -126,7 +128,7 @@ def _linear_candidate(
     free = np.concatenate([base.free, new])
     basis = visible_directions(mechanism, free)
     folds = make_folds(base.rows, joined, base.settings.fit)
-    judged = held_out(base.residual, joined, folds, basis, base.settings.fit)
+    judged = cross_validate(base.residual, joined, folds, basis, base.settings.fit)
     return Candidate(
         *(name, mechanism, theta, free, columns, judged, shapes),
         directions=basis.shape[1] - base.basis.shape[1],
@@ -138,7 +140,7 @@ def _columns(
     base: FittedStructure, mechanism: Any, demand: DemandedForce, samples: Any, new: Indices
 ) -> Array:
     ends = np.moveaxis(demand.columns(new), 0, -1)
-    return reduce(ends, mechanism, samples, base.settings.rows)
+    return filtered_rows(ends, mechanism, samples, base.settings.rows)
 
 
 def rank(
@@ -248,6 +250,7 @@ def _best_and_tied(
         # A nested effect gives way to its simpler form unless it is materially better.
         if contains(best, item, base) and _gives_way(data, best, item):
             best = item
+    # What contains the best one does as well by construction: that is no tie.
     tied = [
         item.name
         for item in near
@@ -286,7 +289,9 @@ def _adds_nothing(
         return False
     undone = fit_without_noise_bias(data, larger.fitted).theta
     beyond = [
-        (row.residual - residual_of(larger.mechanism, undone, samples, settings.rows))[..., None]
+        (row.residual - filtered_residual(larger.mechanism, undone, samples, settings.rows))[
+            ..., None
+        ]
         for row, samples in zip(smaller.rows, data.samples, strict=True)
     ]
     left = _unexplained(stacked(smaller.columns), stacked(beyond), settings)
@@ -330,6 +335,7 @@ def extends(item: Candidate, base: FittedStructure) -> bool:
 
 def _imitates(columns: Array, target: Array, nuisance: Array, settings: DiagnosisSettings) -> bool:
     """Whether columns explain nearly all of what the nuisance leaves of each target."""
+    # What the structure explains already does not tell one effect from another.
     left_base = _unexplained(nuisance, target, settings)
     left_both = _unexplained(np.concatenate([nuisance, columns], axis=1), target, settings)
     return bool((left_both < (1 - settings.min_imitated_share) * left_base).all())

@@ -23,8 +23,8 @@ from identification.mechanisms.axis_effects import (
 )
 from identification.mechanisms.mechanism import Conventions, Mechanism, Variables
 from identification.mechanisms.quantities import of_axis
-from identification.mechanisms.samples import Samples, integral_of
-from identification.signals.filters import FilterSettings, block_mean
+from identification.mechanisms.samples import Samples
+from identification.signals.filters import FilterSettings, block_mean, integral_of
 from identification.signals.noise import white_noise
 from youbot_env.errors import InputError
 from youbot_env.physics.mechanism import Components, EffectPoints, MechanismKind, Site

@@ -6,7 +6,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from identification.logs.log import Log
-from identification.mechanisms.samples import Samples, integral_of, planar_pose
+from identification.mechanisms.samples import Samples, planar_pose
+from identification.signals.filters import integral_of
 from identification.signals.noise import white_noise
 from youbot_env.errors import InputError
 from youbot_env.physics.geometry import WHEELS, Geometry

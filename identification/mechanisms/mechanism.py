@@ -17,8 +17,8 @@ from numpy.typing import NDArray
 
 from identification.logs.log import Log
 from identification.mechanisms.quantities import Quantities
-from identification.mechanisms.samples import DemandedForce, Part, Samples, integral_of
-from identification.signals.filters import FilterSettings
+from identification.mechanisms.samples import DemandedForce, Part, Samples
+from identification.signals.filters import FilterSettings, integral_of
 from youbot_env.physics import inverse_dynamics as dynamics
 from youbot_env.physics.effect import Parameter, Registry
 from youbot_env.physics.mechanism import MechanismKind

@@ -13,7 +13,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from identification.signals.filters import slope_ends
+from identification.signals.filters import integral_of, slope_ends
 from identification.signals.resampling import RATE_SMOOTHING, moved, smoothed
 from youbot_env.physics import inverse_dynamics as dynamics
 from youbot_env.physics.effect import CHANNEL, Effect, Parameter
@@ -76,13 +76,6 @@ def cut(samples: Samples, start: int, stop: int) -> Samples:
     return replace(
         samples, **{k: v[start:stop] for k, v in arrays.items() if isinstance(v, np.ndarray)}
     )
-
-
-def integral_of(rate: Array, dt: float) -> Array:
-    """(N, ...) integral of a rate from zero, by the trapezoidal rule."""
-    total = np.zeros_like(rate)
-    np.cumsum(0.5 * dt * (rate[1:] + rate[:-1]), axis=0, out=total[1:])
-    return total
 
 
 def planar_pose(twist: Array, dt: float) -> Array:

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from identification.fitting.cross_validation import rows_per_block
-from identification.fitting.regression_rows import residual_and_columns, stride
+from identification.fitting.regression import residual_and_columns, stride
 from identification.fitting.settings import FitSettings
 from identification.mechanisms.mechanism import Mechanism
 from identification.mechanisms.samples import Samples
@@ -70,6 +70,7 @@ def residual_table(
     scales, groups = FeatureScales.of(variables, settings), feature_groups(variables[0])
     folds, sizes = [], []
     for row, one, reduction in zip(rows, variables, reductions, strict=True):
+        # Through the residual's own filter and means, or a sharp function would not match it.
         features = [reduction(group.features(one, scales)) for group in groups]
         sizes = [part.shape[1] for part in features]
         block = rows_per_block(fit.independent_time, reduction.step)

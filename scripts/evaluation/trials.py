@@ -21,7 +21,7 @@ from youbot_env.model.model_file import model_from_dict, model_to_dict
 from youbot_env.motions.base import Motion
 from youbot_env.motions.multisine import multisine
 from youbot_env.tracking.randomisation import episode_streams
-from youbot_env.tracking.task import DIVERGED, twist_scale
+from youbot_env.tracking.task import TrackingTask
 from youbot_scripts.evaluation.knowledge import ModelSource
 from youbot_scripts.evaluation.loop_settings import LoopSettings
 from youbot_scripts.evaluation.metrics import judge
@@ -164,7 +164,7 @@ class EvaluationTrial:
                 episode_streams(np.random.default_rng(noise)).noise,
                 count=round(course.length * stated.rate),
                 show_pose=stated.pose,
-                bound=DIVERGED * twist_scale(plant.truth.geometry),
+                bound=TrackingTask().largest_twist(plant.truth.geometry),
             )
 
     def __call__(self) -> Record:

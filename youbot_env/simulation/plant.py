@@ -199,7 +199,7 @@ class Plant(StateRows):
         # Each platform's model has a delay of its own, so torques change at instants of its own.
         for row, line in enumerate(self._lines):
             here = slice(row, row + 1)
-            for acting, piece in line.passed(torque[here], duration):
+            for acting, piece in line.passed(torque[here].copy(), duration):
                 steps = math.ceil(count * piece / duration)
                 self._advance(
                     self.states[here], acting, self._lengths, self._theta[here], piece, steps

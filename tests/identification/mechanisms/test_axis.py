@@ -12,7 +12,7 @@ import pytest
 from scipy.integrate import solve_ivp
 
 from identification.comparison import compare, write_predictions
-from identification.fitting.errors import Squares, force_traces, velocity_traces
+from identification.fitting.errors import SumsOfSquares, force_traces, velocity_traces
 from identification.fitting.identify import identify
 from identification.fitting.least_squares import fit
 from identification.logs.log import AXIS, Log
@@ -212,8 +212,8 @@ def test_the_free_run_obeys_the_equation_of_motion(effects: tuple[str, ...]):
 def test_the_free_run_repeats_what_the_efforts_did():
     axis, theta = planted(STAGE, "asymmetric_viscous_friction")
     samples = axis.samples(log_of(axis, theta, rate=1000.0))
-    assert Squares.of(velocity_traces(axis, theta, samples)).ratio < 0.01
-    assert Squares.of(force_traces(axis, theta, samples)).ratio < 0.005
+    assert SumsOfSquares.of(velocity_traces(axis, theta, samples)).ratio < 0.01
+    assert SumsOfSquares.of(force_traces(axis, theta, samples)).ratio < 0.005
 
 
 def test_a_friction_too_stiff_to_simulate_is_said_so():
