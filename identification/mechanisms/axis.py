@@ -169,6 +169,14 @@ def _variables(samples: Samples, scales: Scales) -> Variables:
     )
 
 
+def _force_scale(scales: Scales) -> Array:
+    return np.ones(1)
+
+
+def _filter_rate(scales: Scales) -> float:
+    return scales.bandwidth
+
+
 def _advice(scales: Scales, direction: Array) -> str:
     return (
         "record a motion both ways with several speeds and accelerations "
@@ -179,13 +187,13 @@ def _advice(scales: Scales, direction: Array) -> str:
 CONVENTIONS: Conventions[Scales] = Conventions(
     kind=AXIS,
     axes=("axis",),
-    force_scale=lambda scales: np.ones(1),
+    force_scale=_force_scale,
     samples=axis_samples,
     variables=_variables,
     quantities=of_axis,
     advice=_advice,
     scaling="by what is typical for the axis",
-    filter_rate=lambda scales: scales.bandwidth,
+    filter_rate=_filter_rate,
 )
 """Of one axis."""
 

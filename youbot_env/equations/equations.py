@@ -6,7 +6,7 @@ Nothing here states physics. Wheel and roller rates stay symbols of their own (`
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from types import SimpleNamespace
@@ -87,28 +87,48 @@ def equation(what: ModelStructure | Model, form: Form = "text") -> str:
     return "\n".join(lines + motion.legend(show, values))
 
 
-def formula(item: Effect, form: Literal["text", "latex"] = "text") -> str:
+@dataclass(frozen=True)
+class Notation:
+    """Symbols in which the effects of one kind of mechanism are printed.
+
+    points : where an effect is evaluated, by place; words : what its function returns there
+    base : symbols of the base parameters that effects may refer to
+    """
+
+    points: Mapping[Place, Any]
+    words: Mapping[Place, tuple[str, ...]]
+    base: tuple[sympy.Symbol, ...]
+
+    def motion(self, place: Place) -> set[sympy.Symbol]:
+        """Symbols of the motion at a place, as opposed to parameters."""
+        parts = (sympy.sympify(part).free_symbols for part in _flat(self.points[place]))
+        return set().union(*parts) - set(self.base)
+
+
+def formula(
+    item: Effect, form: Literal["text", "latex"] = "text", notation: Notation | None = None
+) -> str:
     """One line: what an effect adds to the motion's demand (``d...``), from its own function.
 
     Printed in its public form; that of the base model as in the paper, with m = m0 - 4 m1.
     ``[...]`` is one where it is true and zero elsewhere; ``T_late`` is how late torques act.
     Parameters and points are those of one wheel: ``phi'`` its rate, ``phi''`` its acceleration,
     ``M`` the torque that acts on it, ``gamma'`` its roller's rate; ``xC``, ``yC`` lead from O to
-    the centre of mass along world axes.
+    the centre of mass along world axes. Another ``notation`` is that of another mechanism.
     """
+    notation = notation or PLATFORM
     if item.public is not None and item.name not in BASE:
         stated = _real(parameter.name for parameter in item.public_parameters)
         values = item.public.inverse(symbols(), _LENGTHS, *stated)
     else:
         values = _real(_SPACED.get(parameter.name, parameter.name) for parameter in item.parameters)
-    point = _POINTS[item.acts_at]
-    found = item.function(symbols(), point, *values)
+    found = item.function(symbols(), notation.points[item.acts_at], *values)
     returned = found if isinstance(found, tuple) else (found,)
-    motion = set().union(*(sympy.sympify(part).free_symbols for part in _flat(point)))
+    motion = notation.motion(item.acts_at)
     show = latex if form == "latex" else text
     return ";  ".join(
-        f"{show(sympy.Symbol(word))} = {join(collected(value, motion - set(_BASE)), show)}"
-        for word, value in zip(WORDS[item.acts_at], returned, strict=True)
+        f"{show(sympy.Symbol(word))} = {join(collected(value, motion), show)}"
+        for word, value in zip(notation.words[item.acts_at], returned, strict=True)
     )
 
 
@@ -200,6 +220,10 @@ _POINTS: dict[Place, Any] = {
     CHANNEL: Channel(*_real("M t")),
     CLOCK: Clock(),
 }
+
+
+PLATFORM = Notation(_POINTS, WORDS, tuple(_BASE))
+"""That of the mecanum platform."""
 
 
 class _OpenPoints(EffectPoints):

@@ -1,6 +1,7 @@
 """Which effects a model holds beside its mechanism's base, and what trying them tells.
 
 What an effect reads and whether it is linear is found by evaluating it, so that none declares it.
+On numbers, not on symbols: 0.4 ms for a structure, where sympy takes 70 ms and a second to load.
 """
 
 from __future__ import annotations
