@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Annotated, Any, NamedTuple
 
 import typer
 
+from youbot_env.physics.mecanum import mecanum_structure
 from youbot_scripts.cli import run_script
 from youbot_scripts.shared.options import JsonOption, console, number, write_result
 from youbot_scripts.shared.tables import Table, show as show_tables
@@ -126,12 +127,11 @@ def shown(mechanism: str) -> ShownEffect:
         )
     from youbot_env.equations.equations import equation, formula
     from youbot_env.physics.effect import CATALOGUE
-    from youbot_env.physics.structure import ModelStructure
 
     return ShownEffect(
         CATALOGUE,
         formula,
-        lambda names, form: equation(ModelStructure(tuple(names)), form),
+        lambda names, form: equation(mecanum_structure(tuple(names)), form),
         lambda unit: "",
         "",
     )

@@ -11,7 +11,8 @@ from controllers.recording import Progress, record
 from identification.logs.log import Log
 from youbot_env.model.model import Model
 from youbot_env.motions.base import Motion
-from youbot_env.simulation.plant import Plant, Platforms
+from youbot_env.simulation.plant import Plant
+from youbot_env.simulation.platforms import Platforms
 from youbot_scripts.recording.named_motions import with_effects
 from youbot_scripts.recording.named_plants import Driven, plant_named
 
