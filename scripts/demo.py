@@ -15,7 +15,8 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from youbot_scripts import cli
-from youbot_scripts.shared.options import console, number, show_table, with_std
+from youbot_scripts.shared.options import console
+from youbot_scripts.shared.tables import Column, Table, columns, number, show, text, with_std
 
 if TYPE_CHECKING:
     from rich.console import Console
@@ -176,11 +177,10 @@ def judge(story: Story) -> None:
     for name, estimate in found.parameters.items():
         truth, std = true.parameters[name].value, estimate.std or float("nan")
         off = (estimate.value - truth) / std
-        rows.append(
-            (name, number(truth), with_std(estimate.value, std), f"{off:+.1f}", estimate.unit)
-        )
-    headers = ("name", "true", "identified ± std", "off by (std)", "unit")
-    show_table(story.out, "Against the truth", headers, rows, left=("unit",))
+        rows.append((name, truth, with_std(estimate.value, std), off, estimate.unit))
+    shown = (Column("true", number), "identified ± std", Column("off by (std)", "{:+.1f}".format))
+    headers = columns("name", *shown, text("unit"))
+    show(story.out, [Table("Against the truth", headers, tuple(rows))])
     inside = sum(abs(float(row[3])) <= 1.96 for row in rows)
     story.tell(f"{inside} of {len(rows)} true values lie within ± 1.96 std (95 % are expected to).")
 

@@ -10,8 +10,8 @@ from typing import TYPE_CHECKING, Annotated, Any, NamedTuple
 import typer
 
 from youbot_scripts.cli import run_script
-from youbot_scripts.shared.options import JsonOption, console, number, write_result
-from youbot_scripts.shared.tables import Table, show as show_tables
+from youbot_scripts.shared.options import JsonOption, console, write_result
+from youbot_scripts.shared.tables import Table, columns, number, show as show_tables, text
 
 if TYPE_CHECKING:
     from rich.console import Console
@@ -85,8 +85,8 @@ def main(
     brackets), its formula (what it adds to the torque or force that a motion demands), and how to
     recognise it in measurements.
 
-    --effects runs a Python file of your own that registers effects with
-    youbot_env.physics.effect.effect, and lists them too.
+    --effects runs a Python file of your own that registers effects with youbot_env.effect, and
+    lists them too.
     """
     from youbot_env.plugins import load_effects, load_installed_effects
 
@@ -169,9 +169,9 @@ def show(screen: Console, items: list[Effect], of: ShownEffect, form: str) -> No
     rows = tuple(
         (item.name, item.acts_at.name, parameters(item), sizes(item, of)) for item in items
     )
-    headers = ("effect", "acts at", "parameters", "catalogue\nsize")
+    headers = columns("effect", text("acts at"), text("parameters"), "catalogue\nsize")
     notes = (of.note,) if of.note else ()
-    show_tables(screen, [Table("Effects", headers, rows, notes, left=("acts at", "parameters"))])
+    show_tables(screen, [Table("Effects", headers, rows, notes)])
     for item in items:
         screen.print(f"{item.name}\n  {of.formula(item, form)}\n  {item.recognise}", soft_wrap=True)
 

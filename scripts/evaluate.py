@@ -11,10 +11,10 @@ import typer
 from controllers.policy.policy_file import shipped_policies
 from controllers.registry import CONTROLLERS
 from youbot_scripts.cli import run_script
-from youbot_scripts.evaluation import tables
 from youbot_scripts.evaluation.settings import BASIC, SUITES, amplitude, bands, settings, words
 from youbot_scripts.evaluation.whole import Evaluation, evaluate
 from youbot_scripts.shared import options as common
+from youbot_scripts.shared.tables import show
 
 __all__ = ["evaluate", "main"]
 
@@ -98,7 +98,7 @@ def main(
     against: Annotated[
         str | None, typer.Option(metavar="NAME", help="Measure the others by this one.")
     ] = None,
-    jobs: Annotated[int, typer.Option(min=1, metavar="N", help="Processes.")] = 2,
+    jobs: common.JobsOption = 2,
     resume: Annotated[
         Path | None,
         typer.Option(metavar="DIR", help="Keep each result here, and do not do again those here."),
@@ -141,7 +141,7 @@ def main(
     common.check_pictures(plots, report)
     found = evaluate(chosen, seed=seed, jobs=jobs, folder=resume)
     out = common.console(json)
-    tables.show(out, found.tables(brief))
+    show(out, found.tables(brief))
     if plots or report:
         _draw(found, plots, report, brief, out)
     common.write_result(json, found.to_dict(), seed)
@@ -151,7 +151,7 @@ def _draw(
     found: Evaluation, plots: Path | None, report: Path | None, brief: bool, out: Any
 ) -> None:
     from identification.figures.style import write_figures
-    from youbot_scripts.shared.report_page import facts, page, pictures
+    from youbot_scripts.shared.report_page import pictures, write_page
 
     figures = found.figures(brief)
     if plots:
@@ -159,8 +159,7 @@ def _draw(
             out.print(f"figure: {path}", soft_wrap=True)
     if report:
         parts = [*pictures(figures.items()), *found.tables(brief)]
-        text = page("Controllers compared", parts, facts(found.trials[0].seed))
-        common.write_text(report, text)
+        write_page(report, "Controllers compared", parts, found.trials[0].seed)
         out.print(f"report: {report}", soft_wrap=True)
 
 

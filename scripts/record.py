@@ -21,6 +21,7 @@ from youbot_scripts.recording.named_motions import DEFAULT_MOTIONS, motions_name
 from youbot_scripts.recording.named_plants import Driven, plant_named
 from youbot_scripts.recording.recording import record, recordings
 from youbot_scripts.shared import options as common
+from youbot_scripts.shared.tables import Column, Table, columns, decimals, show
 
 __all__ = ["main", "record"]
 
@@ -128,25 +129,22 @@ def _make_folder(path: Path) -> None:
 
 
 def _show(console: Any, driven: Driven, rows: dict[str, dict[str, Any]], out_dir: Path) -> None:
-    common.show_table(
-        console,
-        f"Logs of {driven} in {out_dir}",
-        ("log", "duration s", "rows", "peak rad/s", "peak N m", "saturated %"),
-        [
-            (
-                name,
-                f"{row['duration']:.1f}",
-                row["rows"],
-                f"{row['peak_wheel_speed']:.2f}",
-                f"{row['peak_torque']:.2f}",
-                f"{100 * row['saturated']:.1f}",
-            )
-            for name, row in rows.items()
-        ],
-    )
+    show(console, [_table(f"Logs of {driven} in {out_dir}", rows)])
     console.print(f"How they were made: {out_dir / 'record.json'}", soft_wrap=True)
     logs = shlex.join(str(out_dir / name) for name in to_fit(list(rows)))
     console.print(f"Next: youbot identify {logs} -o model.json", soft_wrap=True)
+
+
+def _table(title: str, rows: dict[str, dict[str, Any]]) -> Table:
+    shown = {
+        "duration": Column("duration s", decimals(1)),
+        "rows": Column("rows"),
+        "peak_wheel_speed": Column("peak rad/s", decimals(2)),
+        "peak_torque": Column("peak N m", decimals(2)),
+        "saturated": Column("saturated %", lambda share: f"{100 * share:.1f}"),
+    }
+    values = tuple((name, *(row[key] for key in shown)) for name, row in rows.items())
+    return Table(title, columns("log", *shown.values()), values)
 
 
 def to_fit(names: list[str]) -> list[str]:

@@ -15,6 +15,7 @@ from youbot_env.errors import InputError
 from youbot_env.tracking.task import twist_scale
 from youbot_scripts.cli import run_script
 from youbot_scripts.shared import options as common
+from youbot_scripts.shared.tables import Column, Table, columns, decimals, percent, show
 from youbot_scripts.training import require_learning
 from youbot_scripts.training.runs import SHARE, chosen, train
 
@@ -146,27 +147,32 @@ def main(
 
 
 def _line(row: dict[str, Any]) -> str:
-    by_axis = "  ".join(common.percent(error) for error in row["error_by_axis"].values())
+    by_axis = "  ".join(percent(error) for error in row["error_by_axis"].values())
     return (
         f"{row['steps']:>9,} steps {row['wall_time']:6.0f} s  held-out "
-        f"{common.percent(row['error']):>8}  VX, VY, W {by_axis}"
+        f"{percent(row['error']):>8}  VX, VY, W {by_axis}"
     )
 
 
 def _show(out: Any, record: dict[str, Any], policy: Path) -> None:
-    rows = [
+    shown = (
+        *(Column(axis, percent) for axis in ("VX", "VY", "W", "mean")),
+        Column("N m/s", decimals(1)),
+        Column("saturated", lambda share: f"{100 * share:.1f}"),
+    )
+    rows = tuple(
         (
             name,
-            *(common.percent(error) for error in found["error_by_axis"].values()),
-            common.percent(found["error"]),
-            f"{found['torque_rate']:.1f}",
-            f"{100 * found['saturated']:.1f}",
+            *found["error_by_axis"].values(),
+            found["error"],
+            found["torque_rate"],
+            found["saturated"],
         )
         for name, found in record["test"].items()
-    ]
-    headers = ("controller", "VX", "VY", "W", "mean", "N m/s", "saturated")
+    )
     count = next(iter(record["test"].values()))["references"]
-    common.show_table(out, f"{count} unseen references, error over the reference", headers, rows)
+    title = f"{count} unseen references, error over the reference"
+    show(out, [Table(title, columns("controller", *shown), rows)])
     out.print(
         f"{record['steps']:,} steps, {record['wall_time']:.0f} s ({record['cpu_time']:.0f} s of "
         f"one core), seed {record['seed']}"

@@ -29,6 +29,16 @@ from youbot_env.model.model_file import load_model
 from youbot_env.physics.hardware import MAX_WHEEL_TORQUE, STOCK_INTEGRAL, STOCK_PROPORTIONAL
 from youbot_scripts.cli import run_script
 from youbot_scripts.shared import options as common
+from youbot_scripts.shared.tables import (
+    Column,
+    Table,
+    columns,
+    decimals,
+    number,
+    percent,
+    show,
+    text,
+)
 
 EXAMPLES = (
     "youbot tune paper -o gains.json",
@@ -166,46 +176,49 @@ def main(
 
 
 def _show_results(console: Any, title: str, found: dict[str, Tuned]) -> None:
-    common.show_table(
-        console,
-        title,
-        ("gains", "VX", "VY", "W", "N m/s", "gain dB", "phase deg", "saturated"),
-        [
-            (
-                name,
-                *map(common.percent, one.error.tolist()),
-                f"{one.torque_rate:.3f}",
-                f"{one.margins.gain.min():.2f}",
-                f"{one.margins.phase.min():.1f}",
-                common.percent(one.saturated),
-            )
-            for name, one in found.items()
-        ],
+    shown = (
+        *(Column(axis, percent) for axis in ("VX", "VY", "W")),
+        Column("N m/s", decimals(3)),
+        Column("gain dB", decimals(2)),
+        Column("phase deg", decimals(1)),
+        Column("saturated", percent),
     )
+    rows = tuple(
+        (
+            name,
+            *one.error.tolist(),
+            one.torque_rate,
+            one.margins.gain.min(),
+            one.margins.phase.min(),
+            one.saturated,
+        )
+        for name, one in found.items()
+    )
+    show(console, [Table(title, columns("gains", *shown), rows)])
 
 
 def _show_gains(console: Any, gains: dict[str, Any]) -> None:
     files = {name: gains_to_dict(one)["gains"] for name, one in gains.items()}
-    rows = [
-        (key, *(common.number(file[key]["value"]) for file in files.values()), entry["unit"])
+    rows = tuple(
+        (key, *(file[key]["value"] for file in files.values()), entry["unit"])
         for key, entry in files["tuned"].items()
-    ]
-    common.show_table(console, "Gains", ("name", *files, "unit"), rows, left=("unit",))
+    )
+    shown = (*(Column(name, number) for name in files), text("unit"))
+    show(console, [Table("Gains", columns("name", *shown), rows)])
 
 
 def _show_loop(console: Any, bench: Bench, best: Tuned) -> None:
     """Margins of each axis, with python-control's beside them where it is installed, and poles."""
-    columns = [best.margins.gain, best.margins.phase]
-    headers = ["axis", "gain dB", "phase deg"]
+    values = [best.margins.gain, best.margins.phase]
+    headers = ["gain dB", "phase deg"]
     if importlib.util.find_spec("control"):
         theirs = bench.python_controls(np.array(list(best.point.values())))
-        columns += [theirs.gain, theirs.phase]
+        values += [theirs.gain, theirs.phase]
         headers += ["python-control: dB", "deg"]
-    rows = [
-        (axis, *(f"{column[i]:.2f}" for column in columns))
-        for i, axis in enumerate(("VX", "VY", "W"))
-    ]
-    common.show_table(console, "Margins of the tuned loop", headers, rows)
+    axes = ("VX", "VY", "W")
+    rows = tuple((axis, *(value[i] for value in values)) for i, axis in enumerate(axes))
+    shown = (Column(header, decimals(2)) for header in headers)
+    show(console, [Table("Margins of the tuned loop", columns("axis", *shown), rows)])
     poles = [pole for pole in best.poles[np.isfinite(best.poles)].tolist() if pole.imag >= 0]
     console.print("Slowest poles [1/s]: " + ", ".join(map(_pole, poles[:8])), soft_wrap=True)
 
