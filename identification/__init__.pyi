@@ -7,6 +7,7 @@ from .diagnosis import (
 )
 from .doctor import LogExamination as LogExamination, examine_log as examine_log
 from .fitting import (
+    FitSettings as FitSettings,
     Identification as Identification,
     Observability as Observability,
     RecursiveLeastSquares as RecursiveLeastSquares,

@@ -1,13 +1,48 @@
-"""Files that are written as a whole or not at all."""
+"""Files: written at once or not at all, JSON read and checked against the schema of its kind.
+
+All JSON that a user may bring (models, gains, policies, training runs, results, motions) is read
+here, so what no file may hold is refused in one place: a key given twice, a number past the range
+of floats, NaN, nesting without end.
+"""
 
 from __future__ import annotations
 
+import json
+import math
 import os
-from collections.abc import Iterator
+import sys
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
+from dataclasses import dataclass
+from functools import cached_property
 from pathlib import Path
+from typing import Any, Generic, TypeVar
 
 from youbot_env.errors import InputError
+
+T = TypeVar("T")
+Schema = Mapping[str, Any]
+"""A JSON schema (draft 7)."""
+
+SCHEMA_VERSION = 1
+"""Raised when a field changes its meaning; older files are then refused with a clear line."""
+
+MAX_BYTES = 1 << 24
+"""Size of a JSON file [bytes]: a model with the covariance of 100 parameters has a fiftieth."""
+
+USUAL_BYTES = 1 << 16
+"""Size [bytes] that few files exceed."""
+
+MAX_DEPTH = 64
+"""Objects and lists inside each other; the files that we write nest 8 deep."""
+
+LARGEST = sys.float_info.max
+
+MAX_SHOWN = 40
+"""Characters of a file's own text that a message repeats."""
+
+
+# --- writing ---------------------------------------------------------------------------------
 
 
 @contextmanager
@@ -46,3 +81,279 @@ def write_atomically(path: str | os.PathLike[str], content: str | bytes) -> None
     data = content.encode("utf-8") if isinstance(content, str) else content
     with atomic_path(path) as stand_in:
         stand_in.write_bytes(data)
+
+
+def write_json(path: str | os.PathLike[str], content: Mapping[str, Any]) -> None:
+    """Write a JSON file: complete or not at all."""
+    write_atomically(path, json.dumps(plain(content), indent=1, allow_nan=False) + "\n")
+
+
+def plain(value: Any) -> Any:
+    """What JSON can hold: errors and provenance may bring numpy values, NaN and paths."""
+    if isinstance(value, Mapping):
+        return {str(key): plain(item) for key, item in value.items()}
+    if isinstance(value, (list, tuple)):
+        return [plain(item) for item in value]
+    if hasattr(value, "tolist"):
+        return plain(value.tolist())
+    if isinstance(value, float):
+        return value if math.isfinite(value) else None
+    return value if value is None or isinstance(value, (bool, int, str)) else str(value)
+
+
+# --- kinds of file ---------------------------------------------------------------------------
+
+
+@dataclass(frozen=True)
+class FileKind(Generic[T]):
+    """A kind of JSON file: what it is called, what it may hold, what it becomes.
+
+    Attributes
+    ----------
+    noun : for messages, "a model file"
+    schema : what the content must look like, beyond its version; a name must be in ``required``
+        to be demanded, and ``additionalProperties: False`` refuses unknown ones
+    build : makes the object of content that fits the schema; takes the file's name for messages
+    version : the ``schema_version`` that is read; None for a kind that has none
+    max_bytes : of a file
+    may_hold_nan : whether NaN and Infinity are values, as in the results of diverged loops
+    """
+
+    noun: str
+    schema: Schema
+    build: Callable[[dict[str, Any], str], T]
+    version: int | None = SCHEMA_VERSION
+    max_bytes: int = MAX_BYTES
+    may_hold_nan: bool = False
+
+    def from_text(self, text: str | bytes, source: str) -> T:
+        """The object that a file's text describes; ``source`` names the file in messages."""
+        return self.from_content(parse_json(text, source, self), source)
+
+    def from_content(self, content: Any, source: str) -> T:
+        """The object that parsed content describes.
+
+        Raises
+        ------
+        InputError
+            If the content does not fit the schema or cannot be built: source, path and cause.
+        """
+        found = self.checked(content, source)
+        try:
+            return self.build(found, source)
+        except InputError as error:
+            raise named(source, error) from None
+
+    def checked(self, content: Any, source: str) -> dict[str, Any]:
+        """The content, if it is an object of this version that fits the schema."""
+        self.check_version(content, source)
+        # Imported late: commands that read no file start without it.
+        from fastjsonschema import JsonSchemaValueException
+
+        try:
+            self._validate(content)
+        except JsonSchemaValueException as error:
+            raise InputError(f"{source}: {_misfit(error, self.noun)}") from None
+        return dict(content)
+
+    def check_version(self, content: Any, source: str) -> None:
+        """Refuse what is no object, and files of other versions."""
+        if not isinstance(content, Mapping):
+            raise InputError(f"{source}: the file must be a JSON object")
+        version = content.get("schema_version")
+        if self.version is None or (version == self.version and not isinstance(version, bool)):
+            return
+        raise InputError(
+            f"{source}: schema_version is {_short(repr(version))}, this version of youbot reads "
+            f"{self.version}: not {self.noun}, or written by another version"
+        )
+
+    @cached_property
+    def _validate(self) -> Callable[[Any], Any]:
+        """Compiled on first use: 5 ms, and commands that read no file go without."""
+        import fastjsonschema
+
+        return fastjsonschema.compile(dict(self.schema), use_default=False)
+
+
+def read_json(path: str | os.PathLike[str], kind: FileKind[T], missing: str = "") -> T:
+    """The object that a JSON file of a kind describes.
+
+    Parameters
+    ----------
+    missing : advice where there is no such file; by default to give a file of the kind
+
+    Raises
+    ------
+    InputError
+        If the file cannot be read or is not valid: one line with file, path in it and cause.
+    """
+    source = os.fspath(path)
+    return kind.from_text(
+        read_bytes(source, kind.max_bytes, missing or f"give {kind.noun}"), source
+    )
+
+
+def read_bytes(path: str | os.PathLike[str], max_bytes: int, missing: str = "") -> bytes:
+    """A file's bytes, never more than ``max_bytes``; ``missing`` advises where there is none."""
+    source = os.fspath(path)
+    try:
+        with open(source, "rb") as stream:
+            # In two steps, since a read makes room for all that it may get: 16 MiB for 5 KiB.
+            content = stream.read(USUAL_BYTES)
+            if len(content) == USUAL_BYTES:
+                content += stream.read(max_bytes + 1 - USUAL_BYTES)
+    except FileNotFoundError as error:
+        reason = f"no such file; {missing}" if missing else f"cannot be read: {error.strerror}"
+        raise InputError(f"{source}: {reason}") from None
+    except (OSError, ValueError) as error:
+        # ValueError: a name with a null byte.
+        reason = (error.strerror if isinstance(error, OSError) else "") or "not a file's name"
+        raise InputError(f"{source}: cannot be read: {reason}".replace("\0", "?")) from None
+    if len(content) > max_bytes:
+        raise InputError(f"{source}: is larger than {max_bytes >> 20} MiB: too large to be read")
+    return content
+
+
+def named(source: str, error: InputError) -> InputError:
+    """The same error with the file's name, if it lacks it."""
+    return error if str(error).startswith(f"{source}: ") else InputError(f"{source}: {error}")
+
+
+# --- JSON ------------------------------------------------------------------------------------
+
+
+def parse_json(text: str | bytes, source: str, kind: FileKind[Any]) -> Any:
+    """The content of a JSON text, which holds only what every reader understands alike.
+
+    Raises
+    ------
+    InputError
+        If it is no UTF-8 or no JSON, gives a key twice, nests too deep, or holds a number that is
+        not finite: one line with row and column, or with the path in the file.
+    """
+    try:
+        text = text if isinstance(text, str) else text.decode("utf-8")
+    except UnicodeDecodeError:
+        raise InputError(f"{source}: cannot be read: not a text file") from None
+    try:
+        content = json.loads(text, object_pairs_hook=_object)
+    except (ValueError, RecursionError) as error:
+        # ValueError beside JSONDecodeError: an integer of thousands of digits.
+        is_syntax = isinstance(error, json.JSONDecodeError)
+        where = f"row {error.lineno}, column {error.colno}: " if is_syntax else ""
+        raise InputError(f"{source}: {where}not valid JSON; is it {kind.noun}?") from None
+    if fault := _fault(content, kind.may_hold_nan, MAX_DEPTH):
+        raise InputError(f"{source}: {_at(fault[0])}{fault[1]}")
+    return content
+
+
+class _Repeated(dict[str, Any]):
+    """An object that gives ``key`` twice; it lives until the walk that can tell its path."""
+
+    def __init__(self, key: str) -> None:
+        super().__init__()
+        self.key = key
+
+
+def _object(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
+    found = dict(pairs)
+    if len(found) == len(pairs):
+        return found
+    keys = [key for key, _ in pairs]
+    return _Repeated(next(key for key in keys if keys.count(key) > 1))
+
+
+def _fault(value: Any, may_hold_nan: bool, depth: int) -> tuple[str, str] | None:
+    """Path and description of the first thing in a JSON value that no file may hold."""
+    if isinstance(value, (float, int)):
+        # A JSON integer may be larger than any float; NaN compares false with everything.
+        is_number = -LARGEST <= value <= LARGEST or (may_hold_nan and isinstance(value, float))
+        return None if is_number else ("", f"{_short(value)} is not a finite number")
+    if not isinstance(value, (dict, list)):
+        return None
+    if depth == 0:
+        return "", f"nested more than {MAX_DEPTH} deep; no file of youbot is"
+    if isinstance(value, _Repeated):
+        return "", f"key {_short(repr(value.key))} is given twice; remove one"
+    is_object = isinstance(value, dict)
+    for key, item in value.items() if is_object else enumerate(value):
+        # Texts and sound numbers are nearly all that files hold: no call for them.
+        kind = type(item)
+        if kind is str or (kind is float and -LARGEST <= item <= LARGEST):
+            continue
+        if found := _fault(item, may_hold_nan, depth - 1):
+            return (f".{_short(key)}" if is_object else f"[{key}]") + found[0], found[1]
+    return None
+
+
+def _at(path: str) -> str:
+    """A path as a message has it before its cause."""
+    path = path.removeprefix(".")
+    return f"{path}: " if path else ""
+
+
+def _short(value: Any) -> str:
+    """A file's own text for a message; a stranger's file may hold megabytes of it."""
+    try:
+        text = str(value)
+    except ValueError:  # an integer of thousands of digits
+        return "a huge value"
+    if len(text) <= MAX_SHOWN:
+        return text
+    return f"{text[:MAX_SHOWN]}..." if isinstance(value, str) else "a huge value"
+
+
+# --- what does not fit a schema, in words ----------------------------------------------------
+
+TYPES = {
+    "object": "must be a JSON object",
+    "array": "must be a JSON list",
+    "string": "must be a text",
+    "boolean": "must be true or false",
+    "integer": "must be a whole number",
+}
+"""What each JSON type is called; a number that is none is shown."""
+
+BOUNDS = {
+    "minimum": "at least",
+    "maximum": "at most",
+    "exclusiveMinimum": "more than",
+    "exclusiveMaximum": "less than",
+}
+
+
+def _misfit(error: Any, noun: str) -> str:
+    """What a validator's error says, as `path: cause`, in the words of all our messages."""
+    path = error.name.removeprefix("data").removeprefix(".")
+    what, rule, value, node = path or "the file", error.rule, error.value, error.definition
+    if rule == "required":
+        key = next(name for name in error.rule_definition if name not in value)
+        if path:
+            return f"{path} lacks {key!r} (it needs {', '.join(error.rule_definition)})"
+        wanted = _type_of(node.get("properties", {}).get(key, {}))
+        demand = f"{key} {TYPES[wanted]}; " if wanted in TYPES else ""
+        return f"{key!r} is missing: {demand}is it {noun}?"
+    if rule == "additionalProperties":
+        key = next(name for name in value if name not in node["properties"])
+        known = ", ".join(node["properties"])
+        return f"{_at(path)}unknown key {_short(repr(key))}; known are {known}"
+    if rule == "enum":
+        return f"{what} {_short(repr(value))} is none of {', '.join(error.rule_definition)}"
+    if rule in BOUNDS:
+        return f"{what}: {_short(value)} must be {BOUNDS[rule]} {error.rule_definition:g}"
+    if rule in ("minItems", "maxItems"):
+        bound = "at least" if rule == "minItems" else "at most"
+        return f"{what} must have {bound} {error.rule_definition} entries, not {len(value)}"
+    wanted = _type_of(node)
+    if rule == "type" and wanted in TYPES:
+        return f"{what} {TYPES[wanted]}"
+    if rule == "type":
+        return f"{what}: {_short(value)} is not a finite number"
+    return f"{what}: does not fit {rule} {error.rule_definition}"
+
+
+def _type_of(node: Schema) -> str:
+    """The first type that a schema's node allows, "" if any."""
+    types: str | Sequence[str] = node.get("type", "")
+    return types if isinstance(types, str) else types[0]

@@ -13,7 +13,7 @@ from numba import njit
 from controllers.computed_torque.feedback import TORQUE
 from controllers.interface import Array, Loop
 from identification.mechanisms.mecanum import Mecanum
-from identification.signals.filters import FILTER_RATE, SETTLED, hold_weights
+from identification.signals.filters import FilterSettings, hold_weights
 from youbot_env.model.model import Model
 from youbot_env.physics.effect import BASE
 from youbot_env.simulation.compiled import inverse_kernel
@@ -53,9 +53,11 @@ class OnlineRows:
         self._force_scale = mechanism.force_scale
         sizes = [abs(label.parameter.size) for label in mechanism.labels[:BASE_COUNT]]
         self._steps = STEP * np.array(sizes)
-        self._weights = np.array(hold_weights(FILTER_RATE, loop.sample_time))
+        self._weights = np.array(hold_weights(FilterSettings.rate, loop.sample_time))
         self._age = loop.measurement_delay / loop.sample_time
-        self._settled = int(np.ceil(SETTLED / FILTER_RATE / loop.sample_time))
+        self._settled = int(
+            np.ceil(FilterSettings.settling_time_constants / FilterSettings.rate / loop.sample_time)
+        )
         self._in_row = max(1, round(ROW_TIME / loop.sample_time))
         self.linearise(model.theta)
         self.reset()

@@ -21,8 +21,7 @@ import numpy as np
 from controllers.policy.inputs import Layout
 from controllers.policy.policy import ACTIVATIONS, Description, Network
 from youbot_env.errors import InputError
-from youbot_env.files import write_atomically
-from youbot_env.model.model_file import plain
+from youbot_env.files import plain, write_atomically
 
 SCHEMA_VERSION = 1
 

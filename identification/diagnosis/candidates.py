@@ -21,12 +21,13 @@ from identification.fitting.regression_rows import (
     regression_rows,
     residual_of,
 )
+from identification.fitting.settings import FitSettings
 from identification.mechanisms.mechanism import DemandedForce
 from youbot_env.physics.effect import Parameter
 
 Array = NDArray[np.float64]
 
-RATE = 50.0
+SELECTION = FitSettings(row_rate=50.0)
 """Rows a second [Hz] for the choice of effects: torque ripple lives above what a fit needs."""
 
 
@@ -44,7 +45,7 @@ class Fitted:
     @classmethod
     def at(cls, mechanism: Any, theta: Array, samples: Sequence[Any], free: Indices) -> Fitted:
         """Rows of all logs at theta; ``free``: indices of the parameters that were fitted."""
-        rows = tuple(regression_rows(mechanism, theta, item, free, RATE) for item in samples)
+        rows = tuple(regression_rows(mechanism, theta, item, free, SELECTION) for item in samples)
         return cls(mechanism, theta, rows, free, _directions(mechanism, free), tuple(samples))
 
     @cached_property
@@ -73,7 +74,7 @@ class Fitted:
         total = 0.0
         for item, of, row in zip(self.samples, noise, self.rows, strict=True):
             noisy = self.mechanism.noisy(item, of.speed, 0.0 * of.torque, rng)
-            again = residual_of(self.mechanism, self.theta, noisy, RATE)
+            again = residual_of(self.mechanism, self.theta, noisy, SELECTION)
             total += float(((again - row.residual) ** 2).sum())
         return total
 
@@ -226,7 +227,7 @@ def _try_shape(
 
 def _columns(mechanism: Any, demand: DemandedForce, samples: Any, new: Indices) -> Array:
     ends = np.moveaxis(demand.columns(new), 0, -1)
-    return reduce(ends, samples.dt, RATE, mechanism.filter_rate)
+    return reduce(ends, mechanism, samples, SELECTION)
 
 
 def contains(larger: Candidate, smaller: Candidate, base: Fitted, enough: float = 0.995) -> bool:

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from identification.diagnosis.candidates import (
-    RATE,
+    SELECTION,
     Candidate,
     Fitted,
     contains,
@@ -171,7 +171,7 @@ def _idle(search: Search, larger: Candidate, smaller: Fitted, square: float) -> 
         return False
     undone = search.final(larger.fitted).theta
     beyond = [
-        row.residual - residual_of(larger.mechanism, undone, samples, RATE)
+        row.residual - residual_of(larger.mechanism, undone, samples, SELECTION)
         for row, samples in zip(smaller.rows, search.samples, strict=True)
     ]
     columns = [row.columns.reshape(-1, row.columns.shape[-1]) for row in smaller.rows]

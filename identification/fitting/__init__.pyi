@@ -4,3 +4,4 @@ from .observability import (
     motion_observability as motion_observability,
 )
 from .recursive import RecursiveLeastSquares as RecursiveLeastSquares
+from .settings import FitSettings as FitSettings

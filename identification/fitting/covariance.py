@@ -7,61 +7,77 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from identification.fitting.regression_rows import Rows
+from identification.fitting.settings import FitSettings
 from identification.signals.filters import accumulate
 
 Array = NDArray[np.float64]
 Indices = NDArray[np.intp]
 
-CORRELATION_TIME = 0.5
-"""Least window [s] over which scores may be correlated beyond the residual's AR(1) memory."""
 
-
-def hac_covariance(rows: Sequence[Rows], basis: Array, scale: Array) -> Array:
+def hac_covariance(
+    residuals: Sequence[Array],
+    columns: Sequence[Array],
+    steps: Sequence[float],
+    basis: Array,
+    scale: Array,
+    settings: FitSettings = FitSettings(),
+) -> Array:
     """Covariance (F, F) of a least-squares estimate whose residuals are correlated in time.
 
     Newey and West (Econometrica 55(3), 1987): the scores' long-run covariance by Bartlett weights,
     between the inverses of the information matrix; prewhitened, since the filter's memory alone
     would cost a plain window a tenth of the standard deviation.
+
+    Parameters
+    ----------
+    residuals, columns : per log (n, A) and (n, A, F)
+    steps : per log, from one row to the next [s]
+    basis : (F, Q) directions of the scaled parameters that data can see
+    scale : (F,) factors from the parameters to numbers of one size
     """
     directions = scale[:, None] * basis
     directions = directions / np.linalg.norm(directions, axis=0)
     size = directions.shape[1]
     information, middle = np.zeros((size, size)), np.zeros((size, size))
     count = 0
-    for row in rows:
-        columns = (row.columns / scale) @ directions
-        information += np.einsum("nap,naq->pq", columns, columns)
-        scores = innovation_scores(row.residual, columns)
-        lags = max(automatic_lags(scores), round(CORRELATION_TIME / row.step))
-        middle += long_run(scores, lags)
-        count += row.residual.size
-    inverse = np.linalg.pinv(information, rcond=1e-13, hermitian=True)
+    for residual, column, step in zip(residuals, columns, steps, strict=True):
+        scaled = (column / scale) @ directions
+        information += np.einsum("nap,naq->pq", scaled, scaled)
+        scores = innovation_scores(residual, scaled, settings.max_residual_memory)
+        lags = automatic_lags(scores, settings.max_score_memory)
+        middle += long_run(scores, max(lags, round(settings.min_correlation_time / step)))
+        count += residual.size
+    rounding = settings.min_information_share
+    inverse = np.linalg.pinv(information, rcond=rounding, hermitian=True)
     covariance = inverse @ middle @ inverse * count / max(count - size, 1)
     to_theta = directions / scale[:, None]
     return to_theta @ covariance @ to_theta.T
 
 
-def innovation_scores(residual: Array, columns: Array) -> Array:
+def innovation_scores(residual: Array, columns: Array, most: float) -> Array:
     """Scores (n, P) that sum up as residual * column does, without the residual's AR(1) memory.
 
     residual (n, A), columns (n, A, P). Prewhitening of Andrews and Monahan (Econometrica 60(4),
-    1992), moved to the columns: with the innovations e = A r, X' r = (A^-T X)' e.
+    1992), moved to the columns: with the innovations e = A r, X' r = (A^-T X)' e. ``most``: bound
+    of the memory.
     """
     total = np.zeros((len(columns), columns.shape[2]))
     for axis in range(residual.shape[1]):
         r = residual[:, axis]
-        memory = float(np.clip(r[1:] @ r[:-1] / max(r @ r, 1e-300), 0.0, 0.97))
+        memory = float(np.clip(r[1:] @ r[:-1] / max(r @ r, 1e-300), 0.0, most))
         innovation = r - memory * np.concatenate([[0.0], r[:-1]])
         carried = accumulate(columns[::-1, axis], memory)[:0:-1]
         total += innovation[:, None] * carried
     return total
 
 
-def automatic_lags(scores: Array) -> int:
-    """Bartlett bandwidth [rows] by Andrews' AR(1) plug-in (Econometrica 59(3), 1991, eq. 6.4)."""
+def automatic_lags(scores: Array, most: float) -> int:
+    """Bartlett bandwidth [rows] by Andrews' AR(1) plug-in (Econometrica 59(3), 1991, eq. 6.4).
+
+    ``most``: bound of the memory, either side of zero.
+    """
     power = np.maximum((scores**2).sum(axis=0), 1e-300)
-    memory = np.clip((scores[1:] * scores[:-1]).sum(axis=0) / power, -0.95, 0.95)
+    memory = np.clip((scores[1:] * scores[:-1]).sum(axis=0) / power, -most, most)
     noise = ((scores[1:] - memory * scores[:-1]) ** 2).mean(axis=0)
     bend = (4 * memory**2 * noise**2 / ((1 - memory) ** 6 * (1 + memory) ** 2)).sum()
     level = (noise**2 / (1 - memory) ** 4).sum()

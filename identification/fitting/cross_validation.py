@@ -9,14 +9,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from identification.fitting.regression_rows import Rows
+from identification.fitting.settings import FitSettings
 
 Array = NDArray[np.float64]
-
-BLOCKS = 5
-"""Contiguous blocks that a single log is cut into, so that something can be held out."""
-
-BLOCK_TIME = 2.0
-"""Length [s] of the stretches that bootstrap and standard errors treat as independent: 20/a_f."""
 
 
 @dataclass(frozen=True)
@@ -30,12 +25,10 @@ class Fold:
     whole: bool
 
 
-ALONE = 0.9
-"""Share of a column's squares that lie in one log, from which on that log alone shows it."""
-
-
-def make_folds(rows: Sequence[Rows], columns: Sequence[Array] = ()) -> list[Fold]:
-    """One fold a log; a log that alone shows something of the model gives five blocks.
+def make_folds(
+    rows: Sequence[Rows], columns: Sequence[Array] = (), settings: FitSettings = FitSettings()
+) -> list[Fold]:
+    """One fold a log; a log that alone shows something of the model gives several blocks.
 
     A load that is put on late shows in a long log and in no short one: without that log nothing
     could tell of it, and it would seem to explain nothing.
@@ -44,10 +37,10 @@ def make_folds(rows: Sequence[Rows], columns: Sequence[Array] = ()) -> list[Fold
     ----------
     columns : per log (n, A, F) of the model that is to be judged
     """
-    lonely = {0} if len(rows) == 1 else _lonely(columns)
+    lonely = {0} if len(rows) == 1 else _lonely(columns, settings.min_lone_share)
     folds = []
     for k, row in enumerate(rows):
-        blocks = BLOCKS if k in lonely else 1
+        blocks = settings.blocks_of_single_log if k in lonely else 1
         edges = np.linspace(0, len(row.time), blocks + 1).astype(int)
         for a, b in zip(edges.tolist(), edges[1:].tolist(), strict=False):
             start = float(row.time[a]) if a else 0.0
@@ -55,12 +48,12 @@ def make_folds(rows: Sequence[Rows], columns: Sequence[Array] = ()) -> list[Fold
     return folds
 
 
-def _lonely(columns: Sequence[Array]) -> set[int]:
-    """Logs without which some column would all but vanish."""
+def _lonely(columns: Sequence[Array], share: float) -> set[int]:
+    """Logs that hold more than a share of the squares of some column."""
     if not columns:
         return set()
     squares = np.stack([(column**2).sum(axis=(0, 1)) for column in columns])
-    return {int(k) for k in np.nonzero(squares > ALONE * squares.sum(axis=0))[0]}
+    return {int(k) for k in np.nonzero(squares > share * squares.sum(axis=0))[0]}
 
 
 @dataclass(frozen=True)
@@ -85,7 +78,11 @@ class HeldOut:
 
 
 def held_out(
-    residual: Sequence[Array], columns: Sequence[Array], folds: Sequence[Fold], basis: Array
+    residual: Sequence[Array],
+    columns: Sequence[Array],
+    folds: Sequence[Fold],
+    basis: Array,
+    settings: FitSettings = FitSettings(),
 ) -> HeldOut:
     """Fit without each fold in turn, by normal equations.
 
@@ -102,9 +99,13 @@ def held_out(
     grams = np.stack([c.T @ c for c in seen])
     sides = np.stack([c.T @ r for c, r in zip(seen, right, strict=True)])
     total, side = grams.sum(axis=0), sides.sum(axis=0)
-    everything = _solve(total, side)
+    rounding = settings.min_held_out_share
+    everything = _solve(total, side, rounding)
     steps = np.stack(
-        [_solve(total - gram, side - part) for gram, part in zip(grams, sides, strict=True)]
+        [
+            _solve(total - gram, side - part, rounding)
+            for gram, part in zip(grams, sides, strict=True)
+        ]
     )
     axes = residual[0].shape[1]
     left = tuple(
@@ -113,14 +114,20 @@ def held_out(
     return HeldOut(tuple(folds), left, steps @ basis.T, basis @ everything)
 
 
-def _solve(gram: Array, side: Array) -> Array:
-    """Least squares from normal equations; directions that a fold cannot see stay at zero."""
+def _solve(gram: Array, side: Array, rounding: float) -> Array:
+    """Least squares from normal equations; directions that a fold cannot see stay at zero.
+
+    ``rounding``: share of the largest eigenvalue under which a direction is not seen.
+    """
     norm = np.sqrt(np.maximum(np.diag(gram), 1e-300))
     scaled = gram / np.outer(norm, norm)
-    return np.linalg.pinv(scaled, rcond=1e-10, hermitian=True) @ (side / norm) / norm
+    return np.linalg.pinv(scaled, rcond=rounding, hermitian=True) @ (side / norm) / norm
 
 
-def block_sums(values: Array, step: float) -> Array:
-    """Sums (blocks, ...) of values (n, ...) over BLOCK_TIME; the last block may be shorter."""
-    size = max(1, round(BLOCK_TIME / step))
+def block_sums(values: Array, step: float, length: float = FitSettings.independent_time) -> Array:
+    """Sums (blocks, ...) of values (n, ...), rows ``step`` apart, over ``length`` [s] each.
+
+    The last block may be shorter.
+    """
+    size = max(1, round(length / step))
     return np.add.reduceat(values, np.arange(0, len(values), size), axis=0)

@@ -8,9 +8,10 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from identification.fitting.settings import FitSettings
 from identification.mechanisms.calibration_parts import cut
 from identification.mechanisms.mechanism import Mechanism, Samples
-from identification.signals.filters import FILTER_RATE, filter_samples, first_order, settled
+from identification.signals.filters import filter_samples, first_order, settled
 from identification.signals.noise import white_noise
 
 Array = NDArray[np.float64]
@@ -30,13 +31,15 @@ class Traces:
         return self.measured - self.predicted
 
 
-def force_traces(mechanism: Mechanism, theta: Array, samples: Samples) -> Traces:
+def force_traces(
+    mechanism: Mechanism, theta: Array, samples: Samples, settings: FitSettings = FitSettings()
+) -> Traces:
     """Filtered generalised forces (L F_X, L F_Y, M_W) [N m], the filter's start left out."""
-    dt = samples.dt
+    dt, rate = samples.dt, settings.filter.rate
     demanded = mechanism.demand(theta, samples).force
-    measured = filter_samples(mechanism.measured_force(samples), FILTER_RATE, dt)
-    predicted = first_order(demanded[0], demanded[1], FILTER_RATE, dt)
-    first = settled(FILTER_RATE, dt)
+    measured = filter_samples(mechanism.measured_force(samples), rate, dt)
+    predicted = first_order(demanded[0], demanded[1], rate, dt)
+    first = settled(rate, dt, settings.filter.settling_time_constants)
     return Traces(samples.time[first:], measured[first:], predicted[first:])
 
 
@@ -88,13 +91,11 @@ class NoiseLevel:
     torque: Array
 
     @classmethod
-    def of(cls, samples: Samples) -> NoiseLevel:
+    def of(cls, samples: Samples, settings: FitSettings = FitSettings()) -> NoiseLevel:
         """What a log's own channels show of it."""
-        return cls(*map(white_noise, samples.channels))
-
-
-ENOUGH = 30_000
-"""Samples of noise that tell a floor to better than 2 %; a longer log's is scaled up from them."""
+        speed, torque = samples.channels
+        noise = settings.noise
+        return cls(white_noise(speed, settings=noise), white_noise(torque, settings=noise))
 
 
 def force_floor(
@@ -104,6 +105,7 @@ def force_floor(
     clean: Traces,
     noise: NoiseLevel,
     seed: int,
+    settings: FitSettings = FitSettings(),
 ) -> Squares:
     """What measurement noise alone leaves in the force residual, whose ``clean`` traces are known.
 
@@ -111,11 +113,12 @@ def force_floor(
     model itself carries it.
     """
     part, known = samples, clean
-    if len(samples) > ENOUGH:
-        part = cut(samples, 0, ENOUGH)
-        known = force_traces(mechanism, theta, part)
+    if len(samples) > settings.max_floor_samples:
+        part = cut(samples, 0, settings.max_floor_samples)
+        known = force_traces(mechanism, theta, part, settings)
     rng = np.random.default_rng(seed)
-    again = force_traces(mechanism, theta, mechanism.noisy(part, noise.speed, noise.torque, rng))
+    noisy = mechanism.noisy(part, noise.speed, noise.torque, rng)
+    again = force_traces(mechanism, theta, noisy, settings)
     share = len(clean.time) / len(known.time)
     left = Squares.of(known, again.residual - known.residual).residual * share
     return Squares(left, Squares.of(clean).measured)

@@ -26,6 +26,7 @@ from identification.fitting.observability import (
 )
 from identification.fitting.recursive import EstimateHistory, recursive_course
 from identification.fitting.regression_rows import Rows, regression_rows
+from identification.fitting.settings import FitSettings
 from identification.logs.log import Log
 from identification.mechanisms.calibration_parts import Part
 from identification.mechanisms.mechanism import Mechanism, Samples
@@ -35,9 +36,6 @@ from youbot_env.model.model_file import load_model
 from youbot_env.physics.geometry import Geometry
 
 Array = NDArray[np.float64]
-
-INTERVAL = 1.96
-"""Standard deviations either side of a value that hold the truth in 95 % of cases."""
 
 
 @dataclass(frozen=True)
@@ -67,6 +65,7 @@ class Identification:
     force : fit on forces; the same as ``fit`` without an output-error step
     parts : what each stretch of the logs shows; ``total``: all of them together
     course : the recursive estimator's estimates over time, or None
+    settings : all numbers that the fit depends on
     warnings : plain sentences, the most serious first
     """
 
@@ -79,6 +78,7 @@ class Identification:
     total: Observability
     course: EstimateHistory | None = None
     warnings: tuple[str, ...] = field(default_factory=tuple)
+    settings: FitSettings = field(default_factory=FitSettings)
 
     def to_dict(self) -> dict[str, Any]:
         """JSON form: parameters with 95 % intervals, observability, errors, warnings."""
@@ -90,6 +90,7 @@ class Identification:
                 strict=True,
             )
         )
+        reach = self.settings.interval_deviations
         units = {name: estimate.unit for name, estimate in _estimates(self.model).items()}
         return {
             "parameters": {
@@ -99,7 +100,7 @@ class Identification:
                     "std": std.get(name),
                     "interval": None
                     if name not in std
-                    else [values[name] - INTERVAL * std[name], values[name] + INTERVAL * std[name]],
+                    else [values[name] - reach * std[name], values[name] + reach * std[name]],
                 }
                 for name in values
             },
@@ -131,6 +132,7 @@ class Identification:
                 )
             ),
             "logs": [dict(log) for log in self.model.logs],
+            "settings": self.settings.to_dict(),
             "warnings": list(self.warnings),
         }
 
@@ -160,6 +162,7 @@ def identify(
     output_error: bool = False,
     robust: bool = False,
     recursive: bool = True,
+    settings: FitSettings = FitSettings(),
     seed: int = 0,
     name: str = "model",
     provenance: Mapping[str, Any] | None = None,
@@ -175,6 +178,7 @@ def identify(
     output_error : refine in free run after the force fit
     robust : Huber weights, for logs with outliers
     recursive : also run the recursive estimator, for the estimates' course over time
+    settings : all numbers that the fit depends on
     seed : of the noise floor's random numbers
 
     Raises
@@ -188,7 +192,7 @@ def identify(
     mechanism = mechanism_of(start, geometry)
     samples = tuple(mechanism.samples(log) for log in logs)
     free = np.flatnonzero(mechanism.free)
-    rows = [regression_rows(mechanism, start.theta, item, free) for item in samples]
+    rows = [regression_rows(mechanism, start.theta, item, free, settings) for item in samples]
     total = log_observability(mechanism, rows)
     refuse_blind(mechanism, total)
     parts = tuple(
@@ -196,25 +200,33 @@ def identify(
         for item, row in zip(samples, rows, strict=True)
         for part in mechanism.parts(item)
     )
-    force = fit(mechanism, samples, start.theta, first=rows, robust=robust, progress=progress)
+    force = fit(
+        *(mechanism, samples, start.theta),
+        first=rows,
+        robust=robust,
+        settings=settings,
+        progress=progress,
+    )
     final = force
     if output_error:
         from identification.fitting.output_error import (
             refine,
         )  # numba, which the force fit does without
 
-        final = refine(mechanism, samples, force, progress=progress)
-    course = recursive_course(mechanism, force) if recursive else None
+        final = refine(mechanism, samples, force, settings=settings, progress=progress)
+    course = recursive_course(mechanism, force, settings) if recursive else None
     model = mechanism.fitted_model(
         final,
         name=name,
         logs=tuple(log.reference for log in logs),
-        errors=_errors(mechanism, final, samples, seed, output_error),
+        errors=_errors(mechanism, final, samples, seed, output_error, settings),
         provenance=provenance,
     )
     told = (line for log in logs for line in log.warnings)
     warnings = (*told, *_fit_warnings(mechanism, final), *mechanism.warnings(model))
-    return Identification(model, final, force, mechanism, samples, parts, total, course, warnings)
+    return Identification(
+        *(model, final, force, mechanism, samples, parts, total, course, warnings, settings)
+    )
 
 
 def _part_report(
@@ -232,12 +244,13 @@ def _errors(
     samples: Sequence[Samples],
     seed: int,
     with_velocity: bool,
+    settings: FitSettings,
 ) -> dict[str, Any]:
     """Errors on the very logs of the fit; the velocity error only where a free run was made."""
-    noise = map(NoiseLevel.of, samples)
-    traces = [force_traces(mechanism, final.theta, item) for item in samples]
+    noise = [NoiseLevel.of(item, settings) for item in samples]
+    traces = [force_traces(mechanism, final.theta, item, settings) for item in samples]
     floors = [
-        force_floor(mechanism, final.theta, item, trace, level, seed)
+        force_floor(mechanism, final.theta, item, trace, level, seed, settings)
         for item, trace, level in zip(samples, traces, noise, strict=True)
     ]
     found: dict[str, Any] = {

@@ -10,26 +10,11 @@ from numpy.typing import NDArray
 
 from identification.fitting.covariance import hac_covariance
 from identification.fitting.regression_rows import Indices, Rows, regression_rows
+from identification.fitting.settings import FitSettings
 from identification.mechanisms.mechanism import Mechanism, Samples
 from youbot_env.errors import InputError
 
 Array = NDArray[np.float64]
-
-ARRIVED = 1e-9
-"""Squares that the last Gauss-Newton step moves, over the residual's: with 10^4 rows that is some
-thousandths of a standard deviation."""
-
-MOST_STEPS, PATIENCE, STALLED = 30, 4, 1e-5
-"""Gauss-Newton steps at most, and without a fall of the squares by more than a share of STALLED.
-
-Where the data hardly show a parameter (a breakaway peak that is not there, the place of a load
-without mass) it wanders about, and the best that it has passed is kept."""
-
-BLOWN_UP = 100.0
-"""Squares over the least so far from which on a step has gone too far: it is halved."""
-
-HUBER = 1.345
-"""Huber's threshold in robust standard deviations: 95 % efficient on clean Gaussian residuals."""
 
 
 @dataclass(frozen=True)
@@ -66,6 +51,7 @@ def fit(
     free: NDArray[np.bool_] | None = None,
     first: Sequence[Rows] | None = None,
     robust: bool = False,
+    settings: FitSettings = FitSettings(),
     progress: Callable[[], None] = lambda: None,
 ) -> Fit:
     """Fit the free parameters; the others stay at their values in ``start``.
@@ -84,55 +70,116 @@ def fit(
     InputError
         If the logs are too short for the filter to settle, or nothing can be fitted.
     """
-    mask = mechanism.free if free is None else free
-    chosen = np.flatnonzero(mask)
-    basis = gauge_basis(mechanism, chosen)
-    theta = np.array(start, float)
-    linear = mechanism.is_linear and np.array_equal(mask, mechanism.free)
-    bounded: tuple[int, ...] = ()
-    rows = first or [regression_rows(mechanism, theta, samples, chosen) for samples in logs]
-    lowest, waited, kept = np.inf, 0, (theta, rows, bounded)
-    for _ in range(MOST_STEPS):
-        progress()
-        if sum(len(row.residual) for row in rows) < 2 * len(chosen):
-            raise InputError("the logs are too short to fit a model: record some 20 s of motion")
-        weights = _weights(rows, robust)
-        square = _squares(rows, weights)
-        waited = 0 if square < (1 - STALLED) * lowest else waited + 1
-        if square < lowest:
-            lowest, kept = square, (theta.copy(), rows, bounded)
-        if waited > PATIENCE:
-            break
-        if not square < BLOWN_UP * lowest:
-            theta = 0.5 * (theta + kept[0])
-            rows = [regression_rows(mechanism, theta, samples, chosen) for samples in logs]
-            continue
-        step, bounded = solve_step(mechanism, rows, weights, theta, chosen, basis)
-        theta[chosen] += step
-        arrived = _explains(rows, weights, step) < ARRIVED * square
-        if linear or arrived:
-            rows = [replace(r, residual=r.residual - r.columns @ step) for r in rows]
-        else:
-            rows = [regression_rows(mechanism, theta, samples, chosen) for samples in logs]
-        if arrived or (linear and not robust):
-            kept = theta, rows, bounded
-            break
-    theta, rows, bounded = kept
-    weights = _weights(rows, robust)
+    search = _GaussNewton(mechanism, logs, free, robust, settings)
+    best = search.run(np.array(start, float), first, progress)
     # A robust fit's rows are weighted, so that its covariance is that of the weighted estimate.
-    weighted = [_weighted(row, weight) for row, weight in zip(rows, weights, strict=True)]
-    covariance = hac_covariance(weighted, basis, mechanism.scale[chosen])
-    return Fit(theta, chosen, covariance, tuple(rows), bounded)
+    weighted = [_weighted(*pair) for pair in zip(best.rows, best.weights, strict=True)]
+    scale = mechanism.scale[search.chosen]
+    covariance = covariance_of(weighted, search.basis, scale, settings)
+    return Fit(best.theta, search.chosen, covariance, best.rows, best.bounded)
 
 
-def _weights(rows: Sequence[Rows], robust: bool) -> list[Array]:
-    return huber_weights(rows) if robust else [np.ones(len(row.residual)) for row in rows]
+@dataclass(frozen=True)
+class _Iterate:
+    """A point of the search: theta (P,), its rows, their weights (n,) and weighted squares."""
+
+    theta: Array
+    rows: tuple[Rows, ...]
+    weights: tuple[Array, ...]
+    square: float
+    bounded: tuple[int, ...]
 
 
-def _explains(rows: Sequence[Rows], weights: Sequence[Array], step: Array) -> float:
+class _GaussNewton:
+    """The search for the least squares of some logs."""
+
+    def __init__(
+        self,
+        mechanism: Mechanism,
+        logs: Sequence[Samples],
+        free: NDArray[np.bool_] | None,
+        robust: bool,
+        settings: FitSettings,
+    ) -> None:
+        mask = mechanism.free if free is None else free
+        self.mechanism, self.logs = mechanism, logs
+        self.robust, self.settings = robust, settings
+        self.chosen = np.flatnonzero(mask)
+        self.basis = gauge_basis(mechanism, self.chosen)
+        self.linear = mechanism.is_linear and np.array_equal(mask, mechanism.free)
+
+    def run(
+        self, start: Array, first: Sequence[Rows] | None, progress: Callable[[], None]
+    ) -> _Iterate:
+        """The iterate of least squares that the search passes."""
+        settings = self.settings
+        here = self.at(start, rows=first)
+        if sum(map(len, here.weights)) < settings.min_rows_per_parameter * len(self.chosen):
+            raise InputError("the logs are too short to fit a model: record some 20 s of motion")
+        best, waited = replace(here, square=np.inf), 0
+        for _ in range(settings.max_steps):
+            progress()
+            fell = here.square < (1 - settings.min_fall_share) * best.square
+            waited = 0 if fell else waited + 1
+            best = here if here.square < best.square else best
+            if waited > settings.max_steps_without_fall:
+                break
+            if not here.square < settings.max_square_ratio * best.square:
+                here = self.at(0.5 * (here.theta + best.theta), here.bounded)
+                continue
+            here, arrived = self.step(here)
+            if arrived:
+                return here
+        return best
+
+    def at(
+        self,
+        theta: Array,
+        bounded: tuple[int, ...] = (),
+        rows: Sequence[Rows] | None = None,
+    ) -> _Iterate:
+        """The iterate at theta (P,), whose rows are computed unless they are known."""
+        rows = rows or [
+            regression_rows(self.mechanism, theta, samples, self.chosen, self.settings)
+            for samples in self.logs
+        ]
+        weights = (
+            huber_weights(rows, self.settings.huber_threshold)
+            if self.robust
+            else [np.ones(len(row.residual)) for row in rows]
+        )
+        return _Iterate(theta, tuple(rows), tuple(weights), _squares(rows, weights), bounded)
+
+    def step(self, here: _Iterate) -> tuple[_Iterate, bool]:
+        """The next iterate, and whether the search has arrived with it."""
+        step, bounded = solve_step(
+            *(self.mechanism, here.rows, here.weights, here.theta, self.chosen, self.basis),
+            self.settings,
+        )
+        theta = here.theta.copy()
+        theta[self.chosen] += step
+        most = self.settings.max_converged_square_share * here.square
+        arrived = _squares_of_step(here, step) < most
+        known = None
+        if self.linear or arrived:
+            # The columns tell the new residual: to rounding, or for a step that hardly matters.
+            known = [replace(r, residual=r.residual - r.columns @ step) for r in here.rows]
+        return self.at(theta, bounded, known), arrived or (self.linear and not self.robust)
+
+
+def covariance_of(
+    rows: Sequence[Rows], basis: Array, scale: Array, settings: FitSettings = FitSettings()
+) -> Array:
+    """Covariance (F, F) of the estimate that leaves the residuals of these rows."""
+    residuals, columns = [row.residual for row in rows], [row.columns for row in rows]
+    steps = [row.step for row in rows]
+    return hac_covariance(residuals, columns, steps, basis, scale, settings)
+
+
+def _squares_of_step(here: _Iterate, step: Array) -> float:
     """Squares that a step moves the prediction by."""
-    moved = ((row.columns @ step) ** 2 for row in rows)
-    return float(sum(w @ part.sum(axis=1) for w, part in zip(weights, moved, strict=True)))
+    moved = ((row.columns @ step) ** 2 for row in here.rows)
+    return float(sum(w @ part.sum(axis=1) for w, part in zip(here.weights, moved, strict=True)))
 
 
 def _squares(rows: Sequence[Rows], weights: Sequence[Array]) -> float:
@@ -187,6 +234,7 @@ def solve_step(
     theta: Array,
     free: Indices,
     basis: Array,
+    settings: FitSettings = FitSettings(),
 ) -> tuple[Array, tuple[int, ...]]:
     """Least-squares step (F,), within physical bounds if the free step would leave them."""
     scale = mechanism.scale[free]
@@ -195,7 +243,8 @@ def solve_step(
     right = np.concatenate([p.residual.ravel() for p in parts])
     directions = scale[:, None] * basis
     directions = directions / np.linalg.norm(directions, axis=0)
-    solution, *_ = np.linalg.lstsq(matrix @ directions, right, rcond=1e-12)
+    rounding = settings.min_singular_value_share
+    solution, *_ = np.linalg.lstsq(matrix @ directions, right, rcond=rounding)
     step = directions @ solution / scale
     lower, upper = mechanism.bounds
     outside = (theta[free] + step < lower[free]) | (theta[free] + step > upper[free])
@@ -218,9 +267,12 @@ def _bounded_step(
     return result.x / scale, active
 
 
-def huber_weights(rows: Sequence[Rows]) -> list[Array]:
-    """One weight a row (n,): full inside Huber's threshold, falling as 1/size outside."""
+def huber_weights(rows: Sequence[Rows], threshold: float) -> list[Array]:
+    """One weight a row (n,): full inside Huber's threshold, falling as 1/size outside.
+
+    ``threshold``: in robust standard deviations.
+    """
     size = [np.sqrt((row.residual**2).mean(axis=1)) for row in rows]
     # 0.888: median of the root mean square of three unit normals, so that sigma is theirs.
     sigma = np.median(np.concatenate(size)) / 0.888
-    return [np.minimum(1.0, HUBER * sigma / np.maximum(s, 1e-300)) for s in size]
+    return [np.minimum(1.0, threshold * sigma / np.maximum(s, 1e-300)) for s in size]

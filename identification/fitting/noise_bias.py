@@ -12,19 +12,10 @@ from numpy.typing import NDArray
 from identification.fitting.errors import NoiseLevel
 from identification.fitting.least_squares import Fit, fit, gauge_basis, solve_step
 from identification.fitting.regression_rows import regression_rows
+from identification.fitting.settings import FitSettings
 from identification.mechanisms.mechanism import Mechanism
 
 Array = NDArray[np.float64]
-
-WORSE = 1.001
-"""Squares over those at the searched shapes from which on the fit of shapes has gone astray."""
-
-BEYOND = 3.0
-"""Scatter by noise on the speeds, over the residual's standard deviation, from which on it is added
-to it: what noise does to an integrated wheel angle stays, and no short memory tells of it."""
-
-DRAWS = 8
-"""Draws of the noise that tell the size of such scatter."""
 
 
 def final_fit(
@@ -33,6 +24,7 @@ def final_fit(
     noise: Sequence[NoiseLevel],
     start: Array,
     seed: int,
+    settings: FitSettings = FitSettings(),
 ) -> Fit:
     """Fit with the covariance of all that was chosen by the data.
 
@@ -45,21 +37,28 @@ def final_fit(
     noise : of each log
     seed : of the noise that is put on to learn what noise does
     """
-    found = joint_fit(mechanism, samples, start)
-    return _without_noise_bias(found, _Noise(mechanism, samples, noise, found, seed))
+    found = joint_fit(mechanism, samples, start, settings)
+    return _without_noise_bias(found, _Noise(mechanism, samples, noise, found, seed, settings))
 
 
-def joint_fit(mechanism: Mechanism, samples: Sequence[Any], start: Array) -> Fit:
+def joint_fit(
+    mechanism: Mechanism,
+    samples: Sequence[Any],
+    start: Array,
+    settings: FitSettings = FitSettings(),
+) -> Fit:
     """Fit of the free parameters, then of those and the smooth shape constants together."""
-    found = fit(mechanism, samples, start)
+    found = fit(mechanism, samples, start, settings=settings)
     smooth = np.array(
         [bool(label.parameter.grid) and not label.parameter.whole for label in mechanism.labels]
     )
     if not smooth.any():
         return found
-    more = fit(mechanism, samples, found.theta, free=mechanism.free | smooth)
+    free = mechanism.free | smooth
+    more = fit(mechanism, samples, found.theta, free=free, settings=settings)
     # Where shapes and strengths trade off the fit may go astray: the search was good enough then.
-    astray = more.square > WORSE * found.square or not np.isfinite(more.theta).all()
+    most = settings.max_shape_square_ratio * found.square
+    astray = more.square > most or not np.isfinite(more.theta).all()
     return found if astray else more
 
 
@@ -73,8 +72,10 @@ class _Noise:
         noise: Sequence[NoiseLevel],
         found: Fit,
         seed: int,
+        settings: FitSettings,
     ) -> None:
         self.mechanism, self.samples, self.noise = mechanism, samples, noise
+        self.settings = settings
         self.found, self.rng = found, np.random.default_rng(seed)
         self.basis = gauge_basis(mechanism, found.free)
 
@@ -93,9 +94,13 @@ class _Noise:
         rows = []
         for item, of in zip(self.samples, self.noise, strict=True):
             noisy = self.mechanism.noisy(item, size * of.speed, 0.0 * of.torque, rng)
-            rows.append(regression_rows(self.mechanism, found.theta, noisy, found.free))
+            rows.append(
+                regression_rows(self.mechanism, found.theta, noisy, found.free, self.settings)
+            )
         even = [np.ones(len(row.residual)) for row in rows]
-        step, _ = solve_step(self.mechanism, rows, even, found.theta, found.free, self.basis)
+        step, _ = solve_step(
+            self.mechanism, rows, even, found.theta, found.free, self.basis, self.settings
+        )
         return step
 
 
@@ -113,7 +118,8 @@ def _without_noise_bias(found: Fit, noise: _Noise) -> Fit:
     theta[found.free] = np.where(np.isfinite(inside), inside, theta[found.free])
     covariance = found.covariance
     std = np.maximum(found.std, 1e-300)
-    if (np.abs([first, second]) > BEYOND * std).any():
-        draws = [first, second, *(noise.shift(1.0)[1] for _ in range(DRAWS - 2))]
+    if (np.abs([first, second]) > noise.settings.min_noise_scatter * std).any():
+        more = noise.settings.noise_scatter_draws - 2
+        draws = [first, second, *(noise.shift(1.0)[1] for _ in range(more))]
         covariance = covariance + np.mean([np.outer(d, d) for d in draws], axis=0)
     return replace(found, theta=theta, covariance=covariance)

@@ -8,8 +8,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from identification.fitting.covariance import hac_covariance
-from identification.fitting.least_squares import gauge_groups
+from identification.fitting.least_squares import covariance_of, gauge_groups
 from identification.fitting.regression_rows import Indices, Rows
 from identification.mechanisms.mecanum import PAPER_ORDER, Mecanum
 from identification.mechanisms.mechanism import Mechanism
@@ -214,7 +213,7 @@ def block_estimates(
     flat = (columns / scale).reshape(-1, len(order))
     x = np.linalg.lstsq(flat, measured.ravel(), rcond=1e-12)[0]
     left = replace(rows, residual=measured - columns @ (x / scale), columns=columns)
-    std = np.sqrt(np.maximum(np.diag(hac_covariance([left], np.eye(len(order)), scale)), 0.0))
+    std = np.sqrt(np.maximum(np.diag(covariance_of([left], np.eye(len(order)), scale)), 0.0))
     found = {}
     for block in seen.blocks:
         members = [seen.names.index(name) for name in block]

@@ -7,18 +7,14 @@ from collections.abc import Callable, Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from identification.fitting.covariance import hac_covariance
-from identification.fitting.least_squares import Fit, gauge_basis, solve_step
+from identification.fitting.least_squares import Fit, covariance_of, gauge_basis, solve_step
 from identification.fitting.regression_rows import Indices, Rows, stride
+from identification.fitting.settings import FitSettings
 from identification.mechanisms.mechanism import Mechanism, Samples
 from identification.signals.filters import block_mean
 from youbot_env.errors import InputError
 
 Array = NDArray[np.float64]
-
-ITERATIONS = 12
-ENOUGH = 1e-5
-"""The search stops when an iteration lowers the cost by less than this share."""
 
 
 def refine(
@@ -26,6 +22,7 @@ def refine(
     logs: Sequence[Samples],
     start: Fit,
     *,
+    settings: FitSettings = FitSettings(),
     progress: Callable[[], None] = lambda: None,
 ) -> Fit:
     """Gauss-Newton on the free run's velocity residual, from a force fit.
@@ -40,22 +37,22 @@ def refine(
     """
     theta, free = start.theta.copy(), start.free
     basis = gauge_basis(mechanism)
-    rows = [_rows(mechanism, theta, samples, free, progress) for samples in logs]
+    rows = [_rows(mechanism, theta, samples, free, settings, progress) for samples in logs]
     cost = _cost(rows)
     if not np.isfinite(cost):
         raise InputError("the free run diverges: the force fit is no start for an output-error fit")
     bounded: tuple[int, ...] = ()
-    for _ in range(ITERATIONS):
+    for _ in range(settings.output_error_max_steps):
         weights = [np.ones(len(row.residual)) for row in rows]
-        step, bounded = solve_step(mechanism, rows, weights, theta, free, basis)
-        theta, lower = _line_search(mechanism, logs, theta, free, step, cost)
+        step, bounded = solve_step(mechanism, rows, weights, theta, free, basis, settings)
+        theta, lower = _line_search(mechanism, logs, theta, free, step, cost, settings)
         fell = (cost - lower) / cost
         if fell > 0:
-            rows = [_rows(mechanism, theta, samples, free, progress) for samples in logs]
+            rows = [_rows(mechanism, theta, samples, free, settings, progress) for samples in logs]
             cost = lower
-        if fell < ENOUGH:
+        if fell < settings.output_error_min_fall_share:
             break
-    covariance = hac_covariance(rows, basis, mechanism.scale[free])
+    covariance = covariance_of(rows, basis, mechanism.scale[free], settings)
     return Fit(theta, free, covariance, tuple(rows), bounded)
 
 
@@ -66,12 +63,13 @@ def _line_search(
     free: Indices,
     step: Array,
     cost: float,
+    settings: FitSettings,
 ) -> tuple[Array, float]:
     """The full step, or a half, a quarter, ... of it, until the cost falls."""
-    for share in (1.0, 0.5, 0.25, 0.125):
+    for share in settings.output_error_step_shares:
         tried = theta.copy()
         tried[free] += share * step
-        lower = sum(float((_residual(mechanism, tried, s) ** 2).sum()) for s in logs)
+        lower = sum(float((_residual(mechanism, tried, s, settings) ** 2).sum()) for s in logs)
         if lower < cost:
             return tried, lower
     return theta, cost
@@ -81,9 +79,9 @@ def _cost(rows: Sequence[Rows]) -> float:
     return sum(float((row.residual**2).sum()) for row in rows)
 
 
-def _residual(mechanism: Mechanism, theta: Array, samples: Samples) -> Array:
+def _residual(mechanism: Mechanism, theta: Array, samples: Samples, settings: FitSettings) -> Array:
     error = mechanism.measured_speed(samples) - mechanism.free_run(theta, samples)
-    return block_mean(error, stride(samples.dt))
+    return block_mean(error, stride(samples.dt, settings.row_rate))
 
 
 def _rows(
@@ -91,20 +89,22 @@ def _rows(
     theta: Array,
     samples: Samples,
     free: Indices,
+    settings: FitSettings,
     progress: Callable[[], None],
 ) -> Rows:
     """Residual and columns (sensitivities of the free run) by central differences."""
     columns = []
+    size = stride(samples.dt, settings.row_rate)
     for index in free:
-        step = 1e-4 / mechanism.scale[index]
-        step = max(step, 1e-5 * abs(theta[index]))
+        step = settings.output_error_scaled_difference / mechanism.scale[index]
+        step = max(step, settings.output_error_relative_difference * abs(theta[index]))
         ahead, behind = theta.copy(), theta.copy()
         ahead[index] += step
         behind[index] -= step
         difference = mechanism.free_run(ahead, samples) - mechanism.free_run(behind, samples)
-        columns.append(block_mean(difference / (2 * step), stride(samples.dt)))
+        columns.append(block_mean(difference / (2 * step), size))
         progress()
-    residual = _residual(mechanism, theta, samples)
-    step = stride(samples.dt) * samples.dt
+    residual = _residual(mechanism, theta, samples, settings)
+    step = size * samples.dt
     time = samples.time[0] - samples.dt + step * np.arange(1, len(residual) + 1)
     return Rows(time, step, residual, np.stack(columns, axis=-1))

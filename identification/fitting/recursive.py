@@ -8,12 +8,10 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from identification.fitting.least_squares import Fit
+from identification.fitting.settings import FitSettings
 from identification.mechanisms.mechanism import Mechanism
 
 Array = NDArray[np.float64]
-
-PRIOR = 1e6
-"""Prior variance of the scaled parameters x [(N m)^2], far above any: the start is forgotten."""
 
 
 class RecursiveLeastSquares:
@@ -21,13 +19,13 @@ class RecursiveLeastSquares:
 
     Each update solves its sampled equations exactly (the information form of the paper's
     continuous ones), so that after any number of rows the estimate is the batch estimate with
-    a prior of ``PRIOR``.
+    a prior of ``variance``.
 
     Parameters
     ----------
     size : number F of parameters
     start : (F,) first estimate, zero by default
-    variance : of the start, (F,) or one number
+    variance : of the start, (F,) or one number; that of FitSettings by default
     forgetting : 1 keeps all; below 1 old rows fade by this factor a row
     """
 
@@ -35,8 +33,8 @@ class RecursiveLeastSquares:
         self,
         size: int,
         start: ArrayLike | None = None,
-        variance: ArrayLike = PRIOR,
-        forgetting: float = 1.0,
+        variance: ArrayLike = FitSettings.recursive_prior_variance,
+        forgetting: float = FitSettings.recursive_forgetting,
     ) -> None:
         self.estimate = np.zeros(size) if start is None else np.array(start, float)
         self.covariance = np.diag(np.broadcast_to(np.asarray(variance, float), (size,)).copy())
@@ -71,14 +69,20 @@ class EstimateHistory:
     std: Array
 
 
-def recursive_course(mechanism: Mechanism, fit: Fit) -> EstimateHistory:
+def recursive_course(
+    mechanism: Mechanism, fit: Fit, settings: FitSettings = FitSettings()
+) -> EstimateHistory:
     """Run the recursive estimator through a fit's rows; effects enter linearised at the fit.
 
     The filter's rows are correlated, so P alone would state too little; its shape over time is
     kept and each parameter's end is set to the batch estimate's standard deviation.
     """
     scale, free = mechanism.scale[fit.free], fit.free
-    estimator = RecursiveLeastSquares(len(free))
+    estimator = RecursiveLeastSquares(
+        len(free),
+        variance=settings.recursive_prior_variance,
+        forgetting=settings.recursive_forgetting,
+    )
     course, spread = [], []
     for rows in fit.rows:
         measured = rows.residual + rows.columns @ fit.theta[free]

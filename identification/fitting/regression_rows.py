@@ -7,14 +7,12 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from identification.fitting.settings import FitSettings
 from identification.mechanisms.mechanism import DemandedForce, Mechanism, Samples
-from identification.signals.filters import FILTER_RATE, block_mean, first_order, settled
+from identification.signals.filters import block_mean, first_order, settled
 
 Array = NDArray[np.float64]
 Indices = NDArray[np.intp]
-
-ROW_RATE = 20.0
-"""Rows a second [Hz] that a fit sees: 2 a_f; the filter leaves little above."""
 
 
 @dataclass(frozen=True)
@@ -41,28 +39,36 @@ class Rows:
         )
 
 
-def stride(dt: float, rate: float = ROW_RATE) -> int:
+def stride(dt: float, rate: float) -> int:
     """Samples in one regression row, for ``rate`` rows a second."""
     return max(1, round(1.0 / (rate * dt)))
 
 
 def regression_rows(
-    mechanism: Mechanism, theta: Array, samples: Samples, free: Indices, rate: float = ROW_RATE
+    mechanism: Mechanism,
+    theta: Array,
+    samples: Samples,
+    free: Indices,
+    settings: FitSettings = FitSettings(),
 ) -> Rows:
-    """Filtered residual and columns of one log, ``rate`` rows a second."""
-    band = mechanism.filter_rate
+    """Filtered residual and columns of one log."""
     ends = residual_and_columns(mechanism, mechanism.demand(theta, samples), samples, free)
-    filtered = reduce(ends, samples.dt, rate, band)
-    step = stride(samples.dt, rate) * samples.dt
-    first = samples.time[0] + (settled(band, samples.dt) - 1) * samples.dt
+    filtered = reduce(ends, mechanism, samples, settings)
+    step = stride(samples.dt, settings.row_rate) * samples.dt
+    first = samples.time[0] + (_settled(mechanism, samples, settings) - 1) * samples.dt
     time = first + step * np.arange(1, len(filtered) + 1)
     return Rows(time, step, filtered[..., 0], filtered[..., 1:])
 
 
-def residual_of(mechanism: Mechanism, theta: Array, samples: Samples, rate: float) -> Array:
+def residual_of(
+    mechanism: Mechanism,
+    theta: Array,
+    samples: Samples,
+    settings: FitSettings = FitSettings(),
+) -> Array:
     """The filtered residual (n, A) of :func:`regression_rows` alone."""
     residual = residual_ends(mechanism, mechanism.demand(theta, samples), samples)
-    return reduce(residual, samples.dt, rate, mechanism.filter_rate)
+    return reduce(residual, mechanism, samples, settings)
 
 
 def residual_ends(mechanism: Mechanism, demand: DemandedForce, samples: Samples) -> Array:
@@ -80,8 +86,15 @@ def residual_and_columns(
 
 
 def reduce(
-    ends: Array, dt: float, rate: float = ROW_RATE, filter_rate: float = FILTER_RATE
+    ends: Array, mechanism: Mechanism, samples: Samples, settings: FitSettings = FitSettings()
 ) -> Array:
     """Filter interval ends (2, N - 1, ...) and average into regression rows (n, ...)."""
-    filtered = first_order(ends[0], ends[1], filter_rate, dt)
-    return block_mean(filtered[settled(filter_rate, dt) :], stride(dt, rate))
+    filtered = first_order(ends[0], ends[1], mechanism.filter_rate, samples.dt)
+    size = stride(samples.dt, settings.row_rate)
+    return block_mean(filtered[_settled(mechanism, samples, settings) :], size)
+
+
+def _settled(mechanism: Mechanism, samples: Samples, settings: FitSettings) -> int:
+    """Samples until the filter has forgotten its start."""
+    constants = settings.filter.settling_time_constants
+    return settled(mechanism.filter_rate, samples.dt, constants)

@@ -11,7 +11,7 @@ from collections.abc import Callable
 from dataclasses import dataclass, replace
 from typing import Any, NamedTuple
 
-from identification.signals.filters import FILTER_RATE
+from identification.signals.filters import FilterSettings
 from youbot_env.errors import InputError
 from youbot_env.physics import catalogue
 from youbot_env.physics.effect import ACTUATOR, CLOCK, Effect, Parameter, Place, Registry, effect
@@ -55,7 +55,7 @@ class Scales:
     acceleration: float
     force: float
     travel: float
-    bandwidth: float = FILTER_RATE
+    bandwidth: float = FilterSettings.rate
 
 
 class Unit(NamedTuple):

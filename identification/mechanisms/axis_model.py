@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import asdict, dataclass, field, replace
 from functools import cached_property
 from typing import Any
@@ -17,9 +17,11 @@ from identification.mechanisms.axis import Axis
 from identification.mechanisms.axis_dynamics import AxisStructure
 from identification.mechanisms.axis_effects import AXIS_BASE, AXIS_CATALOGUE, Scales, fitted_to
 from identification.mechanisms.axis_samples import typical
-from identification.signals.filters import FILTER_RATE
+from identification.signals.filters import FilterSettings
 from youbot_env.errors import InputError
+from youbot_env.files import SCHEMA_VERSION, FileKind, write_json
 from youbot_env.model import model_file as parts
+from youbot_env.model.covariance import check_covariance
 from youbot_env.model.model import Estimate
 from youbot_env.physics.effect import Effect
 
@@ -71,9 +73,8 @@ class AxisModel:
                 raise InputError(f"model {self.name}: {name} = {fault}")
         if self.values["inertia"] <= 0:
             raise InputError(f"model {self.name}: inertia must be positive")
-        strangers = [name for name in self.covariance_names if name not in self.values]
-        if strangers:
-            raise InputError(f"model {self.name}: covariance: unknown name {strangers[0]!r}")
+        where = f"model {self.name}: covariance"
+        check_covariance(self.covariance, self.covariance_names, self.values, where)
 
     @cached_property
     def structure(self) -> AxisStructure:
@@ -156,24 +157,19 @@ def warnings_of(model: AxisModel) -> list[str]:
 
 def save_axis_model(path: str | os.PathLike[str], model: AxisModel) -> None:
     """Write a model file: complete or not at all."""
-    parts.write_content(path, axis_to_dict(model))
+    write_json(path, axis_to_dict(model))
 
 
 def axis_to_dict(model: AxisModel) -> dict[str, Any]:
     """The model file's content."""
     sizes = {key: value for key, value in asdict(model.scales).items() if key != "turns"}
     return {
-        "schema_version": parts.SCHEMA_VERSION,
+        "schema_version": SCHEMA_VERSION,
         "name": model.name,
         "mechanism": MECHANISM,
         "scales": {"unit": UNITS[model.scales.turns], **sizes},
         "parameters": {name: parts.estimate_entry(model.parameters[name]) for name in BASE_NAMES},
-        "effects": {
-            effect: {
-                "parameters": {key: parts.estimate_entry(item) for key, item in parameters.items()}
-            }
-            for effect, parameters in model.effects.items()
-        },
+        "effects": parts.effect_entries(model.effects),
         **parts.history_to_dict(model),
     }
 
@@ -183,78 +179,78 @@ def axis_from_dict(data: Mapping[str, Any], source: str) -> AxisModel:
 
     A file written by hand may leave out ``scales``: they are then guessed from the parameters.
     """
-    parts.check_version(data, source)
-    given = parts.mapping(data.get("parameters"), source, "parameters")
-    scales = _scales(data.get("scales"), given, source)
-    effects = parts.mapping(data.get("effects", {}), source, "effects")
-    history = parts.history_from_dict(data, source)
-    base: dict[str, Estimate] = {}
-    unknown = [name for name in given if name not in BASE_NAMES]
-    if unknown:
-        raise InputError(
-            f"{source}: parameters: unknown parameter {unknown[0]!r}; "
-            f"known are {', '.join(BASE_NAMES)}"
-        )
-    for item in AXIS_BASE:
-        own = {name: given[name] for name in item.parameter_names if name in given}
-        base |= _read_effect(item, scales, own, source, "parameters")
-    try:
-        return AxisModel(
-            scales,
-            base,
-            {name: _added(name, scales, entry, source) for name, entry in effects.items()},
-            **history,
-        )
-    except InputError as error:
-        raise parts.named(source, error) from None
+    return AXIS_FILE.from_content(data, source)
 
 
-def _added(name: str, scales: Scales, entry: Any, source: str) -> dict[str, Estimate]:
-    try:
-        item = AXIS_CATALOGUE[name]
-    except InputError as error:
-        raise parts.named(source, error) from None
-    given = parts.mapping(entry, source, f"effects.{name}").get("parameters", {})
-    where = f"effects.{name}.parameters"
-    return _read_effect(item, scales, parts.mapping(given, source, where), source, where)
+def _axis_model(content: dict[str, Any], source: str) -> AxisModel:
+    given = content["parameters"]
+    scales = _scales(content["scales"]) if content.get("scales") else _guessed(given)
+    return AxisModel(
+        scales,
+        _estimates(AXIS_BASE, scales, given, "parameters"),
+        {
+            name: _estimates(
+                (AXIS_CATALOGUE[name],),
+                scales,
+                entry.get("parameters", {}),
+                f"effects.{name}.parameters",
+            )
+            for name, entry in content.get("effects", {}).items()
+        },
+        **parts.history_from_dict(content),
+    )
 
 
-def _read_effect(
-    item: Effect, scales: Scales, given: Mapping[str, Any], source: str, where: str
+def _estimates(
+    items: Iterable[Effect], scales: Scales, given: Mapping[str, Any], where: str
 ) -> dict[str, Estimate]:
-    """An effect's estimates; shape constants that are left out take their defaults."""
-    known = fitted_to(item, scales)
-    shapes = {p.name: {"value": p.default} for p in known.parameters if p.is_shape}
-    units = {p.name: p.unit for p in known.parameters}
-    return parts.estimates(shapes | dict(given), units, source, where)
+    """Estimates of effects; shape constants that are left out take their defaults."""
+    known = [p for item in items for p in fitted_to(item, scales).parameters]
+    shapes = {p.name: p.default for p in known if p.is_shape}
+    return parts.estimates({**shapes, **given}, {p.name: p.unit for p in known}, where)
 
 
-def _scales(data: Any, parameters: Mapping[str, Any], source: str) -> Scales:
-    if data is None:
-        return _guessed(parameters, source)
-    data = parts.mapping(data, source, "scales")
-    unit = data.get("unit")
-    if unit not in UNITS:
-        raise InputError(f"{source}: scales.unit: {unit!r} is neither of {', '.join(UNITS)}")
-    sizes = [
-        parts.number(data.get(key), source, f"scales.{key}")
-        for key in ("speed", "acceleration", "force", "travel")
-    ]
+def _scales(entries: Mapping[str, Any]) -> Scales:
+    sizes = [parts.number(entries[key], f"scales.{key}") for key in SIZES]
     if min(sizes) <= 0:
-        raise InputError(f"{source}: scales must be positive")
-    band = parts.number(data.get("bandwidth", FILTER_RATE), source, "scales.bandwidth")
-    return Scales(unit == "rad", *sizes, bandwidth=band)
+        raise InputError("scales must be positive")
+    band = parts.number(entries.get("bandwidth", FilterSettings.rate), "scales.bandwidth")
+    return Scales(entries["unit"] == "rad", *sizes, bandwidth=band)
 
 
-def _guessed(parameters: Mapping[str, Any], source: str) -> Scales:
+def _guessed(parameters: Mapping[str, Any]) -> Scales:
     """Scales that a model's own parameters suggest: viscous friction as large as dry friction."""
-    values = {}
-    for name in ("inertia", "viscous", "coulomb"):
+    names = ("inertia", "viscous", "coulomb")
+    for name in names:
         if name not in parameters:
-            raise InputError(f"{source}: parameters: {name!r} is missing")
-        values[name] = parts.number(parameters[name], source, f"parameters.{name}")
+            raise InputError(f"parameters: {name!r} is missing")
+    inertia, viscous, coulomb = (parts.number(parameters[n], f"parameters.{n}") for n in names)
     entry = parameters["inertia"]
     turns = not isinstance(entry, Mapping) or entry.get("unit", "kg m^2") == "kg m^2"
-    speed = values["coulomb"] / values["viscous"] if min(values.values()) > 0 else 1.0
-    force = 2 * values["coulomb"] or values["inertia"]
-    return Scales(turns, speed, abs(force / (values["inertia"] or 1.0)), abs(force), speed)
+    speed = coulomb / viscous if min(inertia, viscous, coulomb) > 0 else 1.0
+    force = 2 * coulomb or inertia
+    return Scales(turns, speed, abs(force / (inertia or 1.0)), abs(force), speed)
+
+
+SIZES = ("speed", "acceleration", "force", "travel")
+"""Of the scales; a file must give all, in any case."""
+
+AXIS_FILE = FileKind(
+    "a model file",
+    {
+        "type": "object",
+        "properties": {
+            "scales": {
+                "type": ["object", "null"],
+                "properties": {
+                    "unit": {"enum": list(UNITS)},
+                    **dict.fromkeys((*SIZES, "bandwidth"), parts.ENTRY),
+                },
+                "required": ["unit", *SIZES],
+            },
+            **parts.SHARED,
+        },
+        "required": ["parameters"],
+    },
+    _axis_model,
+)

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from identification.logs.log import AXIS, Log
 from identification.mechanisms.axis_effects import Scales
-from identification.signals.filters import FILTER_RATE, block_mean
+from identification.signals.filters import FilterSettings, block_mean
 from identification.signals.noise import white_noise
 from youbot_env.errors import InputError
 
@@ -106,7 +106,7 @@ def _bandwidth(samples: Sequence[AxisSamples], acceleration: float) -> float:
         fine = all(band * s.dt <= 0.3 for s in samples)
         if fine and max(noise) <= ATTENUATION * acceleration**2:
             return band
-    return FILTER_RATE
+    return FilterSettings.rate
 
 
 def _rms(parts: list[Array]) -> float:

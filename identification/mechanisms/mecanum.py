@@ -18,7 +18,7 @@ from identification.logs.log import Log
 from identification.mechanisms.mecanum_force import MecanumForce
 from identification.mechanisms.mecanum_samples import MecanumSamples, integral_of, samples_of
 from identification.mechanisms.mechanism import Mechanism, ParameterLabel
-from identification.signals.filters import FILTER_RATE
+from identification.signals.filters import FilterSettings
 from youbot_env.physics import inverse_dynamics as dynamics
 from youbot_env.physics.effect import CATALOGUE, Parameter
 from youbot_env.physics.geometry import WHEELS, Geometry
@@ -40,7 +40,7 @@ class Mecanum(Mechanism):
 
     axes = ("VX", "VY", "W")
     joints = WHEELS
-    filter_rate = FILTER_RATE
+    filter_rate = FilterSettings.rate
     scaling = "as in the paper"
     catalogue = CATALOGUE
 

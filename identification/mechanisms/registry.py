@@ -17,10 +17,8 @@ from youbot_env.model.model import Model
 from youbot_env.model.model_file import (
     load_model,
     model_from_dict,
-    parse_json,
-    read_text,
+    read_content,
     save_model,
-    shipped_models,
 )
 from youbot_env.physics.geometry import WHEELS, Geometry
 
@@ -142,9 +140,7 @@ def load_any_model(source: str | os.PathLike[str]) -> Any:
         If the file cannot be read or does not hold a valid model: one line with file and key.
     """
     name = os.fspath(source)
-    if name in shipped_models():
-        return load_model(name)
-    data = parse_json(read_text(name), name)
+    data = read_content(name)
     mechanism = data.get("mechanism", "mecanum")
     if mechanism not in MECHANISMS:
         raise InputError(f"{name}: unknown mechanism {mechanism!r}; known: {', '.join(MECHANISMS)}")

@@ -15,7 +15,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from identification.fitting.cross_validation import BLOCK_TIME
+from identification.fitting.settings import FitSettings
 
 Array = NDArray[np.float64]
 Indices = NDArray[np.intp]
@@ -58,7 +58,7 @@ class Part:
     @property
     def block(self) -> int:
         """Rows whose signs are drawn together."""
-        return max(1, round(BLOCK_TIME / self.step))
+        return max(1, round(FitSettings.independent_time / self.step))
 
     def pieces(self, count: int) -> list[Part]:
         """As many contiguous pieces."""

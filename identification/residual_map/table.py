@@ -9,8 +9,8 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from identification.fitting.cross_validation import BLOCKS
 from identification.fitting.regression_rows import residual_and_columns
+from identification.fitting.settings import FitSettings
 from identification.residual_map.features import Group, Scales, groups
 from identification.residual_map.held_out_shares import Part
 from identification.residual_map.variables import Signals, signals_of, slowed
@@ -97,7 +97,7 @@ def make_table(mechanism: Mechanism, theta: Array, logs: Sequence[Any]) -> Resid
         group.variable: np.arange(a, b)
         for group, a, b in zip(found, edges, edges[1:], strict=False)
     }
-    folds = parts if len(parts) > 1 else parts[0].pieces(BLOCKS)
+    folds = parts if len(parts) > 1 else parts[0].pieces(FitSettings.blocks_of_single_log)
     return ResidualTable(tuple(found), index, tuple(folds), tuple(signals), tuple(reductions))
 
 

@@ -1,2 +1,2 @@
-from .filters import FILTER_RATE as FILTER_RATE
-from .noise import white_noise as white_noise
+from .filters import FilterSettings as FilterSettings
+from .noise import NoiseSettings as NoiseSettings, white_noise as white_noise

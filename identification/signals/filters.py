@@ -6,16 +6,39 @@ would delay every product by half a sample and bias the wheels' inertia by some 
 
 from __future__ import annotations
 
+from dataclasses import dataclass, field
+
 import numpy as np
 from numpy.typing import NDArray
 
+from youbot_env.errors import finite
+
 Array = NDArray[np.float64]
 
-FILTER_RATE = 10.0
-"""a_f [rad/s]: fixed by the definition of the force error."""
 
-SETTLED = 5.0
-"""The filter's start is forgotten after SETTLED/a_f seconds (to exp(-5) = 0.7 %)."""
+@dataclass(frozen=True)
+class FilterSettings:
+    """The first-order filter that forces pass before they are compared."""
+
+    rate: float = field(
+        default=10.0,
+        metadata={
+            "unit": "rad/s",
+            "reason": "a_f of the paper: the force error is defined with it",
+        },
+    )
+    settling_time_constants: float = field(
+        default=5.0,
+        metadata={
+            "unit": "1",
+            "reason": "the filter starts from zero; after 5/a_f that is down to exp(-5) = 0.7 %",
+        },
+    )
+
+    def __post_init__(self) -> None:
+        finite("filter rate", self.rate, positive=True)
+        finite("settling time of the filter", self.settling_time_constants, positive=True)
+
 
 _BLOCK = 64
 
@@ -73,9 +96,11 @@ def filter_samples(signal: Array, rate: float, dt: float) -> Array:
     return first_order(signal[:-1], signal[1:], rate, dt)
 
 
-def settled(rate: float, dt: float) -> int:
+def settled(
+    rate: float, dt: float, time_constants: float = FilterSettings.settling_time_constants
+) -> int:
     """Number of samples after which the filter's start is forgotten."""
-    return int(np.ceil(SETTLED / rate / dt - 1e-9))
+    return int(np.ceil(time_constants / rate / dt - 1e-9))
 
 
 def block_mean(signal: Array, size: int) -> Array:

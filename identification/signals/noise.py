@@ -2,52 +2,85 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass, field
 from math import comb
 
 import numpy as np
 from numpy.typing import NDArray
 
-ORDER = 6
-"""Differences of order 6 pass a motion of 3 Hz sampled at 50 Hz with a gain below 1e-4."""
+from youbot_env.errors import count, finite
+
+Array = NDArray[np.float64]
 
 
-ENOUGH = 20_000
-"""Samples after which a statistic of a long log is settled to better than 2 %."""
+@dataclass(frozen=True)
+class NoiseSettings:
+    """How the white noise of a sampled channel is measured."""
+
+    difference_order: int = field(
+        default=6,
+        metadata={
+            "unit": "1",
+            "reason": "passes a motion of 3 Hz sampled at 50 Hz with a gain below 1e-4",
+        },
+    )
+    max_deviations: float = field(
+        default=4.0,
+        metadata={
+            "unit": "standard deviations",
+            "reason": "larger differences are steps, spikes or contacts, not white noise",
+        },
+    )
+    max_samples: int = field(
+        default=20_000,
+        metadata={
+            "unit": "samples",
+            "reason": "settle a statistic to better than 2 %; a longer log is thinned",
+        },
+    )
+
+    def __post_init__(self) -> None:
+        count("order of the differences", self.difference_order)
+        finite("deviations of a difference", self.max_deviations, positive=True)
+        count("samples of a noise level", self.max_samples)
 
 
 def white_noise(
-    signal: NDArray[np.float64], valid: NDArray[np.bool_] | None = None
-) -> NDArray[np.float64]:
-    """Standard deviation (k,) of white noise in the channels (n, k), from differences of order 6.
+    signal: Array,
+    valid: NDArray[np.bool_] | None = None,
+    settings: NoiseSettings = NoiseSettings(),
+) -> Array:
+    """Standard deviation (k,) of white noise in the channels (n, k), from high-order differences.
 
     Parameters
     ----------
-    signal : (n, k) uniformly sampled, n > 6
+    signal : (n, k) uniformly sampled, n > the differences' order
     valid : (n,) samples to take; differences that touch another are left out
 
     Notes
     -----
     A difference of order p of white noise has the variance C(2p, p) sigma^2, and a smooth signal
-    hardly enters it. The largest differences (beyond four deviations by the median) are left
-    out, so steps, spikes and contacts do not count. What is not white is not noise here, and what
-    a sensor adds at high frequency (the ripple of rollers, the beat of an encoder) counts
-    as noise.
+    hardly enters it. The largest differences are left out, so steps, spikes and contacts do not
+    count. What is not white is not noise here, and what a sensor adds at high frequency (the
+    ripple of rollers, the beat of an encoder) counts as noise.
     """
-    starts = thinned(np.arange(len(signal) - ORDER))
+    order = settings.difference_order
+    starts = thinned(np.arange(len(signal) - order), settings.max_samples)
     if valid is not None and not valid.all():
         touched = np.r_[0, np.cumsum(~valid)]
-        whole = starts[touched[starts + ORDER + 1] == touched[starts]]
-        starts = whole if whole.size > 10 * ORDER else starts
-    weights = [(-1) ** i * comb(ORDER, i) for i in range(ORDER + 1)]
+        whole = starts[touched[starts + order + 1] == touched[starts]]
+        # Where hardly a stretch is free of repairs, a rough level is better than none.
+        starts = whole if whole.size > 10 * order else starts
     differences = np.zeros((len(starts), signal.shape[1]))
-    for i, weight in enumerate(weights):
-        differences += weight * signal[starts + i]
+    for i in range(order + 1):
+        differences += (-1) ** i * comb(order, i) * signal[starts + i]
+    # 1.4826: from the median of absolute normal deviates to their standard deviation.
     scale = 1.4826 * np.median(np.abs(differences), axis=0)
-    usual = (np.abs(differences) <= 4 * scale) | (scale == 0)
+    usual = (np.abs(differences) <= settings.max_deviations * scale) | (scale == 0)
     mean_square = (differences**2).sum(axis=0, where=usual) / usual.sum(axis=0)
-    return np.sqrt(mean_square / comb(2 * ORDER, ORDER))
+    return np.sqrt(mean_square / comb(2 * order, order))
 
 
-def thinned(samples: NDArray) -> NDArray:
-    """Every so many of the samples (n,), for a statistic to which some ten thousand suffice."""
-    return samples[:: max(len(samples) // ENOUGH, 1)]
+def thinned(samples: NDArray, most: int = NoiseSettings.max_samples) -> NDArray:
+    """Every so many of the samples (n,), for a statistic to which ``most`` of them suffice."""
+    return samples[:: max(len(samples) // most, 1)]

@@ -88,7 +88,7 @@ def _is_estimated(entry: Found) -> bool:
 
 def of_model(model: Any) -> dict[str, dict[str, Any]]:
     """A model's parameters and those of its effects, as :func:`parameters` takes them."""
-    from identification.fitting.identify import INTERVAL
+    from identification.fitting.settings import FitSettings
 
     entries = dict(model.parameters) | {
         f"{effect}.{name}": entry
@@ -97,7 +97,7 @@ def of_model(model: Any) -> dict[str, dict[str, Any]]:
     }
     found = {}
     for name, entry in entries.items():
-        reach = None if entry.std is None else INTERVAL * entry.std
+        reach = None if entry.std is None else FitSettings.interval_deviations * entry.std
         bounds = None if reach is None else [entry.value - reach, entry.value + reach]
         found[name] = {
             "value": entry.value, "std": entry.std, "interval": bounds, "unit": entry.unit

@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from youbot_env.errors import InputError
+from youbot_env.model.covariance import check_covariance
 from youbot_env.physics import inverse_dynamics as dynamics
 from youbot_env.physics.effect import CATALOGUE
 from youbot_env.physics.geometry import Geometry
@@ -80,7 +81,8 @@ class Model:
                 raise InputError(f"model {self.name}: {name} = {value!r} is not a finite number")
         self._check_bounds()
         self._check_physical()
-        self._check_covariance()
+        where = f"model {self.name}: covariance"
+        check_covariance(self.covariance, self.covariance_names, self.values, where)
 
     def _check_bounds(self) -> None:
         for effect in self.effects:
@@ -109,23 +111,6 @@ class Model:
                 f"model {self.name}: the mass matrix is not positive definite "
                 "(a centre of mass that far out needs a larger I0)"
             )
-
-    def _check_covariance(self) -> None:
-        names, where = self.covariance_names, f"model {self.name}: covariance"
-        if self.covariance is None:
-            return
-        strangers = [name for name in names if name not in self.values]
-        if strangers or len(set(names)) < len(names):
-            raise InputError(f"{where}: names {', '.join(names)} must be parameters, each once")
-        if self.covariance.shape != (len(names), len(names)):
-            raise InputError(f"{where} must be {len(names)} x {len(names)}, one row a name")
-        # Correlations, so that parameters of different size weigh alike.
-        scale = np.sqrt(np.abs(np.diag(self.covariance)))
-        unit = self.covariance / np.outer(scale, scale).clip(min=1e-300)
-        if not np.allclose(unit, unit.T, atol=1e-6) or np.diag(self.covariance).min(initial=0) < 0:
-            raise InputError(f"{where} must be symmetric with variances on its diagonal")
-        if len(names) and np.linalg.eigvalsh(unit).min() < -1e-6 * len(names):
-            raise InputError(f"{where} is not positive semidefinite")
 
     @cached_property
     def structure(self) -> ModelStructure:

@@ -12,7 +12,7 @@ from controllers.computed_torque.online_regression import BASE_COUNT, ROW_TIME, 
 from controllers.interface import Loop
 from identification.mechanisms.mecanum import Mecanum
 from identification.mechanisms.mecanum_samples import MecanumSamples
-from identification.signals.filters import FILTER_RATE, block_mean, first_order, settled
+from identification.signals.filters import FilterSettings, block_mean, first_order, settled
 from tests.youbot_env.structures import model as structure
 from youbot_env.model.model import Model
 from youbot_env.motions.multisine import multisine
@@ -52,14 +52,16 @@ def test_columns_and_demand_are_the_identifications(case: str) -> None:
     mechanism = Mecanum(found.geometry, found.structure)
     demand = mechanism.demand(found.theta, drive)
     ends = demand.columns(range(BASE_COUNT))
-    first = settled(FILTER_RATE, DT) - 1
+    first = settled(FilterSettings.rate, DT) - 1
     size = round(ROW_TIME / DT)
     for i in range(BASE_COUNT):
-        whole = block_mean(first_order(ends[i, 0], ends[i, 1], FILTER_RATE, DT)[first:], size)
+        whole = block_mean(
+            first_order(ends[i, 0], ends[i, 1], FilterSettings.rate, DT)[first:], size
+        )
         scale = np.abs(whole).max()
         np.testing.assert_allclose(columns[:, :, i], whole[: len(columns)], atol=0.003 * scale)
     whole = block_mean(
-        first_order(demand.force[0], demand.force[1], FILTER_RATE, DT)[first:], size
+        first_order(demand.force[0], demand.force[1], FilterSettings.rate, DT)[first:], size
     )[: len(columns)]
     believed = np.einsum("kai,i->ka", columns, found.theta[:BASE_COUNT]) + force - measured
     np.testing.assert_allclose(believed, whole, atol=0.003 * np.abs(whole).max())
@@ -73,9 +75,9 @@ def test_the_force_is_filtered_as_held_and_taken_at_the_speeds_instant(age: floa
     np.testing.assert_allclose(measured, demand, atol=1e-9)
     mechanism = Mecanum(found.geometry, found.structure)
     held = mechanism.measured_force(drive)[1:]
-    exact = first_order(held, held, FILTER_RATE, DT)
+    exact = first_order(held, held, FilterSettings.rate, DT)
     late = np.stack([np.interp(drive.time - age, drive.time, part) for part in exact.T], axis=1)
-    whole = block_mean(late[settled(FILTER_RATE, DT) - 1 :], round(ROW_TIME / DT))
+    whole = block_mean(late[settled(FilterSettings.rate, DT) - 1 :], round(ROW_TIME / DT))
     np.testing.assert_allclose(demand, whole[: len(demand)], atol=1e-9)
 
 

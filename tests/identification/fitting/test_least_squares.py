@@ -4,11 +4,12 @@ import numpy as np
 import pytest
 
 from identification.fitting.covariance import hac_covariance
-from identification.fitting.least_squares import MOST_STEPS, fit, gauge_basis
+from identification.fitting.least_squares import fit, gauge_basis
 from identification.fitting.regression_rows import Rows, regression_rows, stride
+from identification.fitting.settings import FitSettings
 from identification.logs.reading import read_log
 from identification.mechanisms.mecanum import Mecanum
-from identification.signals.filters import FILTER_RATE, block_mean, filter_samples, settled
+from identification.signals.filters import FilterSettings, block_mean, filter_samples, settled
 from tests.identification.recordings import recording
 from tests.identification.shared_data import DATA, needs_data, theta, truth
 from youbot_env.errors import InputError
@@ -89,7 +90,7 @@ def test_first_order_hold_does_not_bias_the_wheels_inertia_and_zero_order_hold_d
 
 def _zero_order_hold_fit(engine, samples):
     """The trap: every signal held for a sample, its filtered derivative a_f (s - s_f)."""
-    decay = np.exp(-FILTER_RATE * samples.dt)
+    decay = np.exp(-FilterSettings.rate * samples.dt)
 
     def hold(signal):
         out = np.zeros_like(signal)
@@ -103,11 +104,11 @@ def _zero_order_hold_fit(engine, samples):
         forces = [np.stack(np.broadcast_arrays(*f, twist[:, 0])[:3], axis=-1) for f in units]
         return np.stack(forces, axis=-1) * engine.force_scale[:, None]
 
-    slope = FILTER_RATE * (samples.twist - hold(samples.twist))
+    slope = FilterSettings.rate * (samples.twist - hold(samples.twist))
     still = np.zeros_like(samples.twist)
     rows = columns(still, slope) + hold(columns(samples.twist, still))
     measured = hold(engine.measured_force(samples))
-    first = settled(FILTER_RATE, samples.dt)
+    first = settled(FilterSettings.rate, samples.dt)
     matrix = rows[first:].reshape(-1, 7) / engine.scale
     return np.linalg.lstsq(matrix, measured[first:].ravel(), rcond=None)[0] / engine.scale
 
@@ -164,7 +165,7 @@ def test_a_fit_that_wanders_about_ends_early_with_the_best_it_has_passed():
     start = PAPER.with_effect("payload_change").theta
     steps = []
     found = fit(engine, samples, start, progress=lambda: steps.append(None))
-    assert len(steps) < MOST_STEPS
+    assert len(steps) < FitSettings().max_steps
     without = fit(mechanism(), samples, PAPER.theta)
     assert found.square < 1.001 * without.square
     again = regression_rows(engine, found.theta, samples[0], found.free)
@@ -197,7 +198,13 @@ def test_standard_deviations_are_true_for_correlated_residuals():
         estimate = column @ noise / (column @ column)
         residual = noise - column * estimate
         rows = Rows(0.05 * np.arange(float(count)), 0.05, residual[:, None], column[:, None, None])
-        std = float(np.sqrt(hac_covariance([rows], np.eye(1), np.ones(1))[0, 0]))
+        std = float(
+            np.sqrt(
+                hac_covariance([rows.residual], [rows.columns], [rows.step], np.eye(1), np.ones(1))[
+                    0, 0
+                ]
+            )
+        )
         white = float(np.sqrt(residual.var() / (column @ column)))
         inside_hac += abs(estimate) < 1.96 * std
         inside_white += abs(estimate) < 1.96 * white
@@ -226,6 +233,9 @@ def test_filter_of_measured_force_equals_the_definition():
     engine = mechanism()
     samples = engine.samples(recording("I"))
     rows = regression_rows(engine, np.zeros(7), samples, np.arange(7))
-    filtered = filter_samples(engine.measured_force(samples), FILTER_RATE, samples.dt)
-    expected = block_mean(filtered[settled(FILTER_RATE, samples.dt) :], stride(samples.dt))
+    filtered = filter_samples(engine.measured_force(samples), FilterSettings.rate, samples.dt)
+    expected = block_mean(
+        filtered[settled(FilterSettings.rate, samples.dt) :],
+        stride(samples.dt, FitSettings().row_rate),
+    )
     np.testing.assert_allclose(rows.residual, expected, atol=1e-12)

@@ -216,7 +216,7 @@ MALFORMED: dict[str, tuple[Change, str]] = {
     "covariance asymmetric": (put("covariance/matrix/0", [0.04, 1.0, 0.0]), "symmetric"),
     "covariance negative": (put("covariance/matrix/0", [-1.0, 1e-4, 0.0]), "covariance"),
     "logs number": (put("logs", 5), "logs must be"),
-    "logs of words": (put("logs", ["a.csv"]), "logs must be"),
+    "logs of words": (put("logs", ["a.csv"]), "logs[0] must be"),
     "errors list": (put("errors", [1]), "errors must be"),
     "name of two lines, no mass": (
         lambda data: (put("name", "two\nlines")(data), put("parameters/m0/value", -1)(data)),

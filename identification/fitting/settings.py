@@ -1,0 +1,258 @@
+"""All numbers that somebody chose for a fit, its intervals and its errors, each with its reason."""
+
+from __future__ import annotations
+
+from dataclasses import asdict, dataclass, field, fields
+from typing import Any
+
+from identification.signals.filters import FilterSettings
+from identification.signals.noise import NoiseSettings
+from youbot_env.errors import InputError, count, finite
+
+
+@dataclass(frozen=True)
+class FitSettings:
+    """What a fit, its intervals, the errors of a model and their noise floors depend on.
+
+    Each field's ``metadata`` holds its unit and the reason, or the measurement, for its default.
+
+    Raises
+    ------
+    InputError
+        If a number is not finite and positive, or a share is not below 1.
+    """
+
+    filter: FilterSettings = field(default_factory=FilterSettings)
+    noise: NoiseSettings = field(default_factory=NoiseSettings)
+
+    # Rows of the regression
+    row_rate: float = field(
+        default=20.0,
+        metadata={"unit": "1/s", "reason": "2 a_f: the filter leaves little above"},
+    )
+    min_rows_per_parameter: float = field(
+        default=2.0,
+        metadata={
+            "unit": "1",
+            "reason": "with fewer rows the residual says little of its own size",
+        },
+    )
+
+    # Gauss-Newton steps
+    max_steps: int = field(
+        default=30,
+        metadata={"unit": "1", "reason": "a bound on time: a model that is linear takes one"},
+    )
+    max_converged_square_share: float = field(
+        default=1e-9,
+        metadata={
+            "unit": "share of the residual's squares",
+            "reason": "a last step that moves the prediction by less is, with 10^4 rows, some "
+            "thousandths of a standard deviation",
+        },
+    )
+    min_fall_share: float = field(
+        default=1e-5,
+        metadata={
+            "unit": "share of the squares",
+            "reason": "a parameter that the data hardly show (a breakaway peak that is not there, "
+            "the place of a load without mass) wanders about and gains less",
+        },
+    )
+    max_steps_without_fall: int = field(
+        default=4,
+        metadata={"unit": "1", "reason": "the squares may rise for a step or two and fall again"},
+    )
+    max_square_ratio: float = field(
+        default=100.0,
+        metadata={
+            "unit": "1",
+            "reason": "squares over the least so far from which on a step has gone too far",
+        },
+    )
+    huber_threshold: float = field(
+        default=1.345,
+        metadata={
+            "unit": "robust standard deviations",
+            "reason": "95 % efficient on clean Gaussian residuals (Huber 1964)",
+        },
+    )
+    min_singular_value_share: float = field(
+        default=1e-12,
+        metadata={
+            "unit": "share of the largest singular value",
+            "reason": "rounding: what a step cannot see stays where it is",
+        },
+    )
+
+    # Covariance and intervals
+    min_correlation_time: float = field(
+        default=0.5,
+        metadata={
+            "unit": "s",
+            "reason": "least window over which scores may be correlated beyond AR(1) memory",
+        },
+    )
+    max_residual_memory: float = field(
+        default=0.97,
+        metadata={
+            "unit": "1",
+            "reason": "prewhitening with a memory near 1 would blow up (Andrews and Monahan 1992)",
+        },
+    )
+    max_score_memory: float = field(
+        default=0.95,
+        metadata={
+            "unit": "1",
+            "reason": "keeps the plug-in bandwidth finite (Andrews 1991)",
+        },
+    )
+    min_information_share: float = field(
+        default=1e-13,
+        metadata={
+            "unit": "share of the largest eigenvalue",
+            "reason": "rounding: directions with less information have no covariance",
+        },
+    )
+    interval_deviations: float = field(
+        default=1.96,
+        metadata={
+            "unit": "standard deviations",
+            "reason": "either side of a value: they hold a Gaussian truth in 95 % of cases",
+        },
+    )
+
+    # Bias by noise on the speeds
+    max_shape_square_ratio: float = field(
+        default=1.001,
+        metadata={
+            "unit": "1",
+            "reason": "squares over those at the searched shapes from which on the joint fit of "
+            "shapes has gone astray",
+        },
+    )
+    min_noise_scatter: float = field(
+        default=3.0,
+        metadata={
+            "unit": "standard deviations",
+            "reason": "scatter by noise on the speeds that is added to the residual's: noise on an "
+            "integrated wheel angle stays, and no short memory tells of it",
+        },
+    )
+    noise_scatter_draws: int = field(
+        default=8,
+        metadata={"unit": "1", "reason": "tell the scatter's size to a quarter of it"},
+    )
+
+    # Output error
+    output_error_max_steps: int = field(
+        default=12,
+        metadata={"unit": "1", "reason": "a bound on time: each costs free runs of all logs"},
+    )
+    output_error_min_fall_share: float = field(
+        default=1e-5,
+        metadata={
+            "unit": "share of the squares",
+            "reason": "the search stops when a step lowers the squares by less",
+        },
+    )
+    output_error_step_shares: tuple[float, ...] = field(
+        default=(1.0, 0.5, 0.25, 0.125),
+        metadata={
+            "unit": "share of a step",
+            "reason": "tried in turn until the squares fall",
+        },
+    )
+    output_error_scaled_difference: float = field(
+        default=1e-4,
+        metadata={
+            "unit": "N m",
+            "reason": "least change of a scaled parameter for a central difference of free runs: "
+            "far above their rounding",
+        },
+    )
+    output_error_relative_difference: float = field(
+        default=1e-5,
+        metadata={"unit": "share of the parameter", "reason": "the same for large parameters"},
+    )
+
+    # Force error and noise floor
+    max_floor_samples: int = field(
+        default=30_000,
+        metadata={
+            "unit": "samples",
+            "reason": "tell a floor to better than 2 %; a longer log's is scaled up from them",
+        },
+    )
+
+    # Cross-validation
+    blocks_of_single_log: int = field(
+        default=5,
+        metadata={
+            "unit": "1",
+            "reason": "a log that alone shows something is cut into as many, to hold one out",
+        },
+    )
+    min_lone_share: float = field(
+        default=0.9,
+        metadata={
+            "unit": "share of a column's squares",
+            "reason": "from here on the log that they lie in alone shows the column",
+        },
+    )
+    independent_time: float = field(
+        default=2.0,
+        metadata={
+            "unit": "s",
+            "reason": "20/a_f: stretches of this length are independent in a bootstrap",
+        },
+    )
+    min_held_out_share: float = field(
+        default=1e-10,
+        metadata={
+            "unit": "share of the largest eigenvalue",
+            "reason": "rounding of normal equations: what the other folds cannot see stays at zero",
+        },
+    )
+
+    # Recursive least squares
+    recursive_prior_variance: float = field(
+        default=1e6,
+        metadata={
+            "unit": "(N m)^2",
+            "reason": "of the scaled parameters, far above any: the start is forgotten",
+        },
+    )
+    recursive_forgetting: float = field(
+        default=1.0,
+        metadata={
+            "unit": "1 a row",
+            "reason": "1 keeps all rows, so that the course ends at the batch estimate",
+        },
+    )
+
+    def __post_init__(self) -> None:
+        for item in fields(self):
+            _check(item.name, item.default, getattr(self, item.name))
+        shares = ("max_residual_memory", "max_score_memory", "min_lone_share")
+        for name in shares:
+            if getattr(self, name) >= 1.0:
+                raise InputError(f"fit settings: {name} must be below 1")
+        if self.recursive_forgetting > 1.0:
+            raise InputError("fit settings: recursive_forgetting must be at most 1")
+
+    def to_dict(self) -> dict[str, Any]:
+        """JSON form: the numbers in force by name."""
+        return asdict(self)
+
+
+def _check(name: str, default: Any, value: Any) -> None:
+    """Refuse a number that is not finite and positive, and a count that is not whole."""
+    what = f"fit settings: {name}"
+    if isinstance(default, int):
+        count(what, value)
+    elif isinstance(default, float):
+        finite(what, value, positive=True)
+    elif isinstance(default, tuple):
+        for number in value:
+            finite(what, number, positive=True)
