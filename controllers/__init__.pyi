@@ -13,3 +13,9 @@ from .lqi import LQI as LQI
 from .pid import PID as PID
 from .policy import Policy as Policy
 from .registry import CONTROLLERS as CONTROLLERS, build as build, build_policy as build_policy
+from .tuning import (
+    TunedController as TunedController,
+    TuningTask as TuningTask,
+    tune_kinematic as tune_kinematic,
+    tune_pid as tune_pid,
+)
