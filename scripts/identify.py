@@ -9,24 +9,8 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from youbot_scripts.cli import run_script
-from youbot_scripts.shared import result_tables
+from youbot_scripts.shared import options as common, result_tables
 from youbot_scripts.shared.inputs import read_logs_to_fit
-from youbot_scripts.shared.options import (
-    GeometryOption,
-    JsonOption,
-    LogsArgument,
-    LogsOfOption,
-    OutputModelOption,
-    PlotsOption,
-    ReportOption,
-    SeedOption,
-    UnitOption,
-    check_pictures,
-    console,
-    progress,
-    provenance,
-    write_result,
-)
 from youbot_scripts.shared.tables import Table, percent, show
 
 if TYPE_CHECKING:
@@ -45,27 +29,27 @@ EXAMPLES = (
 
 
 def main(
-    logs: LogsArgument,
-    output: OutputModelOption = None,
+    logs: common.LogsArgument,
+    output: common.OutputModelOption = None,
     model: Annotated[
         str | None,
         typer.Option(
             "--model", metavar="MODEL", help="Fit this model's effects too (default: base model)."
         ),
     ] = None,
-    geometry: GeometryOption = None,
-    mechanism: LogsOfOption = "mecanum",
-    unit: UnitOption = "rad",
+    geometry: common.GeometryOption = None,
+    mechanism: common.LogsOfOption = "mecanum",
+    unit: common.UnitOption = "rad",
     output_error: Annotated[
         bool, typer.Option("--output-error", help="Refine in free run after the fit on forces.")
     ] = False,
     robust: Annotated[
         bool, typer.Option("--robust", help="Huber weights, for logs with outliers.")
     ] = False,
-    plots: PlotsOption = None,
-    report: ReportOption = None,
-    json: JsonOption = None,
-    seed: SeedOption = 0,
+    plots: common.PlotsOption = None,
+    report: common.ReportOption = None,
+    json: common.JsonOption = None,
+    seed: common.SeedOption = 0,
 ) -> None:
     """Fit m0 [kg], I0, I1 [kg m^2], aX, aY [m], mu1, mu2 [N m s] to logs by least squares.
 
@@ -78,9 +62,10 @@ def main(
     from identification.fitting.identify import identify
     from identification.mechanisms.registry import save_any_model
 
-    check_pictures(plots, report)
+    common.check_pictures(plots, report)
     given = read_logs_to_fit(logs, model, geometry, mechanism, unit)
-    with progress(60 if output_error else 2, "identify") as advance:
+    made = common.provenance(seed)
+    with common.progress(60 if output_error else 2, "identify") as advance:
         result = identify(
             given.logs,
             geometry=given.geometry,
@@ -89,15 +74,15 @@ def main(
             robust=robust,
             seed=seed,
             name=output.stem if output else "model",
-            provenance=provenance(seed) | {"command": "identify", "output_error": output_error},
+            provenance=made | {"command": "identify", "output_error": output_error},
             progress=advance,
         )
-    out = console(json)
+    out = common.console(json)
     _print(out, result)
     if output:
         save_any_model(output, result.model)
         out.print(f"model written to {output}", soft_wrap=True)
-    write_result(json, result.to_dict(), seed)
+    common.write_result(json, result.to_dict(), seed)
     if plots:
         from identification.figures.figures import plot_identification
 
@@ -112,12 +97,12 @@ def main(
 
 
 def _print(out: Console, result: Identification) -> None:
-    show(out, _tables(result))
     errors = result.model.errors
-    line = f"force error {percent(errors['force_error'])} on these logs"
-    line += f" (noise floor {percent(errors['noise_floor']['force_error'])})"
+    floor = percent(errors["noise_floor"]["force_error"])
+    line = f"force error {percent(errors['force_error'])} on these logs (noise floor {floor})"
     if "velocity_error" in errors:
         line += f", velocity error {percent(errors['velocity_error'])}"
+    show(out, _tables(result))
     out.print(line)
     for warning in result.warnings:
         out.print(f"warning: {warning}", style="yellow")
