@@ -14,4 +14,10 @@ from .fitting import (
     identify as identify,
     motion_observability as motion_observability,
 )
-from .logs import Log as Log, read_log as read_log, read_logs as read_logs, write_log as write_log
+from .logs import (
+    Log as Log,
+    LogSettings as LogSettings,
+    read_log as read_log,
+    read_logs as read_logs,
+    write_log as write_log,
+)

@@ -9,17 +9,14 @@ from typing import Any
 
 import numpy as np
 
-from identification.fitting.observability import (
-    Observability,
-    log_observability,
-    motion_that_shows,
-)
+from identification.fitting.observability import Observability, log_observability
 from identification.fitting.regression_rows import regression_rows
 from identification.logs.findings import Finding, LogError
 from identification.logs.log import Log
 from identification.logs.reading import read_log
 from identification.mechanisms.mecanum import Mecanum
 from identification.mechanisms.mechanism import Mechanism
+from identification.mechanisms.paper_regressor import motion_that_shows
 from identification.mechanisms.registry import AnyModel, MechanismKind, mechanism_of
 from identification.signals.noise import white_noise
 from youbot_env.errors import InputError
@@ -184,6 +181,6 @@ def log_shows(log: Log, mechanism: Mechanism, theta: np.ndarray) -> LogObservabi
         motions.append(MotionShown(part.kind, part.start, part.end, seen.rank, blind))
     named = None
     if isinstance(mechanism, Mecanum):  # whose calibration motions have names
-        named = [motion_that_shows(mechanism, direction) for direction in total.blind]
+        named = [motion_that_shows(mechanism.geometry, direction) for direction in total.blind]
     cures = [mechanism.advice(direction) for direction in total.blind]
     return LogObservability(total, mechanism.scaling, cures, motions, named)

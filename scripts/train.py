@@ -103,7 +103,7 @@ def main(
     ] = None,
     json: common.JsonOption = None,
 ) -> None:
-    """Train a policy on the tracking environment and write it as policy.json and policy.npz.
+    """Train a policy on the tracking environment; write it as policy.json and policy.safetensors.
 
     Many platforms, each with a model of its own, follow random multisines; wheel speeds have
     noise and come from encoder counts. The policy is judged on held-out references all along, the
@@ -140,7 +140,7 @@ def main(
 
 
 def _say_where(out: Any, policy: Path) -> None:
-    out.print(f"Policy: {policy} and {policy.with_suffix('.npz').name}", soft_wrap=True)
+    out.print(f"Policy: {policy} and {policy.with_suffix('.safetensors').name}", soft_wrap=True)
     beside = shlex.quote(f"kinematic_tuned,computed_torque,{policy}")
     out.print(f"Next: youbot evaluate --controllers {beside}", soft_wrap=True)
 

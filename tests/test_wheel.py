@@ -21,7 +21,7 @@ PACKAGES = {
 }
 """Folder in the repository and name after installation."""
 
-SHIPPED = (".py", ".pyi", ".json", ".npz", ".csv.gz", "py.typed")
+SHIPPED = (".py", ".pyi", ".json", ".safetensors", ".csv.gz", "py.typed")
 
 
 def run(*command: str | Path, cwd: Path, **environment: str) -> str:

@@ -41,6 +41,9 @@ LARGEST = sys.float_info.max
 MAX_SHOWN = 40
 """Characters of a file's own text that a message repeats."""
 
+MAX_CAUSE = 800
+"""Characters of a message after the file's name: the list of all effects has 500."""
+
 
 # --- writing ---------------------------------------------------------------------------------
 
@@ -181,7 +184,7 @@ def read_json(path: str | os.PathLike[str], kind: FileKind[T], missing: str = ""
 
     Parameters
     ----------
-    missing : advice where there is no such file; by default to give a file of the kind
+    missing : advice where there is no such file
 
     Raises
     ------
@@ -189,9 +192,7 @@ def read_json(path: str | os.PathLike[str], kind: FileKind[T], missing: str = ""
         If the file cannot be read or is not valid: one line with file, path in it and cause.
     """
     source = os.fspath(path)
-    return kind.from_text(
-        read_bytes(source, kind.max_bytes, missing or f"give {kind.noun}"), source
-    )
+    return kind.from_text(read_bytes(source, kind.max_bytes, missing), source)
 
 
 def read_bytes(path: str | os.PathLike[str], max_bytes: int, missing: str = "") -> bytes:
@@ -216,8 +217,12 @@ def read_bytes(path: str | os.PathLike[str], max_bytes: int, missing: str = "") 
 
 
 def named(source: str, error: InputError) -> InputError:
-    """The same error with the file's name, if it lacks it."""
-    return error if str(error).startswith(f"{source}: ") else InputError(f"{source}: {error}")
+    """The same error with the file's name, if it lacks it, and no longer than a screen."""
+    cause = str(error).removeprefix(f"{source}: ")
+    # Names and values in it are the file's own, which may be megabytes.
+    return InputError(
+        f"{source}: {cause if len(cause) <= MAX_CAUSE else cause[:MAX_CAUSE] + '...'}"
+    )
 
 
 # --- JSON ------------------------------------------------------------------------------------
@@ -341,7 +346,7 @@ def _misfit(error: Any, noun: str) -> str:
     if rule == "enum":
         return f"{what} {_short(repr(value))} is none of {', '.join(error.rule_definition)}"
     if rule in BOUNDS:
-        return f"{what}: {_short(value)} must be {BOUNDS[rule]} {error.rule_definition:g}"
+        return f"{what}: {_short(value)} must be {BOUNDS[rule]} {error.rule_definition:.10g}"
     if rule in ("minItems", "maxItems"):
         bound = "at least" if rule == "minItems" else "at most"
         return f"{what} must have {bound} {error.rule_definition} entries, not {len(value)}"

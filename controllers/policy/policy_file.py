@@ -1,7 +1,8 @@
-"""Policy files: NAME.json describes, NAME.npz beside it holds the weights; neither can run code.
+"""Policy files: NAME.json describes, NAME.safetensors beside it holds the weights; neither can run
+code.
 
 Every number is checked before it is used: what was tampered with, cut short or blown up is refused
-with one line.
+with one line. Weights of older versions, in NAME.npz, are read as well.
 """
 
 from __future__ import annotations
@@ -17,13 +18,22 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from controllers.policy.inputs import Layout
 from controllers.policy.policy import ACTIVATIONS, Description, Network
 from youbot_env.errors import InputError
-from youbot_env.files import plain, write_atomically
+from youbot_env.files import (
+    SCHEMA_VERSION,
+    FileKind,
+    Schema,
+    plain,
+    read_bytes,
+    read_json,
+    write_atomically,
+)
 
-SCHEMA_VERSION = 1
+Arrays = dict[str, NDArray[Any]]
 
 MAX_JSON, MAX_WEIGHTS = 1 << 20, 1 << 24
 """Bytes that a description and its (unpacked) weights may have: 256 x 256 networks fit 50 times."""
@@ -31,10 +41,8 @@ MAX_JSON, MAX_WEIGHTS = 1 << 20, 1 << 24
 MAX_LAYERS, MAX_AHEAD = 8, 1000
 """Layers of a network; samples ahead and past actions."""
 
-KEYS = {
-    "schema_version",
-    *("name", "weights_sha256", "observation", "network", "action", "base", "training"),
-}
+WEIGHTS, OLD_WEIGHTS = ".safetensors", ".npz"
+"""Endings of the weights' file: of this version, and of those before, which is read only."""
 
 
 def shipped_policies() -> tuple[str, ...]:
@@ -46,7 +54,7 @@ def shipped_policies() -> tuple[str, ...]:
 
 
 def load_policy(source: str | os.PathLike[str]) -> tuple[Network, Description]:
-    """Network and description from NAME.json (and NAME.npz beside it), or of a shipped policy.
+    """Network and description from NAME.json (and the weights beside it), or of a shipped policy.
 
     Raises
     ------
@@ -60,38 +68,49 @@ def load_policy(source: str | os.PathLike[str]) -> tuple[Network, Description]:
     elif path.suffix != ".json":
         known = ", ".join(shipped_policies()) or "none"
         raise InputError(f"{name}: is no shipped policy ({known}); name the .json of a policy")
-    data = _json(_bytes(path, MAX_JSON), name)
-    description, about = _description(data, name)
-    weights = path.with_suffix(".npz")
-    content = _bytes(weights, MAX_WEIGHTS)
-    if hashlib.sha256(content).hexdigest() != data["weights_sha256"]:
+    content = read_json(path, DESCRIPTION_FILE)
+    description = _description(content)
+    weights = weights_file(path)
+    packed = read_bytes(weights, MAX_WEIGHTS)
+    if hashlib.sha256(packed).hexdigest() != content["weights_sha256"]:
         raise InputError(f"{weights}: is not the file that {path.name} describes (sha256 differs)")
-    return _network(_arrays(content, str(weights)), description, about, str(weights)), description
+    unpack = _unpacked if weights.suffix == WEIGHTS else _unpacked_npz
+    arrays = unpack(packed, str(weights))
+    return _network(arrays, description, content["network"], str(weights)), description
+
+
+def weights_file(path: Path) -> Path:
+    """The weights' file beside a description; the .npz of older versions if there is no other."""
+    new, old = path.with_suffix(WEIGHTS), path.with_suffix(OLD_WEIGHTS)
+    return old if old.exists() and not new.exists() else new
 
 
 def save_policy(
     path: str | os.PathLike[str], network: Network, description: Description
 ) -> tuple[Path, Path]:
-    """Write NAME.json and NAME.npz; the weights come first, so a description never lacks them.
+    """Write NAME.json and NAME.safetensors; the weights come first, so that they never lack.
 
     Raises
     ------
     InputError
         If the path does not end in .json or cannot be written.
     """
+    # Imported late: commands that read or write no policy start without it.
+    from safetensors.numpy import save
+
     path = Path(path)
     if path.suffix != ".json":
         raise InputError(f"{path}: the description of a policy ends in .json")
     arrays = {"features": network.features, "mix": network.mix}
     for k, (weight, bias) in enumerate(network.layers):
         arrays |= {f"weight_{k}": weight, f"bias_{k}": bias}
-    stream = io.BytesIO()
-    np.savez(stream, allow_pickle=False, **arrays)
+    # safetensors writes an array's buffer as it lies, so a transposed view would be torn.
+    packed = save({name: np.ascontiguousarray(array) for name, array in arrays.items()})
     layout = description.layout
     data = {
         "schema_version": SCHEMA_VERSION,
         "name": description.name,
-        "weights_sha256": hashlib.sha256(stream.getvalue()).hexdigest(),
+        "weights_sha256": hashlib.sha256(packed).hexdigest(),
         "observation": {
             "twist_scale": list(layout.twist_scale),
             "preview": layout.preview,
@@ -112,79 +131,53 @@ def save_policy(
         "training": plain(description.training),
     }
     text = json.dumps(data, indent=1, allow_nan=False) + "\n"
-    write_atomically(path.with_suffix(".npz"), stream.getvalue())
+    weights = path.with_suffix(WEIGHTS)
+    write_atomically(weights, packed)
     write_atomically(path, text)
-    return path, path.with_suffix(".npz")
+    return path, weights
 
 
 # --- reading ---------------------------------------------------------------------------------
 
 
-def _bytes(path: Path, limit: int) -> bytes:
-    try:
-        with open(path, "rb") as stream:
-            content = stream.read(limit + 1)
-    except OSError as error:
-        raise InputError(f"{path}: cannot be read: {error.strerror or error}") from None
-    if len(content) > limit:
-        raise InputError(f"{path}: is larger than {limit >> 20} MiB: not a policy")
+def _description(content: Mapping[str, Any]) -> Description:
+    seen, acts = content["observation"], content["action"]
+    x, y, w = map(float, seen["twist_scale"])
+    return Description(
+        name=str(content["name"]),
+        layout=Layout(
+            twist_scale=(x, y, w),
+            preview=int(seen["preview"]),
+            action_history=int(seen["action_history"]),
+            base_torque=seen["base_torque"],
+        ),
+        torque_limit=float(acts["torque_limit"]),
+        control_rate=float(acts["control_rate"]),
+        base=content["base"],
+        share=float(acts["share"]),
+        training=content["training"],
+    )
+
+
+def _checked(content: dict[str, Any], source: str) -> dict[str, Any]:
+    """The content, if its parts agree with each other."""
+    if content["observation"]["base_torque"] != (content["base"] is not None):
+        raise InputError("observation.base_torque must be true just where base is named")
     return content
 
 
-def _json(content: bytes, source: str) -> dict[str, Any]:
+def _unpacked(content: bytes, source: str) -> Arrays:
+    """The arrays of a safetensors file, each a copy of its own that may be written to."""
+    from safetensors.numpy import load
+
     try:
-        data = json.loads(content)
-    except (ValueError, RecursionError):
-        raise InputError(f"{source}: not valid JSON; is it a policy's description?") from None
-    data = _part(data, source, "the file")
-    if data.get("schema_version") != SCHEMA_VERSION:
-        version = data.get("schema_version")
-        raise InputError(
-            f"{source}: schema_version is {version!r}, this version of youbot reads "
-            f"{SCHEMA_VERSION}: not a policy, or written by another version"
-        )
-    _exactly(data, KEYS, source, "the file")
-    return data
+        return {name: np.array(array) for name, array in load(content).items()}
+    except Exception as error:  # its own, and KeyError for a type that numpy lacks
+        reason = " ".join(str(error).split())[:80]
+        raise InputError(f"{source}: not a safetensors file of plain numbers: {reason}") from None
 
 
-def _description(data: Mapping[str, Any], source: str) -> tuple[Description, dict[str, Any]]:
-    seen = _part(data["observation"], source, "observation")
-    _exactly(
-        seen, {"twist_scale", "preview", "action_history", "base_torque"}, source, "observation"
-    )
-    acts = _part(data["action"], source, "action")
-    _exactly(acts, {"torque_limit", "control_rate", "share"}, source, "action")
-    about = _part(data["network"], source, "network")
-    _exactly(about, {"layers", "activation", "squashed"}, source, "network")
-    scale, base = seen["twist_scale"], data["base"]
-    if not isinstance(scale, list) or len(scale) != 3:
-        raise InputError(f"{source}: observation.twist_scale must be three numbers")
-    if base is not None and not isinstance(base, str):
-        raise InputError(f"{source}: base must be null or a controller's name")
-    if not isinstance(seen["base_torque"], bool) or seen["base_torque"] != (base is not None):
-        raise InputError(f"{source}: observation.base_torque must be true just where base is named")
-    layout = Layout(
-        twist_scale=tuple(_positive(value, source, "observation.twist_scale") for value in scale),  # pyright: ignore[reportArgumentType]
-        preview=_whole(seen["preview"], 0, MAX_AHEAD, source, "observation.preview"),
-        action_history=_whole(seen["action_history"], 1, MAX_AHEAD, source, "action_history"),
-        base_torque=seen["base_torque"],
-    )
-    share = _positive(acts["share"], source, "action.share")
-    if share > 1.0:
-        raise InputError(f"{source}: action.share: {share:g} is more than 1")
-    description = Description(
-        name=str(data["name"]),
-        layout=layout,
-        torque_limit=_positive(acts["torque_limit"], source, "action.torque_limit"),
-        control_rate=_positive(acts["control_rate"], source, "action.control_rate"),
-        base=base,
-        share=share,
-        training=_part(data["training"], source, "training"),
-    )
-    return description, about
-
-
-def _arrays(content: bytes, source: str) -> dict[str, np.ndarray]:
+def _unpacked_npz(content: bytes, source: str) -> Arrays:
     """The arrays of an npz; sizes are looked at before anything is unpacked."""
     try:
         with zipfile.ZipFile(io.BytesIO(content)) as packed:
@@ -202,23 +195,19 @@ def _arrays(content: bytes, source: str) -> dict[str, np.ndarray]:
 
 
 def _network(
-    arrays: dict[str, np.ndarray], description: Description, about: dict[str, Any], source: str
+    arrays: Arrays, description: Description, about: Mapping[str, Any], source: str
 ) -> Network:
-    sizes, activation, squashed = about["layers"], about["activation"], about["squashed"]
-    if not isinstance(sizes, list) or not 2 <= len(sizes) <= MAX_LAYERS + 1:
-        raise InputError(f"{source}: network.layers must list 2 to {MAX_LAYERS + 1} sizes")
-    if activation not in list(ACTIVATIONS):
-        raise InputError(f"{source}: network.activation is none of {', '.join(ACTIVATIONS)}")
-    if not isinstance(squashed, bool):
-        raise InputError(f"{source}: network.squashed must be true or false")
-    sizes = [_whole(size, 1, MAX_WEIGHTS, source, "network.layers") for size in sizes]
+    """The network of arrays whose names, shapes and types are those that ``about`` tells."""
+    sizes = [int(size) for size in about["layers"]]
     shapes: dict[str, tuple[int, ...]] = {
         "features": (sizes[0], description.layout.size),
         "mix": (4, sizes[-1]),
     }
     for k, (before, after) in enumerate(zip(sizes, sizes[1:], strict=False)):
         shapes |= {f"weight_{k}": (after, before), f"bias_{k}": (after,)}
-    _exactly(arrays, set(shapes), source, "the file")
+    for key in sorted(set(shapes) ^ set(arrays)):
+        state = "is missing" if key in shapes else "is not known"
+        raise InputError(f"{source}: the file: {key[:80]!r} {state}")
     for name, shape in shapes.items():
         kind = np.float64 if name in ("features", "mix") else np.float32
         if arrays[name].shape != shape or arrays[name].dtype != kind:
@@ -227,29 +216,53 @@ def _network(
         if not np.isfinite(arrays[name]).all():
             raise InputError(f"{source}: {name} holds NaN or infinity")
     layers = [(arrays[f"weight_{k}"], arrays[f"bias_{k}"]) for k in range(len(sizes) - 1)]
-    return Network(arrays["features"], layers, arrays["mix"], activation, squashed)
+    return Network(
+        arrays["features"], layers, arrays["mix"], about["activation"], about["squashed"]
+    )
 
 
-def _part(value: Any, source: str, what: str) -> dict[str, Any]:
-    if not isinstance(value, dict):
-        raise InputError(f"{source}: {what} must be a JSON object")
-    return value
+def _exactly(**properties: Schema) -> Schema:
+    """An object that has each of the properties and no other."""
+    return {
+        "type": "object",
+        "properties": properties,
+        "required": list(properties),
+        "additionalProperties": False,
+    }
 
 
-def _exactly(found: Mapping[str, Any], wanted: set[str], source: str, what: str) -> None:
-    for key in sorted(wanted ^ set(found)):
-        state = "is missing" if key in wanted else "is not known"
-        raise InputError(f"{source}: {what}: {key!r} {state}")
+POSITIVE: Schema = {"type": "number", "exclusiveMinimum": 0, "exclusiveMaximum": 1e9}
 
-
-def _whole(value: Any, least: int, most: int, source: str, what: str) -> int:
-    if isinstance(value, bool) or not isinstance(value, int) or not least <= value <= most:
-        raise InputError(f"{source}: {what} must be a whole number from {least} to {most}")
-    return value
-
-
-def _positive(value: Any, source: str, what: str) -> float:
-    is_number = isinstance(value, (int, float)) and not isinstance(value, bool)
-    if not is_number or not 0.0 < value < 1e9:
-        raise InputError(f"{source}: {what} must be a positive number")
-    return float(value)
+DESCRIPTION_FILE = FileKind(
+    "a policy's description",
+    _exactly(
+        schema_version={},
+        name={},
+        weights_sha256={"type": "string"},
+        observation=_exactly(
+            twist_scale={"type": "array", "items": POSITIVE, "minItems": 3, "maxItems": 3},
+            preview={"type": "integer", "minimum": 0, "maximum": MAX_AHEAD},
+            action_history={"type": "integer", "minimum": 1, "maximum": MAX_AHEAD},
+            base_torque={"type": "boolean"},
+        ),
+        network=_exactly(
+            layers={
+                "type": "array",
+                "items": {"type": "integer", "minimum": 1, "maximum": MAX_WEIGHTS},
+                "minItems": 2,
+                "maxItems": MAX_LAYERS + 1,
+            },
+            activation={"enum": list(ACTIVATIONS)},
+            squashed={"type": "boolean"},
+        ),
+        action=_exactly(
+            torque_limit=POSITIVE,
+            control_rate=POSITIVE,
+            share={"type": "number", "exclusiveMinimum": 0, "maximum": 1},
+        ),
+        base={"type": ["string", "null"]},
+        training={"type": "object"},
+    ),
+    _checked,
+    max_bytes=MAX_JSON,
+)

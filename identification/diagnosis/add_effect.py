@@ -13,7 +13,7 @@ from identification.diagnosis.search import Search, Step
 from identification.diagnosis.selection import SIGNIFICANT
 from identification.diagnosis.sentences import describe
 from identification.logs.log import Log
-from identification.mechanisms.registry import AnyModel, mechanism_of
+from identification.mechanisms.registry import AnyModel, kind_of, mechanism_of
 from youbot_env.errors import InputError
 
 
@@ -98,7 +98,8 @@ def add_effect(
     after = search.step(fitted, effect)
     before = search.step(base, None, fitted.held_out.folds)
     result = search.final(fitted)
-    new = fitted.mechanism.fitted_model(
+    new = kind_of(model).fitted_model(
+        fitted.mechanism,
         result,
         name=model.name,
         logs=tuple(log.reference for log in logs),

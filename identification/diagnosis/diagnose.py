@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from identification.diagnosis.candidates import Candidate, Fitted
+from identification.diagnosis.experiment_design import best_experiment
 from identification.diagnosis.ranking import Ranking
 from identification.diagnosis.search import Search, Step, given_errors
 from identification.diagnosis.selection import select
@@ -19,7 +20,7 @@ from identification.diagnosis.threads import side_by_side
 from identification.fitting.least_squares import Fit, fit
 from identification.logs.log import Log
 from identification.mechanisms.mechanism import Mechanism
-from identification.mechanisms.registry import AnyModel, mechanism_of
+from identification.mechanisms.registry import AnyModel, kind_of, mechanism_of
 from identification.residual_map.residual_map import ResidualMap, residual_map
 from youbot_env.errors import InputError
 
@@ -222,7 +223,8 @@ def _model(
         "held_out": True,
         "noise_floor": floor,
     }
-    return mechanism.fitted_model(
+    return kind_of(model).fitted_model(
+        mechanism,
         final,
         name=model.name,
         logs=tuple(log.reference for log in logs),
@@ -240,7 +242,7 @@ def _at_given_base(fitted: Fitted, model: AnyModel, search: Search) -> Any:
     start = np.concatenate([model.theta, fitted.theta[known:]])
     free = fitted.mechanism.free & (np.arange(len(start)) >= known)
     found = fit(fitted.mechanism, search.samples, start, free=free)
-    return fitted.mechanism.fitted_model(found, name=model.name)
+    return kind_of(model).fitted_model(fitted.mechanism, found, name=model.name)
 
 
 def _map(fitted: Fitted, search: Search) -> ResidualMap:
@@ -255,16 +257,16 @@ def _next_experiment(
     seed: int,
 ) -> dict[str, Any] | None:
     """The motion that best separates the first tie, if the mechanism knows motions."""
-    propose = getattr(search.mechanism, "best_experiment", None)
-    if propose is None or not ties:
+    if not ties:
         return None
+    motions = search.mechanism.motions(seed)
     ranking = next(r for r in rankings if r.best and r.best.name in ties)
     tied = [item for item in ranking.candidates if item.name in ranking.tied and item.fitted]
     assert ranking.best is not None and ranking.best.fitted is not None
-    if not tied:
+    if not tied or not motions:
         return None
     noise = float(np.sqrt(np.mean([np.mean(r**2) for r in steps[-1].fitted.residual])))
-    return propose(_named(ranking.best), [_named(item) for item in tied], noise, seed)
+    return best_experiment(motions, _named(ranking.best), [_named(item) for item in tied], noise)
 
 
 def _named(item: Candidate) -> tuple[str, Any, Array]:

@@ -30,7 +30,7 @@ from identification.fitting.settings import FitSettings
 from identification.logs.log import Log
 from identification.mechanisms.calibration_parts import Part
 from identification.mechanisms.mechanism import Mechanism, Samples
-from identification.mechanisms.registry import AnyModel, mechanism_of
+from identification.mechanisms.registry import AnyModel, kind_of, mechanism_of
 from youbot_env.errors import InputError
 from youbot_env.model.model_file import load_model
 from youbot_env.physics.geometry import Geometry
@@ -215,7 +215,9 @@ def identify(
 
         final = refine(mechanism, samples, force, settings=settings, progress=progress)
     course = recursive_course(mechanism, force, settings) if recursive else None
-    model = mechanism.fitted_model(
+    of = kind_of(start)
+    model = of.fitted_model(
+        mechanism,
         final,
         name=name,
         logs=tuple(log.reference for log in logs),
@@ -223,7 +225,7 @@ def identify(
         provenance=provenance,
     )
     told = (line for log in logs for line in log.warnings)
-    warnings = (*told, *_fit_warnings(mechanism, final), *mechanism.warnings(model))
+    warnings = (*told, *_fit_warnings(mechanism, final), *of.warnings(model))
     return Identification(
         *(model, final, force, mechanism, samples, parts, total, course, warnings, settings)
     )

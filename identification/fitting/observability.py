@@ -10,12 +10,8 @@ from numpy.typing import NDArray
 
 from identification.fitting.least_squares import covariance_of, gauge_groups
 from identification.fitting.regression_rows import Indices, Rows
-from identification.mechanisms.mecanum import PAPER_ORDER, Mecanum
 from identification.mechanisms.mechanism import Mechanism
 from youbot_env.errors import InputError
-from youbot_env.motions.base import Motion
-from youbot_env.physics.geometry import Geometry
-from youbot_env.physics.structure import ModelStructure
 
 Array = NDArray[np.float64]
 
@@ -24,9 +20,6 @@ BLIND = 3e-3
 
 The Gramian of unit columns has the mean eigenvalue one; 3e-3 means that a standard deviation is
 18 times what it would be if the columns were orthogonal."""
-
-IDEAL_BLIND = 1e-9
-"""The same for an ideal motion, where only rounding stands between blind and seen."""
 
 SHORT = 0.05
 """Share of the longest column's length under which a column counts as nothing but noise."""
@@ -158,44 +151,6 @@ def _places(mechanism: Mechanism) -> Indices:
     return np.searchsorted(np.flatnonzero(mechanism.free), mechanism.order)
 
 
-def motion_observability(
-    motion: Motion,
-    geometry: Geometry | None = None,
-    *,
-    window: tuple[float, float] | None = None,
-    blind: float = IDEAL_BLIND,
-    dt: float = 0.005,
-) -> Observability:
-    """What an ideal motion shows of the base model, without a filter: the paper's statements.
-
-    Parameters
-    ----------
-    window : start and end [s]; a periodic motion should be given whole periods
-    """
-    mechanism = Mecanum(geometry or Geometry(), ModelStructure())
-    start, end = window or (0.0, motion.duration)
-    time = np.arange(start, end - 0.5 * dt, dt)
-    columns = ideal_columns(mechanism, motion.twist(time), motion.acceleration(time))
-    names = [mechanism.parameter_names[k] for k in PAPER_ORDER]
-    return observability(names, columns, dt, blind)
-
-
-def ideal_columns(mechanism: Mecanum, twist: Array, acceleration: Array) -> Array:
-    """Regressor columns (n, 3, 7) of x1 ... x7 for a known motion, unfiltered."""
-    from youbot_env.physics.inverse_dynamics import wrench
-    from youbot_env.physics.points import Instant
-
-    at = Instant(tuple(twist.T), tuple(acceleration.T))
-    columns = []
-    for k in PAPER_ORDER:
-        unit = np.zeros(7)
-        unit[k] = 1.0 / mechanism.scale[k]
-        force = wrench(np, ModelStructure(), mechanism.geometry, unit, at)
-        force = np.stack(np.broadcast_arrays(*force, twist[:, 0])[:3], axis=-1)
-        columns.append(force * mechanism.force_scale)
-    return np.stack(columns, axis=-1)
-
-
 def block_estimates(
     mechanism: Mechanism, theta: Array, rows: Rows, seen: Observability
 ) -> dict[str, tuple[float, float]]:
@@ -220,16 +175,3 @@ def block_estimates(
         if not any(np.abs(direction[members]).max() > 0.15 for direction in seen.blind):
             found |= {seen.names[k]: (float(x[k] / scale[k]), float(std[k])) for k in members}
     return found
-
-
-def motion_that_shows(mechanism: Mecanum, direction: Array) -> str:
-    """Name of the calibration motion that sees a direction (F,) in x best, for its length."""
-    from youbot_env.motions.calibration import CALIBRATION
-
-    seen = {}
-    for name, make in CALIBRATION.items():
-        motion = make(mechanism.geometry)
-        gramian = motion_observability(motion, mechanism.geometry, dt=0.02).gramian
-        base = direction[: len(gramian)]
-        seen[name] = float(base @ gramian @ base) / motion.duration
-    return max(seen, key=lambda name: seen[name])

@@ -15,38 +15,29 @@ from identification.logs import wheel_checks
 from identification.logs.columns import joint_columns
 from identification.logs.findings import Finding, Level
 from identification.logs.log import Log
+from identification.logs.settings import LogSettings
 from identification.logs.timebase import runs_of
-from identification.logs.wheel_checks import WRONG_POWER, CheckLimits, power_share
+from identification.logs.wheel_checks import CheckLimits, power_share
 from identification.signals.noise import thinned, white_noise
 from youbot_env.physics.geometry import WHEELS, Geometry
 
-MAX_WHEEL_SPEED = 50.0
-"""[rad/s], 2.4 m/s: three times what the youBot's motors reach (0.8 m/s)."""
-
-MAX_WHEEL_EFFORT = 100.0
-"""[N m]: ten times what its 10 A fuse lets a motor give (0.866 N m/A)."""
-
-MIN_MOTION = 2.0
-"""[s] of motion that a log must show."""
-
-LITTLE_SPEED = 0.2
-"""[rad/s] below which friction at standstill hides all else."""
-
-_FREEZE = 0.2
-_RESTING_SLIP = 0.01
-
 
 def limits_for(
-    log: Log, max_speed: float | None, max_effort: float | None, geometry: Geometry | None
+    log: Log,
+    max_speed: float | None,
+    max_effort: float | None,
+    geometry: Geometry | None,
+    settings: LogSettings = LogSettings(),
 ) -> CheckLimits:
     """The given limits, completed by those of wheels; one axis, whose units may vary, has none."""
     wheels = log.joints == WHEELS
-    speed = MAX_WHEEL_SPEED if wheels else np.inf
-    effort = MAX_WHEEL_EFFORT if wheels else np.inf
+    speed = settings.max_wheel_speed if wheels else np.inf
+    effort = settings.max_wheel_effort if wheels else np.inf
     return CheckLimits(
         speed if max_speed is None else max_speed,
         effort if max_effort is None else max_effort,
         geometry or Geometry(),
+        settings,
     )
 
 
@@ -60,7 +51,7 @@ def noise_estimate(log: Log) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     correlate. They do not (below 0.02) on simulated logs whose loop sees clean speeds; they do,
     with coefficients of 0.1 to 0.3, where the loop acts on a ripple that the speeds really have.
     """
-    return log.speed_noise, white_noise(log.effort, log.valid)
+    return log.speed_noise, white_noise(log.effort, log.valid, log.noise_settings)
 
 
 def check(log: Log, limits: CheckLimits) -> list[Finding]:
@@ -91,24 +82,29 @@ def _channels(log: Log, *kinds: str) -> Iterator[tuple[str, NDArray[np.float64]]
 
 
 def _length(log: Log, limits: CheckLimits) -> Iterator[Finding]:
-    if log.duration < MIN_MOTION:
+    least = limits.settings.min_motion_time
+    if log.duration < least:
         message = f"lasts only {log.duration:.3g} s"
-        yield _at(log, "error", message, f"record at least {MIN_MOTION:g} s of motion")
+        yield _at(log, "error", message, f"record at least {least:g} s of motion")
 
 
 def _motion(log: Log, limits: CheckLimits) -> Iterator[Finding]:
+    settings = limits.settings
     speed = np.abs(log.velocity).max(axis=1)
     noise = float(log.speed_noise.max())
-    usual = float(np.quantile(thinned(speed), 0.95))
+    some = thinned(speed, settings.noise.max_samples)
+    usual = float(np.quantile(some, settings.usual_speed_quantile))
+    least = settings.min_motion_time
     cure = "record a motion that excites all wheels, for instance with youbot record"
-    moving = speed > max(6 * noise, 0.05 * usual, 1e-9)
+    by_noise = settings.moving_noise_deviations * noise
+    moving = speed > max(by_noise, settings.moving_speed_share * usual, 1e-9)
     seconds = float(moving.sum()) * log.dt
     if seconds == 0:
         yield _at(log, "error", "nothing moves", cure)
-    elif seconds < MIN_MOTION and log.duration >= MIN_MOTION:
+    elif seconds < least <= log.duration:
         message = f"something moves for {seconds:.2g} s only"
-        yield _at(log, "error", message, f"record at least {MIN_MOTION:g} s of motion")
-    elif log.joints == WHEELS and usual < LITTLE_SPEED:
+        yield _at(log, "error", message, f"record at least {least:g} s of motion")
+    elif log.joints == WHEELS and usual < settings.min_wheel_speed:
         message = f"little motion: the wheels stay below {usual:.2g} rad/s"
         yield _at(log, "warning", message, cure)
 
@@ -127,7 +123,7 @@ def _units(log: Log, limits: CheckLimits) -> Iterator[Finding]:
             if size[peak] > limit:
                 message = f"{signal[peak]:.4g} {unit} cannot be (limit {limit:g})"
                 yield _at(log, "error", message, cure, peak, column)
-            elif size[peak] > 0.5 * limit:
+            elif size[peak] > limits.settings.doubtful_limit_share * limit:
                 message = f"{signal[peak]:.4g} {unit} is a lot"
                 yield _at(log, "warning", message, "check the unit", peak, column)
 
@@ -136,7 +132,8 @@ def _dead_channels(log: Log, limits: CheckLimits) -> Iterator[Finding]:
     if not np.ptp(log.velocity, axis=0).any():
         return  # nothing moves: said already
     # Turning about a point beside it, a platform keeps two wheels at rest, and no wheel slips.
-    may_rest = log.joints == WHEELS and wheel_checks.slip_ratio(log.velocity) < _RESTING_SLIP
+    most = limits.settings.resting_slip
+    may_rest = log.joints == WHEELS and wheel_checks.slip_ratio(log.velocity) < most
     levels: dict[str, Level] = {"velocity": "warning" if may_rest else "error", "effort": "error"}
     for kind in ("velocity", "effort", "position", "command"):
         for column, signal in _channels(log, kind):
@@ -148,7 +145,8 @@ def _dead_channels(log: Log, limits: CheckLimits) -> Iterator[Finding]:
 
 def _frozen_channels(log: Log, limits: CheckLimits) -> Iterator[Finding]:
     """A noisy channel that holds one value for long has stopped, unless it is at a limit."""
-    least = max(10, int(_FREEZE / log.dt))
+    settings = limits.settings
+    least = max(settings.frozen_samples, int(settings.frozen_time / log.dt))
     for column, signal in _channels(log, "velocity", "effort"):
         same = np.diff(signal) == 0
         longest = max(runs_of(same), key=lambda run: run[1] - run[0], default=(0, 0))
@@ -156,7 +154,8 @@ def _frozen_channels(log: Log, limits: CheckLimits) -> Iterator[Finding]:
         elsewhere = (same.sum() - length) / max(len(same) - length, 1)
         value = signal[longest[0]]
         at_limit = value in (signal.min(), signal.max()) and column.startswith("effort")
-        if length >= least and elsewhere < 0.05 and not at_limit and np.ptp(signal) > 0:
+        coarse = elsewhere >= settings.max_repeated_share
+        if length >= least and not coarse and not at_limit and np.ptp(signal) > 0:
             message = f"stands still at {value:.4g} for {length * log.dt:.2g} s"
             cure = "cut that part off; check the sensor and its cable"
             yield _at(log, "error", message, cure, longest[0], column)
@@ -167,17 +166,20 @@ def _stale_rows(log: Log, limits: CheckLimits) -> Iterator[Finding]:
     data = np.hstack([log.velocity, log.effort])
     moving = np.abs(log.velocity).max(axis=1) > 0
     stale = (data[1:] == data[:-1]).all(axis=1) & moving[1:]
-    if stale.mean() > 0.01:
+    if stale.mean() > limits.settings.max_stale_share:
         at = int(np.argmax(stale)) + 1
         message = f"{100 * stale.mean():.2g} % of the rows repeat the row before"
         yield _at(log, "warning", message, "log at the rate at which is measured", at)
 
 
 def _saturation(log: Log, limits: CheckLimits) -> Iterator[Finding]:
+    settings = limits.settings
     for column, signal in _channels(log, "effort", "command"):
         for extreme in (signal.min(), signal.max()):
             held = signal == extreme
-            if extreme != 0 and held.sum() >= 10 and held.mean() > 0.01 and np.ptp(signal) > 0:
+            long = held.sum() >= settings.saturated_samples
+            long = long and held.mean() > settings.max_saturated_share
+            if extreme != 0 and long and np.ptp(signal) > 0:
                 message = (
                     f"stays at its extreme {extreme:.4g} for {100 * held.mean():.2g} % of time"
                 )
@@ -187,7 +189,7 @@ def _saturation(log: Log, limits: CheckLimits) -> Iterator[Finding]:
 
 def _power(log: Log, limits: CheckLimits) -> Iterator[Finding]:
     """Friction only takes energy, so over a run a joint's effort must on the whole give it."""
-    wrong = power_share(log) < WRONG_POWER
+    wrong = power_share(log, limits.settings) < -limits.settings.max_fed_back_power
     if not wrong.any():
         return
     columns = joint_columns("effort", log.joints)
@@ -198,10 +200,10 @@ def _power(log: Log, limits: CheckLimits) -> Iterator[Finding]:
 
 
 def _position(log: Log, limits: CheckLimits) -> Iterator[Finding]:
-    """Positions against the integral of the speeds, over pieces of half a second."""
+    """Positions against the integral of the speeds, over pieces of some time."""
     if log.position is None:
         return
-    piece = max(int(0.5 / log.dt), 1)
+    piece = max(int(limits.settings.position_time / log.dt), 1)
     if len(log) <= 2 * piece:
         return
     middle = 0.5 * (log.velocity[1:] + log.velocity[:-1]) * log.dt
@@ -210,7 +212,7 @@ def _position(log: Log, limits: CheckLimits) -> Iterator[Finding]:
         way, expected = np.diff(log.position[::piece, i]), np.diff(travelled[:, i])
         gain = float(way @ expected / max(expected @ expected, 1e-300))
         left = float(np.sqrt(np.mean((way - expected) ** 2) / max(np.mean(expected**2), 1e-300)))
-        if left > 0.1:
+        if left > limits.settings.max_position_error:
             message = f"does not follow the integral of the speed (gain {gain:.3g})"
             cure = "check its unit and sign, and whether it wraps"
             yield _at(log, "warning", message, cure, None, column)

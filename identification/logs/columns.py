@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from identification.logs.findings import Finding, Level, LogError, fault
 from identification.logs.parsing import LogTable
+from identification.logs.settings import LogSettings
 from youbot_env.errors import InputError
 
 POSE = ("pose_x", "pose_y", "pose_yaw")
@@ -49,6 +50,7 @@ class Draft:
     valid: NDArray[np.bool_]
     findings: list[Finding]
     required: tuple[str, ...]
+    settings: LogSettings
 
     def keep(self, rows: NDArray[np.bool_]) -> None:
         """Drop all rows but these, a mask (n,)."""
@@ -92,7 +94,12 @@ class Draft:
         return LogError(self.source, self.findings)
 
 
-def select(source: str, table: LogTable, joints: tuple[str, ...]) -> Draft:
+def select(
+    source: str,
+    table: LogTable,
+    joints: tuple[str, ...],
+    settings: LogSettings = LogSettings(),
+) -> Draft:
     """The channels of a log, chosen from a file's table.
 
     Raises
@@ -122,7 +129,9 @@ def select(source: str, table: LogTable, joints: tuple[str, ...]) -> Draft:
     time = table.values[:, table.names.index("time")].copy()
     valid = np.ones(len(data), bool)
     required = required_columns(joints)
-    return Draft(source, tuple(names), time, data, table.lines, valid, findings, required)
+    return Draft(
+        *(source, tuple(names), time, data, table.lines, valid, findings, required, settings)
+    )
 
 
 def _missing(source: str, table: LogTable, name: str, known: set[str]) -> InputError:

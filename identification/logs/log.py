@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from identification.logs.findings import Finding
-from identification.signals.noise import white_noise
+from identification.signals.noise import NoiseSettings, white_noise
 from youbot_env.errors import InputError
 
 AXIS = ("",)
@@ -37,6 +37,7 @@ class Log:
     valid : (n,) False where velocity or effort was interpolated by a repair
     rows : (n,) line of the file that each sample comes from
     file_time : (rows of the file,) time column as it stands, repairs or not
+    noise_settings : how `speed_noise` is measured
 
     All arrays are read-only.
 
@@ -61,6 +62,7 @@ class Log:
     valid: NDArray[np.bool_] = None  # type: ignore[assignment] - all True
     rows: NDArray[np.int64] = None  # type: ignore[assignment] - from 2 on
     file_time: NDArray[np.float64] = None  # type: ignore[assignment] - time
+    noise_settings: NoiseSettings = NoiseSettings()
 
     def __post_init__(self) -> None:
         n, k = np.size(self.time), len(self.joints)
@@ -95,7 +97,7 @@ class Log:
     @cached_property
     def speed_noise(self) -> NDArray[np.float64]:
         """White noise (k,) of the speeds, as `checks.noise_estimate` gives it."""
-        return white_noise(self.velocity, self.valid)
+        return white_noise(self.velocity, self.valid, self.noise_settings)
 
     @property
     def warnings(self) -> list[str]:

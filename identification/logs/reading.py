@@ -27,6 +27,7 @@ from identification.logs.repair import (
     trim_ends,
     unwrap_yaw,
 )
+from identification.logs.settings import LogSettings
 from identification.logs.timebase import check_time, resample
 from identification.logs.writing import DECIMALS, write_table
 from youbot_env.errors import InputError
@@ -49,6 +50,7 @@ def read_log(
     max_speed: float | None = None,
     max_effort: float | None = None,
     geometry: Geometry | None = None,
+    settings: LogSettings = LogSettings(),
 ) -> Log:
     """Read a log, check it and repair what small faults it has.
 
@@ -56,9 +58,10 @@ def read_log(
     ----------
     path : a .csv, .csv.gz or .parquet file
     joints : names of the joints; AXIS for a one-axis mechanism
-    max_speed, max_effort : what no joint can reach [rad/s, N m]; 50 and 100 for wheels, and no
-        limit for one axis, whose units may be others
+    max_speed, max_effort : what no joint can reach [rad/s, N m]; those of the settings for wheels,
+        and no limit for one axis, whose units may be others
     geometry : of the platform, to compare wheels with pose and gyro; the youBot's by default
+    settings : what is repaired, doubted and refused
 
     Returns
     -------
@@ -74,11 +77,11 @@ def read_log(
     path = Path(path)
     content = read_bytes(path)
     table = parser_for(path)(str(path), content)
-    draft = select(str(path), table, tuple(joints))
+    draft = select(str(path), table, tuple(joints), settings)
     file_time = draft.time.copy()
     repair(draft, tuple(joints))
     log = _assemble(draft, tuple(joints), file_time, hashlib.sha256(content).hexdigest())
-    limits = checks.limits_for(log, max_speed, max_effort, geometry)
+    limits = checks.limits_for(log, max_speed, max_effort, geometry, settings)
     findings = (*draft.findings, *checks.check(log, limits))
     if any(finding.level == "error" for finding in findings):
         raise LogError(str(path), findings)
@@ -122,6 +125,7 @@ def _assemble(
         valid=draft.valid,
         rows=draft.lines,
         file_time=file_time,
+        noise_settings=draft.settings.noise,
     )
 
 

@@ -2,15 +2,31 @@
 
 from __future__ import annotations
 
-import json
 from pathlib import Path
 
 from identification.logs.log import Log
-from youbot_env.errors import InputError
+from youbot_env.files import FileKind, read_json
 from youbot_env.motions.base import Motion, motion_from_dict
 
 RECORD = "record.json"
 """File beside the logs in which `youbot record` says how they were made."""
+
+RECORD_FILE = FileKind(
+    "a record of `youbot record`",
+    {
+        "type": "object",
+        "properties": {
+            "logs": {
+                "type": "object",
+                "additionalProperties": {"type": "object", "required": ["sha256"]},
+            },
+            "motions": {"type": "array", "items": {"type": "object", "required": ["name"]}},
+        },
+        "required": ["logs", "motions"],
+    },
+    lambda content, source: content,
+    version=None,
+)
 
 
 def recorded_motion(log: Log) -> Motion | None:
@@ -18,11 +34,14 @@ def recorded_motion(log: Log) -> Motion | None:
 
     It is known when a record.json beside the log lists the very bytes of the log.
     """
+    source = Path(log.source)
     try:
-        record = json.loads(Path(log.source).with_name(RECORD).read_text("utf-8"))
-        if record["logs"][Path(log.source).name]["sha256"] != log.sha256:
+        record = read_json(source.with_name(RECORD), RECORD_FILE)
+        known = record["logs"].get(source.name)
+        if known is None or known["sha256"] != log.sha256:
             return None
-        (motion,) = [m for m in record["motions"] if m["name"] == log.name]
-        return motion_from_dict(motion)
-    except (OSError, ValueError, LookupError, TypeError, InputError, RecursionError):
-        return None  # another program's record.json, or none: nothing is known
+        motions = [motion for motion in record["motions"] if motion["name"] == log.name]
+        return motion_from_dict(motions[0]) if len(motions) == 1 else None
+    except (ValueError, TypeError):
+        # No record.json, another program's, or a log that is no file: nothing is known.
+        return None

@@ -6,22 +6,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from identification.logs.columns import POSE, Draft
+from identification.logs.settings import LogSettings
 from identification.logs.timebase import bridge, gap_limit, nominal_step, runs_of
 from identification.signals.noise import thinned, white_noise
 
-ABSURD = 1e9
-"""No channel of a log reaches this in SI units; sentinels such as 1e38 mean "no value"."""
-
-MAX_MISSING = 0.1
-"""A channel that lacks more than this share of its values is not filled."""
-
-MAX_OUTLIERS = 0.01
-"""Outliers in more than this share of the rows are no single ones."""
-
-_OUTLIER_DEVIATIONS = 10.0
-_OUTLIER_STEPS = 5.0
-_OUTLIER_WIDTH = 3
-_OUTLIER_SURROUNDINGS = 6
 _NO_LOSS = "check the sensor and the logger"
 
 
@@ -29,7 +17,7 @@ def mark_absurd(draft: Draft) -> None:
     """Take numbers beyond any physical quantity for missing ones."""
     for name in draft.names:
         channel = draft.channel(name)
-        absurd = np.abs(channel) > ABSURD
+        absurd = np.abs(channel) > draft.settings.max_magnitude
         if absurd.any():
             at = int(np.argmax(absurd))
             message = f"{absurd.sum()} value(s) such as {channel[at]:.3g} taken as missing"
@@ -43,7 +31,7 @@ def trim_ends(draft: Draft) -> None:
     Raises
     ------
     InputError
-        If more than MAX_MISSING of the log would go.
+        If more of the log would go than may be missing.
     """
     required = [draft.names.index(name) for name in draft.required]
     whole = np.flatnonzero(np.isfinite(draft.data[:, required]).all(axis=1))
@@ -53,7 +41,7 @@ def trim_ends(draft: Draft) -> None:
     dropped = len(draft.time) - (last + 1 - first)
     if dropped == 0:
         return
-    if dropped > MAX_MISSING * len(draft.time):
+    if dropped > draft.settings.max_missing_share * len(draft.time):
         _refuse_missing(draft)
     at = 0 if first else last + 1
     message = f"{dropped} row(s) at an end of the log lack values: dropped"
@@ -83,7 +71,7 @@ def fill_missing(draft: Draft, joints: tuple[str, ...]) -> None:
     InputError
         If a required channel lacks a long run of values, or many.
     """
-    limit = gap_limit(nominal_step(draft.time))
+    limit = gap_limit(nominal_step(draft.time), draft.settings)
     inserted = ~draft.valid
     for name in draft.names:
         if name not in draft.names or not np.isnan(draft.channel(name)).any():
@@ -91,7 +79,8 @@ def fill_missing(draft: Draft, joints: tuple[str, ...]) -> None:
         missing = np.isnan(draft.channel(name))
         runs = runs_of(missing)
         longest = max(runs, key=lambda run: run[1] - run[0])
-        too_long = longest[1] - longest[0] > limit or missing.mean() > MAX_MISSING
+        many = missing.mean() > draft.settings.max_missing_share
+        too_long = longest[1] - longest[0] > limit or many
         if not too_long:
             _bridge_runs(draft, name, runs, inserted)
         elif name in draft.required:
@@ -115,27 +104,26 @@ def _bridge_runs(
         message = f"{values.sum()} missing value(s): interpolated"
         draft.report("repaired", message, _NO_LOSS, int(np.argmax(values)), name)
     for start, stop in runs:
-        bridge(channel, start, stop)
+        bridge(channel, start, stop, draft.settings.bridge_samples)
         if name in draft.required:
             draft.valid[start:stop] = False
 
 
 def replace_outliers(draft: Draft) -> None:
-    """Interpolate single outliers: up to three samples that leap away from a quiet course.
+    """Interpolate single outliers: a few samples that leap away from a quiet course.
 
-    The leap must exceed ten times the channel's noise and five times what 99 % of its steps are,
-    and the samples around must not leap as well: a step of the torque, a chattering friction or
-    a wheel's ripple is no outlier. Channels with many outliers are left as they are, with a
-    warning.
+    The leap must far exceed the channel's noise and its usual steps, and the samples around must
+    not leap as well: a step of the torque, a chattering friction or a wheel's ripple is no
+    outlier. Channels with many outliers are left as they are, with a warning.
     """
     for name in draft.names:
         channel = draft.channel(name)
-        runs = find_outliers(channel)
+        runs = find_outliers(channel, draft.settings)
         count = sum(stop - start for start, stop in runs)
         if not runs:
             continue
         at = runs[0][0]
-        if count > MAX_OUTLIERS * len(channel):
+        if count > draft.settings.max_outlier_share * len(channel):
             message = f"{count} samples leap away from their neighbours: left as they are"
             draft.report("warning", message, _NO_LOSS, at, name)
             continue
@@ -144,59 +132,69 @@ def replace_outliers(draft: Draft) -> None:
         for start, stop in runs:
             channel[start:stop] = np.nan
         for start, stop in runs:
-            bridge(channel, start, stop)
+            bridge(channel, start, stop, draft.settings.bridge_samples)
             if name in draft.required:
                 draft.valid[start:stop] = False
 
 
-def find_outliers(signal: NDArray[np.float64]) -> list[tuple[int, int]]:
-    """Ranges (start, stop) of up to three samples of a finite signal (n,) that are outliers."""
-    if len(signal) < 4 * _OUTLIER_SURROUNDINGS:
+def find_outliers(
+    signal: NDArray[np.float64], settings: LogSettings = LogSettings()
+) -> list[tuple[int, int]]:
+    """Ranges (start, stop) of a few samples of a finite signal (n,) that are outliers."""
+    if len(signal) < 4 * settings.outlier_surroundings:
         return []
     steps = np.abs(np.diff(signal))
-    noise = float(white_noise(signal[:, None])[0])
-    usual_step = float(np.quantile(thinned(steps), 0.99))
-    threshold = max(_OUTLIER_DEVIATIONS * noise, _OUTLIER_STEPS * usual_step)
+    noise = float(white_noise(signal[:, None], settings=settings.noise)[0])
+    some = thinned(steps, settings.noise.max_samples)
+    usual_step = float(np.quantile(some, settings.usual_step_quantile))
+    threshold = max(settings.outlier_deviations * noise, settings.outlier_steps * usual_step)
     if threshold == 0:
         return []
-    leaps = np.flatnonzero(steps > 0.8 * threshold)
+    leaps = np.flatnonzero(steps > settings.min_leap_share * threshold)
     found: list[tuple[int, int]] = []
     for leap in leaps.tolist():
         start = leap + 1
         if found and start <= found[-1][1]:
             continue
-        width = _outlier_width(signal, start, threshold)
+        width = _outlier_width(signal, start, threshold, settings)
         if width:
             found.append((start, start + width))
-    return _outlier_at_end(signal, threshold, found)
+    return _outlier_at_end(signal, threshold, found, settings)
 
 
 def _outlier_at_end(
-    signal: NDArray[np.float64], threshold: float, found: list[tuple[int, int]]
+    signal: NDArray[np.float64],
+    threshold: float,
+    found: list[tuple[int, int]],
+    settings: LogSettings,
 ) -> list[tuple[int, int]]:
     """The ranges found, with the first and the last sample where these are outliers too."""
-    n, near = len(signal), _OUTLIER_SURROUNDINGS
+    n, near = len(signal), settings.outlier_surroundings
+    quiet = settings.max_surrounding_step
     for at, inward in ((0, signal[1 : near + 1]), (n - 1, signal[-2 : -near - 2 : -1])):
         leap = abs(signal[at] - inward[0])
-        if leap > threshold and np.abs(np.diff(inward)).max() < 0.4 * leap:
+        if leap > threshold and np.abs(np.diff(inward)).max() < quiet * leap:
             found.append((at, at + 1))
     return sorted(set(found))
 
 
-def _outlier_width(signal: NDArray[np.float64], start: int, threshold: float) -> int:
+def _outlier_width(
+    signal: NDArray[np.float64], start: int, threshold: float, settings: LogSettings
+) -> int:
     """Number of samples from start on that form an outlier; 0 if they form none."""
-    for width in range(1, _OUTLIER_WIDTH + 1):
+    near = settings.outlier_surroundings
+    for width in range(1, settings.max_outlier_samples + 1):
         stop = start + width
-        before = signal[max(start - _OUTLIER_SURROUNDINGS, 0) : start]
-        after = signal[stop : stop + _OUTLIER_SURROUNDINGS]
+        before = signal[max(start - near, 0) : start]
+        after = signal[stop : stop + near]
         if before.size < 2 or after.size < 2:
             return 0
         around = np.r_[before, after]
         line = np.interp(np.arange(start, stop), [start - 1, stop], [before[-1], after[0]])
         leap = signal[start:stop] - line
         same_side = bool((np.abs(leap) > threshold).all() and np.ptp(np.sign(leap)) == 0)
-        quiet = float(np.abs(np.diff(around)).max()) < 0.4 * float(np.abs(leap).min())
-        if same_side and quiet:
+        most = settings.max_surrounding_step * float(np.abs(leap).min())
+        if same_side and float(np.abs(np.diff(around)).max()) < most:
             return width
     return 0
 

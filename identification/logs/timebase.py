@@ -6,8 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from identification.logs.columns import Draft
-
-_SIDE = 4
+from identification.logs.settings import LogSettings
 
 
 def interpolate_at(
@@ -36,16 +35,18 @@ def interpolate_at(
     return result
 
 
-def bridge(signal: NDArray[np.float64], start: int, stop: int) -> None:
+def bridge(
+    signal: NDArray[np.float64], start: int, stop: int, side: int = LogSettings.bridge_samples
+) -> None:
     """Replace signal[start:stop] (n,) in place by a cubic fitted to the samples around it.
 
-    The least-squares fit takes up to four finite samples a side, which averages their noise and
+    The least-squares fit takes up to ``side`` finite samples a side, which averages their noise and
     leaves no kink; with fewer than four it is a straight line.
     """
-    before = np.arange(max(start - 3 * _SIDE, 0), start)
-    after = np.arange(stop, min(stop + 3 * _SIDE, len(signal)))
-    before = before[np.isfinite(signal[before])][-_SIDE:]
-    after = after[np.isfinite(signal[after])][:_SIDE]
+    before = np.arange(max(start - 3 * side, 0), start)
+    after = np.arange(stop, min(stop + 3 * side, len(signal)))
+    before = before[np.isfinite(signal[before])][-side:]
+    after = after[np.isfinite(signal[after])][:side]
     around = np.r_[before, after]
     degree = 3 if min(before.size, after.size) >= 2 else 1 if around.size >= 2 else 0
     centre, scale = (start + stop - 1) / 2, float(np.ptp(around)) or 1.0
@@ -62,27 +63,6 @@ def runs_of(mask: NDArray[np.bool_]) -> list[tuple[int, int]]:
     return list(zip(edges[::2].tolist(), edges[1::2].tolist(), strict=True))
 
 
-MIN_STEP, MAX_STEP = 1e-3, 1 / 20
-"""Log rates run from 20 Hz to 1 kHz [s]."""
-
-STEP_MARGIN = 0.02
-"""A logger's clock may be this much off the rate that it is set to."""
-
-MIN_ROWS = 50
-"""A log of fewer rows is refused."""
-
-LONGEST_GAP = 0.2
-"""A longer gap [s] is not bridged: the motion in it is anyone's guess."""
-
-GAP_SAMPLES, GAP_SECONDS = 5, 0.02
-"""A gap of no more than 5 samples, or of 20 ms at high rates, is bridged."""
-
-MAX_JITTER = 0.03
-"""Steps whose root-mean-square deviation from their median exceeds this share are irregular."""
-
-MAX_OFFSET = 0.25
-"""No single step may differ from the median by more than this share."""
-
 _UNITS = {
     "milliseconds": (1e3, "0.001"),
     "microseconds": (1e6, "1e-6"),
@@ -90,9 +70,10 @@ _UNITS = {
 }
 
 
-def gap_limit(step: float) -> int:
+def gap_limit(step: float, settings: LogSettings) -> int:
     """Number of consecutive samples [-] that may be bridged at a time step [s]."""
-    return int(min(max(GAP_SAMPLES, GAP_SECONDS / step), LONGEST_GAP / step))
+    usual = max(settings.max_gap_samples, settings.max_gap_time / step)
+    return int(min(usual, settings.longest_gap_time / step))
 
 
 def nominal_step(time: NDArray[np.float64]) -> float:
@@ -119,14 +100,14 @@ def check_time(draft: Draft) -> bool:
     """
     _fill_time(draft)
     _drop_repeated_rows(draft)
-    if len(draft.time) < MIN_ROWS:
-        cure = f"record at least {MIN_ROWS} rows of motion"
+    if len(draft.time) < draft.settings.min_rows:
+        cure = f"record at least {draft.settings.min_rows} rows of motion"
         raise draft.fault(f"has only {len(draft.time)} row(s)", cure)
     _check_order(draft)
     step = nominal_step(draft.time)
     _check_step(draft, step)
     _check_gaps(draft, step)
-    irregular = _is_irregular(draft.time, step)
+    irregular = _is_irregular(draft.time, step, draft.settings)
     if not irregular:
         _insert_missing_rows(draft, step)
     return irregular
@@ -141,12 +122,16 @@ def _fill_time(draft: Draft) -> None:
     known = np.flatnonzero(~missing)
     runs = np.diff(known) - 1
     inside = known.size >= 3 and known[0] == 0 and known[-1] == len(missing) - 1
-    if not inside or runs.max() > GAP_SAMPLES or missing.mean() > 0.02:
+    if (
+        not inside
+        or runs.max() > draft.settings.max_gap_samples
+        or missing.mean() > draft.settings.max_untimed_share
+    ):
         cure = "write the time of every row, in seconds"
         raise draft.fault(f"{missing.sum()} rows have no time", cure, first, "time")
     step = np.median(np.diff(draft.time[known])[runs == 0])
     spans = np.diff(draft.time[known])[runs > 0] / (runs[runs > 0] + 1)
-    if np.abs(spans / step - 1).max() > MAX_OFFSET:
+    if np.abs(spans / step - 1).max() > draft.settings.max_step_offset:
         cure = "write the time of every row, in seconds"
         raise draft.fault("the row has no time and the rows around it do not tell it", cure, first)
     draft.time[missing] = np.interp(np.flatnonzero(missing), known, draft.time[known])
@@ -182,40 +167,43 @@ def _check_order(draft: Draft) -> None:
 
 
 def _check_step(draft: Draft, step: float) -> None:
-    if step < MIN_STEP * (1 - STEP_MARGIN):
-        cure = f"keep every {int(np.ceil(MIN_STEP / step - 1e-6))}th row, after a low-pass"
-        raise draft.fault(f"{1 / step:.6g} Hz is above 1 kHz", cure, 1, "time")
-    if step <= MAX_STEP * (1 + STEP_MARGIN):
+    settings, margin = draft.settings, draft.settings.max_step_deviation
+    least, most = settings.min_step * (1 - margin), settings.max_step * (1 + margin)
+    if step < least:
+        cure = f"keep every {int(np.ceil(settings.min_step / step - 1e-6))}th row, after a low-pass"
+        fastest = f"{1e-3 / settings.min_step:g} kHz"
+        raise draft.fault(f"{1 / step:.6g} Hz is above {fastest}", cure, 1, "time")
+    if step <= most:
         return
     for unit, (scale, factor) in _UNITS.items():
-        if MIN_STEP * (1 - STEP_MARGIN) <= step / scale <= MAX_STEP * (1 + STEP_MARGIN):
+        if least <= step / scale <= most:
             cure = f"multiply it by {factor} (a sample counter: by the sample time)"
             message = f"time steps by {step:.6g}, which looks like {unit}"
             raise draft.fault(message, cure, 1, "time")
     cure = "record faster; time is in seconds"
-    raise draft.fault(f"{1 / step:.4g} Hz is below 20 Hz", cure, 1, "time")
+    raise draft.fault(f"{1 / step:.4g} Hz is below {1 / settings.max_step:g} Hz", cure, 1, "time")
 
 
 def _check_gaps(draft: Draft, step: float) -> None:
     """Refuse a gap too long to bridge, and too many short ones."""
     steps = np.diff(draft.time)
     at = int(np.argmax(steps))
-    if steps[at] > (gap_limit(step) + 1.5) * step:
+    if steps[at] > (gap_limit(step, draft.settings) + 1.5) * step:
         message = f"time jumps by {steps[at]:.6g} s"
         raise draft.fault(message, "split the log there into two", at + 1, "time")
     missing = float(np.maximum(np.round(steps / step) - 1, 0).sum())
-    if missing > 0.1 * len(steps):
+    if missing > draft.settings.max_missing_row_share * len(steps):
         at = int(np.argmax(steps > 1.5 * step))
         message = f"{missing:.0f} rows are missing"
         raise draft.fault(message, "record again, the logger loses samples", at + 1, "time")
 
 
-def _is_irregular(time: NDArray[np.float64], step: float) -> bool:
+def _is_irregular(time: NDArray[np.float64], step: float, settings: LogSettings) -> bool:
     steps = np.diff(time)
     samples = np.maximum(np.round(steps / step), 1)
     offset = np.abs(steps - samples * step)
     jitter = np.sqrt(np.mean(offset**2)) / step
-    if jitter <= MAX_JITTER and offset.max() <= MAX_OFFSET * step:
+    if jitter <= settings.max_jitter and offset.max() <= settings.max_step_offset * step:
         return False
     # Rounded times, say of 400 Hz in milliseconds, are regular: no stamp is off by more than half
     # a unit of the last decimal. A fit to the whole column tells them from real jitter.

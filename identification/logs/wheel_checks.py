@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from identification.logs.findings import Finding
 from identification.logs.log import Log
+from identification.logs.settings import LogSettings
 from youbot_env.physics.geometry import WHEELS, Geometry
 
 
@@ -21,27 +22,12 @@ class CheckLimits:
     max_speed: float
     max_effort: float
     geometry: Geometry
+    settings: LogSettings
 
 
 NO_SLIP = np.array([1.0, 1.0, -1.0, -1.0]) / 2
 """Unit vector that no rigid motion turns the wheels along: phi_1' + phi_2' = phi_3' + phi_4'."""
 
-MUCH_SLIP = 0.1
-"""Share of the wheel speeds that no rigid motion explains, from which on a log is doubtful."""
-
-IMPOSSIBLE_SLIP = 0.35
-"""From here on it is refused: four independent speeds would have one half."""
-
-WRONG_POWER = -0.3
-"""Net over gross power, below which an effort's sign is wrong; sound logs have above 0.9."""
-
-DRIVING = 0.3
-"""Share of the strongest joint's gross power from which on a joint counts as driving."""
-
-_MOMENT = 0.2
-_STUCK = 0.02
-_EXPLAINED = 0.3
-_FAR_OFF = 3.0
 _DEGREES = 180 / np.pi
 
 
@@ -51,7 +37,7 @@ def slip_ratio(wheel_speed: NDArray[np.float64], direction: NDArray[np.float64] 
     return float(np.sqrt(np.mean((wheel_speed @ direction) ** 2))) / max(total, 1e-300)
 
 
-def power_share(log: Log) -> NDArray[np.float64]:
+def power_share(log: Log, settings: LogSettings = LogSettings()) -> NDArray[np.float64]:
     """Net over gross power (k,) of each joint, from -1 to 1: positive where friction takes it.
 
     NaN for a joint that others drag along (motions I and II have two): its power says nothing.
@@ -59,11 +45,12 @@ def power_share(log: Log) -> NDArray[np.float64]:
     power = log.velocity * log.effort
     gross = np.abs(power).mean(axis=0)
     share = power.mean(axis=0) / np.maximum(gross, 1e-300)
-    return np.where(gross > DRIVING * gross.max(), share, np.nan)
+    return np.where(gross > settings.driving_share * gross.max(), share, np.nan)
 
 
 def _identity(log: Log, limits: CheckLimits) -> Iterator[Finding]:
     """The identity, and which change of sign, order or scale would make it hold."""
+    settings = limits.settings
     ratio = slip_ratio(log.velocity)
     noise = float(np.sqrt(np.mean(log.speed_noise**2)))
     along = float(np.sqrt(np.mean((log.velocity @ NO_SLIP) ** 2)))
@@ -71,13 +58,13 @@ def _identity(log: Log, limits: CheckLimits) -> Iterator[Finding]:
         f"phi_1' + phi_2' - phi_3' - phi_4' is {100 * ratio:.2g} % of the wheel speeds "
         f"({2 * along:.2g} rad/s rms; noise alone makes {2 * noise:.2g})"
     )
-    if ratio < MUCH_SLIP or along < 4 * noise:
+    if ratio < settings.max_slip or along < settings.slip_noise_deviations * noise:
         yield Finding("info", measured)
         return
-    cure = _sign_cure(log, ratio) or _scale_cure(log.velocity, ratio)
+    cure = _sign_cure(log, ratio, settings) or _scale_cure(log.velocity, ratio, settings)
     if cure:
         yield Finding("error", f"the wheels cannot move like that: {measured}", cure=cure)
-    elif ratio > IMPOSSIBLE_SLIP:
+    elif ratio > settings.impossible_slip:
         cure = "check names, units and signs of the velocity columns"
         yield Finding("error", f"the wheels cannot move like that: {measured}", cure=cure)
     else:
@@ -87,14 +74,17 @@ def _identity(log: Log, limits: CheckLimits) -> Iterator[Finding]:
 
 def _moments_of_slip(log: Log, limits: CheckLimits) -> Iterator[Finding]:
     """Moments in which the identity fails: a wheel that slips, or whose encoder stands still."""
-    window = max(int(_MOMENT / log.dt), 3)
+    settings = limits.settings
+    window = max(int(settings.slip_time / log.dt), 3)
     count = len(log) // window
     pieces = log.velocity[: count * window].reshape(count, window, len(WHEELS))
     along = np.sqrt(((pieces @ NO_SLIP) ** 2).mean(axis=1))
     usual = float(np.sqrt((log.velocity**2).sum(axis=1).mean()))
     noise = float(np.sqrt(np.mean(log.speed_noise**2)))
-    still = (np.ptp(pieces, axis=1) == 0) & (along > max(_STUCK * usual, 4 * noise))[:, None]
-    slips = along > max(MUCH_SLIP * usual, 4 * noise)
+    by_noise = settings.slip_noise_deviations * noise
+    slips_a_little = along > max(settings.min_slip_of_still_wheel * usual, by_noise)
+    still = (np.ptp(pieces, axis=1) == 0) & slips_a_little[:, None]
+    slips = along > max(settings.max_slip * usual, by_noise)
     if still.any():
         wheel = int(np.argmax(still.any(axis=0)))
         first = int(log.rows[int(np.argmax(still[:, wheel])) * window])
@@ -109,16 +99,16 @@ def _moments_of_slip(log: Log, limits: CheckLimits) -> Iterator[Finding]:
         yield Finding("warning", message, row, cure="cut that part off, or drive more gently")
 
 
-def _sign_cure(log: Log, ratio: float) -> str:
+def _sign_cure(log: Log, ratio: float, settings: LogSettings) -> str:
     """What to do if other signs or another order would make the identity hold; else ""."""
     signs = [np.array([1.0, *rest]) / 2 for rest in product((1.0, -1.0), repeat=3)]
     ratios = [slip_ratio(log.velocity, sign) for sign in signs]
     best = int(np.argmin(ratios))
-    if ratios[best] > min(_EXPLAINED * ratio, MUCH_SLIP):
+    if ratios[best] > min(settings.max_remaining_slip * ratio, settings.max_slip):
         return ""
     wrong = np.sign(signs[best] * NO_SLIP)
     wrong *= 1.0 if wrong.sum() >= 0 else -1.0
-    against = power_share(log) < WRONG_POWER
+    against = power_share(log, settings) < -settings.max_fed_back_power
     if against.any() and not against.all():
         turned = [wheel for wheel, bad in zip(WHEELS, against, strict=True) if bad]
         return f"multiply {_columns('velocity', turned)} by -1, unless it is the effort there"
@@ -137,17 +127,18 @@ def _columns(kind: str, wheels: list[str]) -> str:
     return " and ".join(f"{kind}_{wheel}" for wheel in wheels)
 
 
-def _scale_cure(wheel_speed: NDArray[np.float64], ratio: float) -> str:
+def _scale_cure(wheel_speed: NDArray[np.float64], ratio: float, settings: LogSettings) -> str:
     """What to do if another scale of one wheel would make the identity hold; else ""."""
     values, vectors = np.linalg.eigh(wheel_speed.T @ wheel_speed)
-    unique = values[0] < 0.05 * values[1]
-    if not unique or slip_ratio(wheel_speed, vectors[:, 0]) > min(_EXPLAINED * ratio, MUCH_SLIP):
+    unique = values[0] < settings.max_scale_eigenvalue * values[1]
+    most = min(settings.max_remaining_slip * ratio, settings.max_slip)
+    if not unique or slip_ratio(wheel_speed, vectors[:, 0]) > most:
         return ""
     weights = vectors[:, 0] * np.sign(NO_SLIP)
     scale = weights / np.median(weights)
     odd = int(np.argmax(np.abs(np.log(np.maximum(np.abs(scale), 1e-9)))))
     others = np.delete(scale, odd)
-    if np.abs(others - 1).max() > 0.1:
+    if np.abs(others - 1).max() > settings.max_other_scale:
         return ""
     return f"velocity_{WHEELS[odd]} seems off by a factor: multiply it by {scale[odd]:.3g}"
 
@@ -158,23 +149,25 @@ def _turning(log: Log, limits: CheckLimits) -> Iterator[Finding]:
         return
     rate = limits.geometry.body_twist(log.velocity)[:, 2]
     if log.gyro_z is not None:
-        yield from _compare("gyro_z", log.gyro_z, rate, "rad/s", _DEGREES, "degrees a second")
+        unit = ("rad/s", _DEGREES, "degrees a second")
+        yield from _compare("gyro_z", log.gyro_z, rate, unit, limits.settings)
     if log.pose is not None:
-        stride = max(int(0.1 / log.dt), 1)
+        stride = max(int(limits.settings.pose_time / log.dt), 1)
         turned = np.diff(log.pose[::stride, 2])
         expected = np.diff(_integral(rate, log.dt)[::stride])
-        yield from _compare("pose_yaw", turned, expected, "rad", _DEGREES, "degrees")
+        unit = ("rad", _DEGREES, "degrees")
+        yield from _compare("pose_yaw", turned, expected, unit, limits.settings)
 
 
 def _travel(log: Log, limits: CheckLimits) -> Iterator[Finding]:
     """Way that the wheels roll against the way of the pose."""
     if log.pose is None:
         return
-    stride = max(int(0.1 / log.dt), 1)
+    stride = max(int(limits.settings.pose_time / log.dt), 1)
     speed = np.hypot(*limits.geometry.body_twist(log.velocity)[:, :2].T)
     expected = np.diff(_integral(speed, log.dt)[::stride])
     way = np.hypot(*np.diff(log.pose[::stride, :2], axis=0).T)
-    yield from _compare("pose_x", way, expected, "m", 1e3, "millimetres")
+    yield from _compare("pose_x", way, expected, ("m", 1e3, "millimetres"), limits.settings)
 
 
 def _integral(rate: NDArray[np.float64], dt: float) -> NDArray[np.float64]:
@@ -185,22 +178,26 @@ def _compare(
     column: str,
     measured: NDArray[np.float64],
     expected: NDArray[np.float64],
-    unit: str,
-    factor: float,
-    mistaken: str,
+    units: tuple[str, float, str],
+    settings: LogSettings,
 ) -> Iterator[Finding]:
-    """Ratio of a sensor to what the wheels say, where the wheels say something."""
+    """Ratio of a sensor to what the wheels say, where the wheels say something.
+
+    ``units``: the right one, the factor from it to one that is often mistaken for it, and that.
+    """
+    unit, factor, mistaken = units
+    far = settings.max_gain_ratio
     size = float(np.sqrt(np.mean(expected**2)))
-    if size < 1e-3:
+    if size < settings.min_compared_size:
         return
     gain = float(measured @ expected / (expected @ expected))
-    if factor / _FAR_OFF < abs(gain) < factor * _FAR_OFF:
+    if factor / far < abs(gain) < factor * far:
         cure = f"convert it to {unit}"
         yield Finding("error", f"looks like {mistaken}", column=column, cure=cure)
-    elif gain < -1 / _FAR_OFF:
+    elif gain < -1 / far:
         cure = "multiply it by -1, or check the signs of the left and right wheels"
         yield Finding("error", "runs against the wheels", column=column, cure=cure)
-    elif not 1 / _FAR_OFF < gain < _FAR_OFF:
+    elif not 1 / far < gain < far:
         cure = "check its unit, and signs and order of the wheels' columns"
         message = f"is {gain:.2g} times what the wheels say"
         yield Finding("warning", message, column=column, cure=cure)
@@ -213,12 +210,6 @@ CHECKS: tuple[Callable[[Log, CheckLimits], Iterator[Finding]], ...] = (
     _travel,
 )
 
-CLEAR = 1.5
-"""Times the noise from which on the identity is said to fail; noise is known to a few percent."""
-
-NEGLIGIBLE = 1e-3
-"""Ratio below which slip does not matter, however small the noise."""
-
 
 @dataclass(frozen=True)
 class Slip:
@@ -226,25 +217,24 @@ class Slip:
 
     ratio : share (root mean square) of the wheel speeds that no rigid motion explains
     noise : what white noise of the speeds alone would make of it
+    exceeds_noise : whether there is more than noise
     """
 
     ratio: float
     noise: float
-
-    @property
-    def exceeds_noise(self) -> bool:
-        """Whether there is more than noise."""
-        return self.ratio > max(CLEAR * self.noise, NEGLIGIBLE)
+    exceeds_noise: bool
 
     def to_dict(self) -> dict[str, float | bool]:
         """JSON form."""
-        return {**asdict(self), "exceeds_noise": self.exceeds_noise}
+        return asdict(self)
 
 
-def slip_of(log: Log) -> Slip | None:
+def slip_of(log: Log, settings: LogSettings = LogSettings()) -> Slip | None:
     """The identity on a log; None for a mechanism that has no such four wheels."""
     if tuple(log.joints) != WHEELS:
         return None
     usual = float(np.sqrt((log.velocity**2).sum(axis=1).mean()))
-    noise = float(np.sqrt((log.speed_noise**2).mean()))
-    return Slip(slip_ratio(log.velocity), noise / max(usual, 1e-300))
+    ratio = slip_ratio(log.velocity)
+    noise = float(np.sqrt((log.speed_noise**2).mean())) / max(usual, 1e-300)
+    exceeds = ratio > max(settings.slip_noise_ratio * noise, settings.negligible_slip)
+    return Slip(ratio, noise, exceeds)

@@ -8,7 +8,6 @@ from __future__ import annotations
 from collections.abc import Iterable
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -145,18 +144,6 @@ class Axis(Mechanism):
     ) -> AxisDemand:
         """Force that the logged motion demands at parameters theta (P,)."""
         return AxisDemand(self, np.asarray(theta, float), samples, like)
-
-    def fitted_model(self, fit: Any, **about: Any) -> Any:
-        """See :func:`identification.mechanisms.axis_model.fitted_axis_model`."""
-        from identification.mechanisms.axis_model import fitted_axis_model
-
-        return fitted_axis_model(self, fit, **about)
-
-    def warnings(self, model: Any) -> list[str]:
-        """See :func:`identification.mechanisms.axis_model.warnings_of`."""
-        from identification.mechanisms.axis_model import warnings_of
-
-        return warnings_of(model)
 
     def free_run(self, theta: Array, samples: AxisSamples) -> Array:
         """(N, 1) speed from the log's first sample, driven by its efforts alone.

@@ -11,12 +11,12 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from identification.fitting.least_squares import Fit
 from identification.logs.log import Log
 from identification.mechanisms.axis import Axis
 from identification.mechanisms.axis_dynamics import AxisStructure
 from identification.mechanisms.axis_effects import AXIS_BASE, AXIS_CATALOGUE, Scales, fitted_to
 from identification.mechanisms.axis_samples import typical
+from identification.mechanisms.mechanism import FitResult
 from identification.signals.filters import FilterSettings
 from youbot_env.errors import InputError
 from youbot_env.files import SCHEMA_VERSION, FileKind, write_json
@@ -127,7 +127,7 @@ def base_axis_model(logs: Sequence[Log], *, unit: str = "rad") -> AxisModel:
     return axis_model(axis, axis.default_theta)
 
 
-def fitted_axis_model(axis: Axis, fit: Fit, **about: Any) -> AxisModel:
+def fitted_axis_model(axis: Axis, fit: FitResult, **about: Any) -> AxisModel:
     """The model that a fit stands for; about: name, logs, errors, provenance.
 
     Raises

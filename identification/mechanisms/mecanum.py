@@ -8,27 +8,31 @@ speeds (VX/L, VY/L, W) [rad/s] as in the paper, so that all axes weigh alike.
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from functools import cached_property
-from typing import Any
+from functools import cached_property, partial
 
 import numpy as np
 from numpy.typing import NDArray
 
 from identification.logs.log import Log
+from identification.mechanisms.calibration_parts import Part, parts_of
 from identification.mechanisms.mecanum_force import MecanumForce
+from identification.mechanisms.mecanum_motions import expected_samples, library
 from identification.mechanisms.mecanum_samples import MecanumSamples, integral_of, samples_of
-from identification.mechanisms.mechanism import Mechanism, ParameterLabel
+from identification.mechanisms.mechanism import Experiment, Mechanism, ParameterLabel, labels_of
+from identification.mechanisms.paper_regressor import (
+    PAPER_ORDER,
+    force_scale,
+    motion_that_shows,
+    paper_scale,
+)
 from identification.signals.filters import FilterSettings
+from youbot_env.motions.base import Motion
 from youbot_env.physics import inverse_dynamics as dynamics
 from youbot_env.physics.effect import CATALOGUE, Parameter
 from youbot_env.physics.geometry import WHEELS, Geometry
 from youbot_env.physics.structure import ModelStructure
 
 Array = NDArray[np.float64]
-
-
-PAPER_ORDER = (0, 1, 4, 2, 3, 5, 6)
-"""theta's base parameters (m0, I0, m_aX, m_aY, I1, mu1, mu2) in the order of x1 ... x7."""
 
 
 @dataclass(frozen=True)
@@ -48,22 +52,10 @@ class Mecanum(Mechanism):
         """The same mechanism with other effects beside the base model."""
         return replace(self, structure=ModelStructure(effects))
 
-    def best_experiment(
-        self,
-        favourite: tuple[str, Mecanum, Array],
-        rivals: list[tuple[str, Mecanum, Array]],
-        noise: float,
-        seed: int,
-    ) -> dict[str, Any]:
-        """See :func:`identification.diagnosis.experiment_design.best_experiment`."""
-        from identification.diagnosis.experiment_design import best_experiment
-
-        return best_experiment(favourite, rivals, noise, seed)
-
     @cached_property
     def force_scale(self) -> Array:
         """(3,) factors that turn (F_X, F_Y, M_W) into (L F_X, L F_Y, M_W)."""
-        return np.array([self.geometry.L, self.geometry.L, 1.0])
+        return force_scale(self.geometry)
 
     @cached_property
     def speed_scale(self) -> Array:
@@ -73,13 +65,7 @@ class Mecanum(Mechanism):
     @cached_property
     def labels(self) -> tuple[ParameterLabel, ...]:
         """What is known of each parameter beforehand, in the order of theta."""
-        found = []
-        for item, _ in self.structure.slices:
-            for name in item.parameter_names:
-                parameter = item.parameter(name)
-                group = f"{item.name}.{parameter.name}" if parameter.relative_to else None
-                found.append(ParameterLabel(item.name, name, parameter, group))
-        return tuple(found)
+        return labels_of(self.structure)
 
     @cached_property
     def bounds(self) -> tuple[Array, Array]:
@@ -99,16 +85,7 @@ class Mecanum(Mechanism):
 
         Effects' parameters are scaled by their catalogue size.
         """
-        g = self.geometry
-        paper = {
-            "m0": g.L**2,
-            "I0": 1.0,
-            "I1": 4 * g.L**2 / g.R**2,
-            "m_aX": g.L,
-            "m_aY": g.L,
-            "mu1": 4 * g.L**2 / g.R**2,
-            "mu2": 8 * g.h**2 / g.r**2,
-        }
+        paper = paper_scale(self.geometry)
         return np.array(
             [paper.get(label.name, 1.0 / label.parameter.size) for label in self.labels]
         )
@@ -151,32 +128,28 @@ class Mecanum(Mechanism):
             torque=samples.torque + torque * rng.standard_normal(shape),
         )
 
-    def parts(self, samples: MecanumSamples) -> list[Any]:
+    def parts(self, samples: MecanumSamples) -> list[Part]:
         """Stretches that are judged apart: the calibration motions in the log."""
-        from identification.mechanisms.calibration_parts import parts_of
-
         return parts_of(samples)
 
     def advice(self, direction: Array) -> str:
         """What to record where the parameters' ``direction`` (F,) in x cannot be seen."""
-        from identification.fitting.observability import motion_that_shows
-
         return (
-            f"record motion {motion_that_shows(self, direction)} too "
+            f"record motion {motion_that_shows(self.geometry, direction)} too "
             f"(youbot record --motions, or drive it) and give both logs"
         )
 
-    def fitted_model(self, fit: Any, **about: Any) -> Any:
-        """See :func:`identification.fitting.physical_parameters.fitted_model`."""
-        from identification.fitting.physical_parameters import fitted_model
+    def motions(self, seed: int) -> list[Experiment]:
+        """Calibration motions, multisines and steps within the platform's limits."""
 
-        return fitted_model(self, fit, **about)
+        def expected(motion: Motion, theta: Array) -> MecanumSamples:
+            values = dict(zip(self.parameter_names, theta, strict=True))
+            return expected_samples(motion, self.geometry, values)
 
-    def warnings(self, model: Any) -> list[str]:
-        """See :func:`identification.fitting.plausibility.warnings_of`."""
-        from identification.fitting.plausibility import warnings_of
-
-        return warnings_of(model)
+        return [
+            Experiment(motion.name, motion.to_dict(), partial(expected, motion))
+            for motion in library(self.geometry, seed)
+        ]
 
     def free_run(self, theta: Array, samples: MecanumSamples) -> Array:
         """(N, 3) speeds (VX/L, VY/L, W) from the log's first sample, driven by its torques alone.
@@ -202,4 +175,4 @@ class Mecanum(Mechanism):
         self, theta: Array, samples: MecanumSamples, like: MecanumForce | None = None
     ) -> MecanumForce:
         """Generalised force that the logged motion demands at parameters theta (P,)."""
-        return MecanumForce(self, np.asarray(theta, float), samples, like)
+        return MecanumForce(self.structure, self.geometry, np.asarray(theta, float), samples, like)

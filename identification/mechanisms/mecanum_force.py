@@ -5,21 +5,21 @@ from __future__ import annotations
 from collections.abc import Iterable
 from dataclasses import replace
 from functools import cached_property
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from identification.mechanisms.mecanum_samples import INTERNAL, MecanumSamples, internal_of
+from identification.mechanisms.mechanism import labels_of
+from identification.mechanisms.paper_regressor import force_scale
 from identification.signals.filters import slope_ends
 from identification.signals.resampling import RATE_SMOOTHING, moved, smoothed
 from youbot_env.physics import inverse_dynamics as dynamics
 from youbot_env.physics.effect import BASE, CHANNEL, Effect
-from youbot_env.physics.geometry import Triple, allocate, body_force
+from youbot_env.physics.geometry import Geometry, Triple, allocate, body_force
 from youbot_env.physics.points import EffectPoints, Instant, component_wrench
-
-if TYPE_CHECKING:
-    from identification.mechanisms.mecanum import Mecanum
+from youbot_env.physics.structure import ModelStructure
 
 Array = NDArray[np.float64]
 
@@ -45,17 +45,20 @@ class MecanumForce:
 
     def __init__(
         self,
-        mechanism: Mecanum,
+        structure: ModelStructure,
+        geometry: Geometry,
         theta: Array,
         samples: MecanumSamples,
         like: MecanumForce | None = None,
     ) -> None:
-        self.mechanism, self.theta, self.samples = mechanism, theta, samples
+        self.structure, self.geometry = structure, geometry
+        self.theta, self.samples = theta, samples
+        self.labels = labels_of(structure)
         self.instant = like.instant if like else self._instant()
-        known = like is not None and like.mechanism.structure.depends_on_load
-        if mechanism.structure.depends_on_load and not known:
+        known = like is not None and like.structure.depends_on_load
+        if structure.depends_on_load and not known:
             torque = dynamics.acting_torque(
-                *(np, mechanism.structure, mechanism.geometry, theta, self.instant),
+                *(np, structure, geometry, theta, self.instant),
                 internal=tuple(part * self._acting_internal(theta) for part in INTERNAL),
                 tolerance=1e-10,
             )
@@ -83,7 +86,7 @@ class MecanumForce:
         return sum(
             (
                 self._component(item, self.theta[where], self._points)
-                for item, where in self.mechanism.structure.wrenches
+                for item, where in self.structure.wrenches
             ),
             start=np.zeros((2, len(self.samples) - 1, 3)),
         )
@@ -93,7 +96,7 @@ class MecanumForce:
 
     def _scaled(self, force: Triple) -> Array:
         shape = (2, len(self.samples) - 1)
-        scale = self.mechanism.force_scale
+        scale = force_scale(self.geometry)
         out = np.empty((*shape, 3))
         for i in range(3):
             np.multiply(force[i], scale[i], out=out[..., i])
@@ -101,7 +104,7 @@ class MecanumForce:
 
     def _unscaled(self, force: Array) -> Triple:
         """(F_X, F_Y, M_W) [N, N, N m] of a scaled force (..., 3)."""
-        return tuple(np.moveaxis(force / self.mechanism.force_scale, -1, 0))  # type: ignore
+        return tuple(np.moveaxis(force / force_scale(self.geometry), -1, 0))  # type: ignore
 
     @cached_property
     def _losses(self) -> Rows3 | None:
@@ -109,7 +112,7 @@ class MecanumForce:
 
         None where no effect reads the torque.
         """
-        structure, geometry = self.mechanism.structure, self.mechanism.geometry
+        structure, geometry = self.structure, self.geometry
         if not structure.depends_on_load:
             return None
         slopes = self._loss_slopes
@@ -130,10 +133,8 @@ class MecanumForce:
             torque = list(self.instant.torque)
             torque[wheel] = torque[wheel] + shift
             at = replace(self.instant, torque=tuple(torque))
-            points = EffectPoints(
-                np, self.mechanism.geometry, self.theta, at, self.mechanism.structure.carriers
-            )
-            readers = self.mechanism.structure.load_readers
+            points = EffectPoints(np, self.geometry, self.theta, at, self.structure.carriers)
+            readers = self.structure.load_readers
             forces = [component_wrench(np, r, self.theta[where], points) for r, where in readers]
             ends.append(np.sum(forces, axis=0))
         return (ends[0] - ends[1]) / (2 * LOAD_STEP)
@@ -146,13 +147,13 @@ class MecanumForce:
 
     def _finish(self, force: Array, theta: Array) -> Array:
         """From the force that acts to the force of the interface torque."""
-        delay = dynamics.torque_delay(np, self.mechanism.structure, theta)
+        delay = dynamics.torque_delay(np, self.structure, theta)
         # What acts at t + delay was logged at t. The measured side stays as it is: to shift or
         # filter it would shrink its noise and make any delay look good.
         return moved(self._interface(force, theta), float(delay) / self.samples.dt)
 
     def _interface(self, force: Array, theta: Array) -> Array:
-        structure, geometry = self.mechanism.structure, self.mechanism.geometry
+        structure, geometry = self.structure, self.geometry
         if structure.only_wrenches:
             return force
         torque = allocate(geometry, self._unscaled(force))
@@ -170,9 +171,7 @@ class MecanumForce:
         Where gains differ by wheel, torques that seem to cancel do not.
         """
         more = tuple(torque + part for torque, part in zip(at.torque, INTERNAL, strict=True))
-        along = dynamics.interface_torque(
-            np, self.mechanism.structure, theta, replace(at, torque=more)
-        )
+        along = dynamics.interface_torque(np, self.structure, theta, replace(at, torque=more))
         way = [b - a for a, b in zip(logged, along, strict=True)]
         lacking = self._internal - INTERNAL @ np.stack(logged, axis=1) / 4.0
         amount = lacking / (INTERNAL @ np.stack(way, axis=1) / 4.0)
@@ -185,7 +184,7 @@ class MecanumForce:
 
     def _acting_internal(self, theta: Array) -> Array:
         """The same of the torques behind the channels: what acts there loads the wheels."""
-        s, structure = self.samples, self.mechanism.structure
+        s, structure = self.samples, self.structure
         if not structure.at(CHANNEL):
             return self._internal
         true = dynamics.channel_torque(np, structure, theta, tuple(s.torque.T), s.time)
@@ -193,7 +192,7 @@ class MecanumForce:
 
     def _rates(self, torque: tuple[Array, ...]) -> tuple[Array, ...]:
         """Rates of the acting torques: differences between smoothed samples."""
-        if not self.mechanism.structure.has_actuator:
+        if not self.structure.has_actuator:
             return torque  # nobody asks
         rates = []
         for value in torque:
@@ -213,9 +212,9 @@ class MecanumForce:
         return np.stack([self._column(int(i)) for i in indices])
 
     def _column(self, index: int) -> Array:
-        structure = self.mechanism.structure
+        structure = self.structure
         item, where = next(row for row in structure.slices if index < row[1].stop)
-        step = self.mechanism.labels[index].parameter.difference
+        step = self.labels[index].parameter.difference
         if item.acts_at.kind != "wrench":
             theta = np.tile(self.theta, (2, 1))
             theta[:, index] += (step, -step)
@@ -234,7 +233,7 @@ class MecanumForce:
 
         What acts behind the channels loads the wheels, internal torques with the rest.
         """
-        structure = self.mechanism.structure
+        structure = self.structure
         if not (structure.depends_on_load and structure.at(CHANNEL)):
             return 0.0
         moved = self._acting_internal(ahead) - self._acting_internal(behind)
@@ -246,8 +245,9 @@ class MecanumForce:
         """d (body force) / d theta[index], from the components alone that the parameter enters."""
         if self._stands_alone(owner, index):
             # Linear: the force of this parameter alone is its column, times its size.
-            size = self.mechanism.labels[index].parameter.size
-            values = np.where(self.mechanism.free, 0.0, self.theta)
+            size = self.labels[index].parameter.size
+            shapes = [label.parameter.is_shape for label in self.labels]
+            values = np.where(shapes, self.theta, 0.0)
             values[index] = size
             return self._component(owner, values[where], self._points) / size
         ahead, behind = (self._entered(owner, index, sign * step) for sign in (1.0, -1.0))
@@ -255,22 +255,22 @@ class MecanumForce:
 
     def _stands_alone(self, owner: Effect, index: int) -> bool:
         """Whether a parameter enters one component alone, and linearly."""
-        structure = self.mechanism.structure
+        structure = self.structure
         if owner.name in BASE and structure.base_readers:
             return False
-        linear = owner.name not in structure.nonlinear and bool(self.mechanism.free[index])
+        linear = owner.name not in structure.nonlinear and not self.labels[index].parameter.is_shape
         return linear and owner.carries is None
 
     def _entered(self, owner: Effect, index: int, shift: float) -> Array:
         """With one parameter moved, the force of the components that it enters, alone."""
-        structure = self.mechanism.structure
+        structure = self.structure
         theta = self.theta.copy()
         theta[index] += shift
         if owner.name not in BASE and owner.carries is None:
             where = next(place for item, place in structure.slices if item is owner)
             return self._component(owner, theta[where], self._points)
         changed = {owner.name, *structure.base_readers}
-        points = EffectPoints(np, self.mechanism.geometry, theta, self.instant, structure.carriers)
+        points = EffectPoints(np, self.geometry, theta, self.instant, structure.carriers)
         return sum(
             (
                 self._component(item, theta[where], points)
@@ -282,5 +282,5 @@ class MecanumForce:
 
     @cached_property
     def _points(self) -> EffectPoints:
-        structure, geometry = self.mechanism.structure, self.mechanism.geometry
+        structure, geometry = self.structure, self.geometry
         return EffectPoints(np, geometry, self.theta, self.instant, structure.carriers)

@@ -6,7 +6,7 @@ Residuals, columns, fits, free runs, candidates and reports work on whatever der
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from functools import cached_property
 from typing import Any, NamedTuple, Protocol, Self
 
@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 
 from identification.logs.log import Log
 from youbot_env.physics.effect import Parameter, Registry
+from youbot_env.physics.structure import Composition
 
 Array = NDArray[np.float64]
 
@@ -26,6 +27,30 @@ class ParameterLabel(NamedTuple):
     name: str
     parameter: Parameter
     group: str | None
+
+
+def labels_of(structure: Composition) -> tuple[ParameterLabel, ...]:
+    """What is known of each parameter of a structure beforehand, in the order of theta."""
+    found = []
+    for item in structure.components:
+        for name in item.parameter_names:
+            parameter = item.parameter(name)
+            group = f"{item.name}.{parameter.name}" if parameter.relative_to else None
+            found.append(ParameterLabel(item.name, name, parameter, group))
+    return tuple(found)
+
+
+class FitResult(Protocol):
+    """What a model is made of: theta (P,), the fitted ones' indices (F,), covariance and std."""
+
+    @property
+    def theta(self) -> Array: ...
+    @property
+    def free(self) -> NDArray[np.intp]: ...
+    @property
+    def covariance(self) -> Array: ...
+    @property
+    def std(self) -> Array: ...
 
 
 class Samples(Protocol):
@@ -43,6 +68,18 @@ class Samples(Protocol):
     @property
     def channels(self) -> tuple[Array, Array]: ...
     def __len__(self) -> int: ...
+
+
+class Experiment(NamedTuple):
+    """A motion that could be recorded.
+
+    name, content : of the motion, as its file holds it
+    samples(theta) : what a log of it would hold at parameters theta (P,), without noise
+    """
+
+    name: str
+    content: Mapping[str, Any]
+    samples: Callable[[Array], Samples]
 
 
 class DemandedForce(Protocol):
@@ -153,6 +190,13 @@ class Mechanism(Protocol):
         """
         ...
 
+    def motions(self, seed: int, /) -> Sequence[Experiment]:
+        """Motions that could be recorded next, for a diagnosis to choose from; () if none is known.
+
+        ``seed``: of those that are random.
+        """
+        return ()
+
     def free_run(self, theta: Array, samples: Any, /) -> Array:
         """(N, A) speed from the log's first sample, driven by its efforts alone."""
         ...
@@ -163,12 +207,4 @@ class Mechanism(Protocol):
 
     def advice(self, direction: Array, /) -> str:
         """What to record where the free parameters' ``direction`` (F,) cannot be seen."""
-        ...
-
-    def fitted_model(self, fit: Any, /, **about: Any) -> Any:
-        """The model that a fit stands for; about: name, logs, errors, provenance."""
-        ...
-
-    def warnings(self, model: Any, /) -> list[str]:
-        """Plain sentences on what is implausible or barely observable in a model."""
         ...

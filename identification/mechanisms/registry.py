@@ -9,8 +9,10 @@ from functools import cache
 from typing import TYPE_CHECKING, Any
 
 from identification.logs.log import AXIS, Log
+from identification.mechanisms import plausibility
 from identification.mechanisms.mecanum import Mecanum
 from identification.mechanisms.mechanism import Mechanism
+from identification.mechanisms.physical_parameters import fitted_model
 from identification.mechanisms.quantities import Quantities, of_axis, of_platform
 from youbot_env.errors import InputError
 from youbot_env.model.model import Model
@@ -36,7 +38,9 @@ class MechanismKind:
 
     model: its class; joints: of its logs; build(model, geometry); start(logs, unit): base model
     to fit; read(data, source): from a model file's content; save(path, model);
-    quantities(model, geometry): symbols and units of what is measured
+    quantities(model, geometry): symbols and units of what is measured;
+    fitted_model(mechanism, fit, **about): the model that a fit stands for; about: name, logs,
+    errors, provenance; warnings(model): plain sentences on what is implausible or barely observable
     """
 
     model: type
@@ -46,6 +50,8 @@ class MechanismKind:
     read: Callable[[Mapping[str, Any], str], Any]
     save: Callable[[str | os.PathLike[str], Any], None]
     quantities: Callable[[Any, Geometry | None], Quantities]
+    fitted_model: Callable[..., Any]
+    warnings: Callable[[Any], list[str]]
 
 
 def _mecanum() -> MechanismKind:
@@ -57,6 +63,8 @@ def _mecanum() -> MechanismKind:
         model_from_dict,
         save_model,
         lambda model, geometry: of_platform(geometry or model.geometry),
+        fitted_model,
+        plausibility.warnings_of,
     )
 
 
@@ -67,7 +75,9 @@ def _axis() -> MechanismKind:
         AxisModel,
         axis_from_dict,
         base_axis_model,
+        fitted_axis_model,
         save_axis_model,
+        warnings_of,
     )
 
     def build(model: Any, geometry: Geometry | None) -> Mechanism:
@@ -83,6 +93,8 @@ def _axis() -> MechanismKind:
         axis_from_dict,
         save_axis_model,
         lambda model, geometry: of_axis(model),
+        fitted_axis_model,
+        warnings_of,
     )
 
 

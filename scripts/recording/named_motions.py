@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import re
 import zlib
 from collections.abc import Iterable
@@ -12,8 +11,9 @@ from typing import Any
 import numpy as np
 
 from youbot_env.errors import InputError
+from youbot_env.files import read_json
 from youbot_env.model.model import Model
-from youbot_env.motions.base import Motion, motion_from_dict
+from youbot_env.motions.base import MOTION_FILE, Motion
 from youbot_env.motions.calibration import calibration, motion_i, motion_ii, motion_iii, motion_iv
 from youbot_env.motions.multisine import multisine
 from youbot_env.physics.effect import CATALOGUE, Effect
@@ -75,17 +75,7 @@ def _motion_named(name: str, geometry: Geometry, seed: int) -> Motion:
 
 
 def _motion_from_file(path: Path) -> Motion:
-    try:
-        description = json.loads(path.read_text("utf-8"))
-    except OSError as error:
-        raise InputError(f"{path}: cannot be read: {error.strerror or error}") from None
-    except (ValueError, RecursionError) as error:
-        where = f"row {error.lineno}: " if isinstance(error, json.JSONDecodeError) else ""
-        raise InputError(f"{path}: {where}not valid JSON; a motion file is needed") from None
-    try:
-        motion = motion_from_dict(description)
-    except InputError as error:
-        raise InputError(f"{path}: {error}") from None
+    motion = read_json(path, MOTION_FILE)
     if not _SAFE_NAME.fullmatch(motion.name):
         raise InputError(
             f"{path}: motion name {motion.name!r} cannot name a file; use letters, digits, _ and -"

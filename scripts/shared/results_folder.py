@@ -14,12 +14,26 @@ from typing import Any, TypeVar
 
 from identification.diagnosis.threads import THREADS
 from youbot_env.errors import InputError
+from youbot_env.files import FileKind, read_bytes, write_atomically
 
 Record = dict[str, Any]
 Item = TypeVar("Item")
 
 RESULTS = "results.jsonl"
 """File of a folder of results: one record a line."""
+
+MAX_RESULTS = 1 << 30
+"""Size of that file [bytes]: a record has about 1 KiB, the largest of `youbot bench` 50 KiB."""
+
+RECORD = FileKind(
+    "a result",
+    {"type": "object"},
+    lambda content, source: content,
+    version=None,
+    # A loop that diverged, or a diagnosis without a scale, has numbers that are none.
+    may_hold_nan=True,
+)
+"""One line of the file. Which fields it has is a matter of who wrote it."""
 
 
 def plain(record: Record) -> Record:
@@ -44,20 +58,21 @@ def read_results(
     path = folder / RESULTS
     if not path.exists():
         return {}
-    try:
-        text = path.read_text("utf-8")
-    except (OSError, UnicodeDecodeError) as error:
-        raise InputError(f"{path}: cannot be read ({error}); name another folder") from None
-    whole = text[: text.rfind("\n") + 1]
+    content = read_bytes(path, MAX_RESULTS)
+    whole = content[: content.rfind(b"\n") + 1]
     found = {}
     for row, line in enumerate(whole.splitlines(), 1):
+        source = f"{path}: row {row}"
         try:
-            record = json.loads(line)
+            record = RECORD.from_text(line, source)
             found[key(record)] = record
-        except (ValueError, KeyError, TypeError):
-            raise InputError(f"{path}: row {row}: not a {what}; name another folder") from None
-    if whole != text:
-        path.write_text(whole, "utf-8")
+        except InputError as error:
+            cause = str(error).removeprefix(f"{source}: ")
+            raise InputError(f"{source}: not a {what} ({cause}); name another folder") from None
+        except (KeyError, TypeError):
+            raise InputError(f"{source}: not a {what}; name another folder") from None
+    if whole != content:
+        write_atomically(path, whole)
     return found
 
 

@@ -89,7 +89,7 @@ def export_policy(
     Parameters
     ----------
     model : PPO, SAC or TD3 with a plain "MlpPolicy"
-    path : of the description, NAME.json; the weights go to NAME.npz beside it
+    path : of the description, NAME.json; the weights go to NAME.safetensors beside it
     features, mix : see ``network_of``; None where the model was trained on the environment as it is
 
     Raises

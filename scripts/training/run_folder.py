@@ -5,20 +5,20 @@ Checkpoints are read with torch's ``weights_only``, so resuming a run from elsew
 
 from __future__ import annotations
 
-import json
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 from pathlib import Path
 from typing import Any
 
 import torch
 
 from youbot_env.errors import InputError
-from youbot_env.files import atomic_path
+from youbot_env.files import FileKind, Schema, atomic_path, read_json
 from youbot_env.model.model import Model
 from youbot_env.model.model_file import model_from_dict, model_to_dict
 from youbot_scripts.shared import options as common
-from youbot_scripts.training.settings import Choice, choice_from_dict
+from youbot_scripts.training.conditions import Conditions
+from youbot_scripts.training.settings import Choice, Learner, choice_from_dict
 
 
 @dataclass(frozen=True)
@@ -74,16 +74,11 @@ class RunFolder:
         Raises
         ------
         InputError
-            If there is none.
+            If there is none, or its settings cannot be read: file, path in it and cause.
         """
-        try:
-            data = json.loads(self.settings.read_text("utf-8"))
-            choice, command = choice_from_dict(data["choice"]), str(data["command"])
-            return choice, model_from_dict(data["model"], str(self.settings)), command
-        except OSError:
-            raise InputError(f"{self.path}: holds no run to resume (no run.json)") from None
-        except (ValueError, KeyError, TypeError, RecursionError) as error:
-            raise InputError(f"{self.settings}: cannot be resumed: {error}") from None
+        if not self.settings.exists():
+            raise InputError(f"{self.path}: holds no run to resume (no run.json)")
+        return read_json(self.settings, RUN_FILE)
 
     def save(self, state: Mapping[str, Any], replay: Mapping[str, Any] | None) -> None:
         """Write a checkpoint: complete or not at all. The replay comes first."""
@@ -114,3 +109,58 @@ def _tensors(path: Path) -> dict[str, Any] | None:
     if not isinstance(found, dict):
         raise InputError(f"{path}: no checkpoint of a run")
     return found
+
+
+def _run(content: dict[str, Any], source: str) -> tuple[Choice, Model, str]:
+    model = model_from_dict(content["model"], f"{source}: model")
+    return choice_from_dict(content["choice"]), model, str(content["command"])
+
+
+def _fields_of(kind: type, required: list[str], **known: Schema) -> Schema:
+    """An object with fields of a dataclass and no others; what is known of some of them."""
+    names: dict[str, Schema] = {field.name: {} for field in fields(kind)}
+    return {
+        "type": "object",
+        "properties": names | known,
+        "required": required,
+        "additionalProperties": False,
+    }
+
+
+COUNT: Schema = {"type": "integer", "minimum": 1}
+TABLE: Schema = {"type": "object"}
+
+RUN_FILE = FileKind(
+    "a run of `youbot train`",
+    {
+        "type": "object",
+        "properties": {
+            "choice": _fields_of(
+                Choice,
+                # What has a default may be missing: runs of earlier versions knew less.
+                ["algorithm", "learner", "conditions", "effects"],
+                algorithm={"type": "string"},
+                learner=_fields_of(
+                    Learner,
+                    ["steps", "envs", "learning", "policy"],
+                    steps=COUNT,
+                    envs=COUNT,
+                    evaluations=COUNT,
+                    learning=TABLE,
+                    policy=TABLE,
+                    conditions=TABLE,
+                ),
+                conditions=_fields_of(Conditions, []),
+                effects={"type": "array", "items": {"type": "string"}},
+                base={"type": ["string", "null"]},
+                share={"type": "number"},
+                seed={"type": "integer"},
+            ),
+            "model": TABLE,
+            "command": {},
+        },
+        "required": ["choice", "model", "command"],
+    },
+    _run,
+    version=None,
+)

@@ -166,7 +166,7 @@ def test_a_saturated_loop_is_told(tmp_path: Path, capsys):
         (["--motions", "I,I"], "two are named 'I'"),
         (["--motions", "multisine/../../x"], "not known"),
         (["--motions", "gone.json"], "gone.json: cannot be read: No such file"),
-        (["--motions", "BAD"], "bad.json: row 1: not valid JSON"),
+        (["--motions", "BAD"], "bad.json: row 1, column 2: not valid JSON"),
         (["--motions", "EMPTY"], "empty.json: motion kind: None"),
         (["--motions", "EVIL"], "evil.json: motion name '../evil' cannot name a file"),
         (["--effect", "magic"], "unknown effect 'magic'"),

@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from youbot_env.errors import InputError, finite
+from youbot_env.files import FileKind
 
 Array = NDArray[np.float64]
 
@@ -172,3 +173,12 @@ def motion_from_dict(description: Mapping[str, Any]) -> Motion:
 def sample(motion: Motion, dt: float, n: int) -> Array:
     """Twists (n, 3) [m/s, m/s, rad/s] at times 0, dt, ..., (n - 1) dt [s]."""
     return motion.twist(finite("sample step dt", dt, positive=True) * np.arange(n))
+
+
+MOTION_FILE = FileKind(
+    "a motion file",
+    {"type": "object"},
+    lambda content, source: motion_from_dict(content),
+    version=None,
+)
+"""A file that holds one motion. Its fields are those of the motion's kind, which checks them."""

@@ -5,16 +5,19 @@ from __future__ import annotations
 import hashlib
 import io
 import json
+import pickle
 import subprocess
 import sys
 import time
 import zipfile
+from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
+import safetensors.numpy as safetensors
 
 from controllers.interface import Controller, Loop, Observation, Reference
 from controllers.kinematic import KinematicControl
@@ -200,8 +203,14 @@ def test_needs_the_controller_that_it_was_trained_on():
         Policy(network(Layout(SCALE)), Description("x", Layout(SCALE)), KinematicControl())
 
 
+Saved = tuple[Path, Path]
+"""Description and weights of a policy on disk."""
+
+Damage = Callable[[Saved], Any]
+
+
 @pytest.fixture
-def saved(tmp_path) -> tuple[Path, Path]:
+def saved(tmp_path) -> Saved:
     trial = policy()
     described = replace(trial.description, training={"seed": 3, "nan": float("nan")})
     return save_policy(tmp_path / "trial.json", trial.network, described)
@@ -214,7 +223,10 @@ def test_what_was_saved_is_loaded_to_the_bit(saved, tmp_path):
     assert described.training == {"seed": 3, "nan": None}
     seen = np.random.default_rng(0).uniform(-1, 1, (20, 25))
     assert np.array_equal(found.actions(seen), trial.network.actions(seen))
-    assert sorted(path.name for path in tmp_path.iterdir()) == ["trial.json", "trial.npz"]
+    assert sorted(path.name for path in tmp_path.iterdir()) == [
+        "trial.json",
+        "trial.safetensors",
+    ]
 
 
 def test_a_file_on_top_of_a_controller_is_built_with_it(tmp_path):
@@ -241,7 +253,17 @@ def test_another_control_rate_is_refused(saved):
         build_policy(saved[0], load_model("paper"), Loop(sample_time=0.002))
 
 
-def repacked(arrays: dict[str, Any]) -> bytes:
+def as_npz(saved: Saved) -> Saved:
+    """The same policy as older versions wrote it."""
+    path, weights = saved
+    arrays = safetensors.load(weights.read_bytes())
+    weights.unlink()
+    old = path.with_suffix(".npz")
+    rehash((path, old), npz(arrays))
+    return path, old
+
+
+def npz(arrays: dict[str, Any]) -> bytes:
     stream = io.BytesIO()
     np.savez(stream, **arrays)  # pyright: ignore[reportArgumentType]
     return stream.getvalue()
@@ -257,18 +279,48 @@ class Evil:
         return open, (str(self.mark), "w")
 
 
-def swap(saved, **changes) -> None:
-    """Change arrays, and the description's hash with them."""
+def swap(saved: Saved, **changes: Any) -> None:
+    """Change arrays, and the description's hash with them; None removes one."""
     path, weights = saved
-    with np.load(weights) as held:
-        arrays = {name: held[name] for name in held.files} | changes
-    rehash((path, weights), repacked({k: v for k, v in arrays.items() if v is not None}))
+    if weights.suffix == ".npz":
+        with np.load(weights) as held:
+            arrays = {name: held[name] for name in held.files}
+    else:
+        arrays = safetensors.load(weights.read_bytes())
+    kept = {key: value for key, value in (arrays | changes).items() if value is not None}
+    rehash(saved, npz(kept) if weights.suffix == ".npz" else safetensors.save(kept))
 
 
-def rehash(saved, content: bytes) -> None:
+def rehash(saved: Saved, content: bytes) -> None:
     path, weights = saved
     weights.write_bytes(content)
     edit(path, weights_sha256=hashlib.sha256(content).hexdigest())
+
+
+def header(change: Callable[[dict[str, Any]], Any]) -> Damage:
+    """Change what a safetensors file says of its arrays."""
+
+    def damage(saved: Saved) -> None:
+        content = saved[1].read_bytes()
+        size = int.from_bytes(content[:8], "little")
+        told = json.loads(content[8 : 8 + size])
+        change(told)
+        text = json.dumps(told).encode()
+        rehash(saved, len(text).to_bytes(8, "little") + text + content[8 + size :])
+
+    return damage
+
+
+def raw(change: Callable[[bytes], bytes]) -> Damage:
+    return lambda saved: rehash(saved, change(saved[1].read_bytes()))
+
+
+def overlapping(told: dict[str, Any]) -> None:
+    told["bias_0"]["data_offsets"] = told["bias_1"]["data_offsets"]
+
+
+def huge(told: dict[str, Any]) -> None:
+    told["bias_0"]["shape"] = [2**40, 2**40]
 
 
 def edit(path, **changes) -> None:
@@ -294,23 +346,48 @@ def pickled(saved) -> None:
     swap(saved, bias_0=evil)
 
 
-BROKEN = {
-    "a bit flipped": (lambda s: s[1].write_bytes(s[1].read_bytes()[:-1] + b"x"), "sha256"),
+UNREADABLE = "not a safetensors file"
+
+BROKEN_NPZ: dict[str, tuple[Damage, str]] = {
     "pickled": (pickled, "could run code"),
     "bomb": (bomb, "unpacks to more"),
-    "too large": (lambda s: s[1].write_bytes(bytes(MAX_WEIGHTS + 1)), "larger than"),
     "no zip": (lambda s: rehash(s, b"weights"), "not an npz"),
+}
+
+BROKEN_WEIGHTS: dict[str, tuple[Damage, str]] = {
+    "a bit flipped": (lambda s: s[1].write_bytes(s[1].read_bytes()[:-1] + b"x"), "sha256"),
+    "too large": (lambda s: s[1].write_bytes(bytes(MAX_WEIGHTS + 1)), "larger than"),
     "NaN": (lambda s: swap(s, bias_0=np.full(8, np.nan, np.float32)), "bias_0 holds NaN"),
     "shape": (lambda s: swap(s, bias_1=np.zeros(5, np.float32)), r"bias_1 is float32 \(5,\)"),
     "dtype": (lambda s: swap(s, bias_1=np.zeros(6)), "bias_1 is float64"),
     "array missing": (lambda s: swap(s, mix=None), "'mix' is missing"),
     "array unknown": (lambda s: swap(s, extra=np.zeros(2)), "'extra' is not known"),
+}
+
+BROKEN: dict[str, tuple[Damage, str]] = {
+    **BROKEN_WEIGHTS,
+    "empty": (raw(lambda content: b""), UNREADABLE),
+    "cut in its header": (raw(lambda content: content[:50]), UNREADABLE),
+    "cut in its numbers": (raw(lambda content: content[:-3]), UNREADABLE),
+    "more behind": (raw(lambda content: content + bytes(8)), UNREADABLE),
+    "header beyond the end": (raw(lambda c: (1 << 20).to_bytes(8, "little") + c[8:]), UNREADABLE),
+    "header of 2^63": (raw(lambda c: (1 << 63).to_bytes(8, "little") + c[8:]), UNREADABLE),
+    "header no JSON": (raw(lambda c: c[:8] + b"x" + c[9:]), UNREADABLE),
+    "arrays overlap": (header(overlapping), UNREADABLE),
+    "a huge array": (header(huge), UNREADABLE),
+    "unknown type": (header(lambda told: told["bias_0"].update(dtype="C128")), UNREADABLE),
+    "type that numpy lacks": (
+        header(lambda told: told["bias_0"].update(dtype="BF16", shape=[16])),
+        f"{UNREADABLE}|bias_0 is",  # which of the two depends on what else is installed
+    ),
+    "pickled": (lambda s: rehash(s, pickle.dumps(Evil(s[0].with_name("ran")))), UNREADABLE),
+    "an npz by the new name": (lambda s: rehash(s, npz({"mix": np.eye(4)})), UNREADABLE),
     "no weights": (lambda s: s[1].unlink(), "cannot be read"),
     "no JSON": (lambda s: s[0].write_text("{"), "not valid JSON"),
     "no object": (lambda s: s[0].write_text("[1]"), "must be a JSON object"),
     "deep": (lambda s: s[0].write_text("[" * 100_000), "not valid JSON"),
     "version": (lambda s: edit(s[0], schema_version=2), "schema_version is 2"),
-    "key unknown": (lambda s: edit(s[0], extra=1), "'extra' is not known"),
+    "key unknown": (lambda s: edit(s[0], extra=1), "unknown key 'extra'"),
     "layers": (nested("network", layers=[15]), "network.layers"),
     "huge layers": (nested("network", layers=[15, 10**12, 3]), "network.layers"),
     "activation": (nested("network", activation="exec"), "activation"),
@@ -331,6 +408,27 @@ def test_a_broken_file_is_refused_with_one_line(saved, name):
         load_policy(saved[0])
     assert "\n" not in str(caught.value) and str(saved[0].parent) in str(caught.value)
     assert not saved[0].with_name("ran").exists()
+
+
+@pytest.mark.parametrize("name", BROKEN_NPZ | BROKEN_WEIGHTS)
+def test_broken_weights_of_older_versions_are_refused_with_one_line(saved, name):
+    damage, message = (BROKEN_NPZ | BROKEN_WEIGHTS)[name]
+    old = as_npz(saved)
+    damage(old)
+    with pytest.raises(InputError, match=message) as caught:
+        load_policy(old[0])
+    assert "\n" not in str(caught.value) and str(old[0].parent) in str(caught.value)
+    assert not old[0].with_name("ran").exists()
+
+
+def test_weights_of_older_versions_are_read_to_the_bit(saved):
+    now, described = load_policy(saved[0])
+    before, same = load_policy(as_npz(saved)[0])
+    assert same == described
+    for new, old in zip(now.layers, before.layers, strict=True):
+        assert all(a.tobytes() == b.tobytes() for a, b in zip(new, old, strict=True))
+    assert now.features.tobytes() == before.features.tobytes()
+    assert now.mix.tobytes() == before.mix.tobytes()
 
 
 def test_an_unknown_name_is_refused():

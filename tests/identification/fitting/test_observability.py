@@ -3,17 +3,21 @@
 import numpy as np
 import pytest
 
+from identification.fitting.ideal_motions import motion_observability
 from identification.fitting.identify import identify
 from identification.fitting.observability import (
     block_estimates,
     log_observability,
-    motion_observability,
-    motion_that_shows,
     observability,
 )
 from identification.fitting.regression_rows import Rows, regression_rows
 from identification.mechanisms.calibration_parts import parts_of
-from identification.mechanisms.mecanum import PAPER_ORDER, Mecanum
+from identification.mechanisms.mecanum import Mecanum
+from identification.mechanisms.paper_regressor import (
+    PAPER_ORDER,
+    ideal_columns,
+    motion_that_shows,
+)
 from tests.identification.recordings import recording
 from youbot_env.errors import InputError
 from youbot_env.model.model_file import load_model
@@ -111,12 +115,10 @@ def test_a_block_is_estimated_where_others_are_blind():
 
 def test_own_columns_suffice_for_a_block_of_an_ideal_motion():
     """What spoils another block leaves this one alone: the benefit of estimating by blocks."""
-    from identification.fitting.observability import ideal_columns
-
     motion = motion_i()
     (start, end), period = whole_periods(motion)
     time = np.arange(start, end - 1e-9, period / 400)
-    columns = ideal_columns(ENGINE, motion.twist(time), motion.acceleration(time))
+    columns = ideal_columns(ENGINE.geometry, motion.twist(time), motion.acceleration(time))
     x = (PAPER.theta * ENGINE.scale)[list(PAPER_ORDER)]
     measured = np.einsum("naf,f->na", columns, x)
     wrong = measured + 3.0 * columns[..., 2]  # an inertia that no model knows of
@@ -129,7 +131,7 @@ def test_what_a_log_cannot_show_is_said_with_the_motion_that_would_show_it():
     with pytest.raises(InputError, match=r"cannot show .*x2.*record motion (I|II|IV)\b"):
         identify([recording("III")])
     direction = np.array([1, 1, 0, 0, 1, 0, 0]) / np.sqrt(3)
-    assert motion_that_shows(ENGINE, direction) in ("II", "III", "IV")
+    assert motion_that_shows(ENGINE.geometry, direction) in ("II", "III", "IV")
 
 
 def test_a_column_of_noise_is_not_taken_for_information():

@@ -6,9 +6,9 @@ import pytest
 from identification.fitting.errors import Squares, force_traces, velocity_traces
 from identification.fitting.identify import identify
 from identification.fitting.least_squares import fit
-from identification.fitting.physical_parameters import fitted_model
 from identification.logs.reading import read_log
 from identification.mechanisms.mecanum import Mecanum
+from identification.mechanisms.physical_parameters import fitted_model
 from tests.identification.recordings import recording
 from tests.identification.shared_data import DATA, needs_data, theta, truth
 from youbot_env.model.model_file import load_model, model_from_dict, model_to_dict

@@ -1,7 +1,14 @@
 import numpy as np
 import pytest
+from scipy.signal import lfilter
 
-from identification.signals.filters import block_mean, filter_samples, first_order, settled
+from identification.signals.filters import (
+    accumulate,
+    block_mean,
+    filter_samples,
+    first_order,
+    settled,
+)
 
 
 def naive(start, end, rate, dt):
@@ -17,11 +24,19 @@ def naive(start, end, rate, dt):
 
 
 @pytest.mark.parametrize("count", [2, 63, 64, 65, 129, 1000])
-def test_blocks_change_nothing(count):
+def test_doubling_changes_nothing(count):
     rng = np.random.default_rng(0)
     start, end = rng.standard_normal((2, count, 3))
     expected = naive(start, end, 10.0, 0.01)
     np.testing.assert_allclose(first_order(start, end, 10.0, 0.01), expected, atol=1e-12)
+
+
+@pytest.mark.parametrize("decay", [0.0, 0.5, 0.97, np.exp(-0.01)])
+@pytest.mark.parametrize("count", [1, 64, 3000])
+def test_the_recursion_is_scipys(count, decay):
+    steps = np.random.default_rng(3).standard_normal((count, 2))
+    expected = lfilter([1.0], [1.0, -decay], steps, axis=0)
+    np.testing.assert_allclose(accumulate(steps, decay)[1:], expected, atol=1e-13)
 
 
 def test_filtered_derivative_is_the_papers_exactly():

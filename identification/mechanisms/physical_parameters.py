@@ -8,8 +8,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from identification.fitting.least_squares import Fit
 from identification.mechanisms.mecanum import Mecanum
+from identification.mechanisms.mechanism import FitResult
 from youbot_env.errors import InputError
 from youbot_env.model.model import BASE_UNITS, Estimate, Model
 from youbot_env.physics.stated_parameters import jacobian, public_parameters, to_public
@@ -42,7 +42,7 @@ def settle_gauge(mechanism: Mecanum, theta: Array) -> tuple[Array, Array]:
     return theta, change
 
 
-def physical_covariance(mechanism: Mecanum, fit: Fit) -> tuple[tuple[str, ...], Array]:
+def physical_covariance(mechanism: Mecanum, fit: FitResult) -> tuple[tuple[str, ...], Array]:
     """Names (F,) of the fitted parameters as people state them, and their covariance (F, F).
 
     First order. What the fit leaves without any place (the anchor of a tether that does not pull)
@@ -59,7 +59,7 @@ def physical_covariance(mechanism: Mecanum, fit: Fit) -> tuple[tuple[str, ...], 
 
 def fitted_model(
     mechanism: Mecanum,
-    fit: Fit,
+    fit: FitResult,
     *,
     name: str = "model",
     logs: tuple[Mapping[str, str], ...] = (),
