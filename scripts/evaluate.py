@@ -11,8 +11,9 @@ import typer
 from controllers.policy.policy_file import shipped_policies
 from controllers.registry import CONTROLLERS
 from youbot_scripts.cli import run_script
-from youbot_scripts.evaluation.settings import BASIC, SUITES, amplitude, bands, settings, words
-from youbot_scripts.evaluation.whole import Evaluation, evaluate
+from youbot_scripts.evaluation.conditions import BASIC
+from youbot_scripts.evaluation.evaluation import Evaluation, evaluate
+from youbot_scripts.evaluation.suites import SUITES, settings_from_options
 from youbot_scripts.shared import options as common
 from youbot_scripts.shared.tables import show
 
@@ -118,26 +119,10 @@ def main(
     the run, from noisy logs of the plant. Time, noise and references of one seed are the same for
     every controller. A suite is a set of options under a name; options beside it go first.
     """
-    chosen = settings(
-        suite,
-        {
-            "plants": tuple(plant) if plant else None,
-            "effects": tuple(effect) if effect else None,
-            "surprises": tuple(surprise) if surprise else None,
-            "models": words("model", model),
-            "controllers": words("controllers", controllers),
-            "bands": bands(band),
-            "seeds": seeds,
-            "amplitude": amplitude(peaks),
-            "duration": duration,
-            "rate": rate,
-            "delay": delay,
-            "lag": lag,
-            "noise": noise,
-            "pose": pose,
-            "against": against,
-        },
-    )
+    options = dict(plants=plant, effects=effect, surprises=surprise, models=model, bands=band)
+    options |= dict(controllers=controllers, seeds=seeds, amplitude=peaks, duration=duration)
+    options |= dict(rate=rate, delay=delay, lag=lag, noise=noise, pose=pose, against=against)
+    chosen = settings_from_options(suite, options)
     common.check_pictures(plots, report)
     found = evaluate(chosen, seed=seed, jobs=jobs, folder=resume)
     out = common.console(json)

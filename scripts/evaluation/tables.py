@@ -5,8 +5,8 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 
+from youbot_scripts.evaluation.conditions import RUNS_ALSO
 from youbot_scripts.evaluation.metrics import AXES, STRETCH
-from youbot_scripts.evaluation.plants import SURPRISE
 from youbot_scripts.evaluation.summary import (
     STRETCHES,
     Result,
@@ -31,7 +31,7 @@ def tables(results: Sequence[Result], against: str) -> list[Table]:
     for group in by_condition(results):
         found.append(overview(group, against))
         found += [tracking(group), size(group), effort(group)]
-        if SURPRISE in group[0].place["plant"]:
+        if RUNS_ALSO in group[0].place["plant"]:
             found.append(course(group))
     return found
 
