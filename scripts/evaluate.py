@@ -17,8 +17,6 @@ from youbot_scripts.evaluation.suites import SUITES, settings_from_options
 from youbot_scripts.shared import options as common
 from youbot_scripts.shared.tables import show
 
-__all__ = ["evaluate", "main"]
-
 EXAMPLES = (
     "youbot evaluate",
     "youbot evaluate --suite late --resume late/ --report late.html",
@@ -119,22 +117,21 @@ def main(
     the run, from noisy logs of the plant. Time, noise and references of one seed are the same for
     every controller. A suite is a set of options under a name; options beside it go first.
     """
-    options = dict(plants=plant, effects=effect, surprises=surprise, models=model, bands=band)
-    options |= dict(controllers=controllers, seeds=seeds, amplitude=peaks, duration=duration)
-    options |= dict(rate=rate, delay=delay, lag=lag, noise=noise, pose=pose, against=against)
-    chosen = settings_from_options(suite, options)
+    given = {"plants": plant, "effects": effect, "surprises": surprise, "models": model}
+    given |= {"controllers": controllers, "bands": band, "seeds": seeds, "amplitude": peaks}
+    given |= {"duration": duration, "rate": rate, "delay": delay, "lag": lag, "noise": noise}
+    given |= {"pose": pose, "against": against}
+    chosen = settings_from_options(suite, given)
     common.check_pictures(plots, report)
     found = evaluate(chosen, seed=seed, jobs=jobs, folder=resume)
     out = common.console(json)
     show(out, found.tables(brief))
     if plots or report:
-        _draw(found, plots, report, brief, out)
+        _draw(out, found, brief, plots, report)
     common.write_result(json, found.to_dict(), seed)
 
 
-def _draw(
-    found: Evaluation, plots: Path | None, report: Path | None, brief: bool, out: Any
-) -> None:
+def _draw(out: Any, found: Evaluation, brief: bool, plots: Path | None, page: Path | None) -> None:
     from identification.figures.style import write_figures
     from youbot_scripts.shared.report_page import pictures, write_page
 
@@ -142,10 +139,10 @@ def _draw(
     if plots:
         for path in write_figures(plots, figures.items()):
             out.print(f"figure: {path}", soft_wrap=True)
-    if report:
+    if page:
         parts = [*pictures(figures.items()), *found.tables(brief)]
-        write_page(report, "Controllers compared", parts, found.trials[0].seed)
-        out.print(f"report: {report}", soft_wrap=True)
+        write_page(page, "Controllers compared", parts, found.trials[0].seed)
+        out.print(f"report: {page}", soft_wrap=True)
 
 
 if __name__ == "__main__":

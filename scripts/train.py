@@ -114,8 +114,9 @@ def main(
     require_learning()
     out = common.console(json)
     folder = output or Path("trained") / algorithm.value
-    options = dict(model=model, steps=steps, seed=seed, envs=envs, randomise=randomise)
-    options |= dict(effect=effect, delay=delay, lag=lag, residual=residual, share=share, set=set_)
+    options = {"model": model, "steps": steps, "seed": seed, "envs": envs, "randomise": randomise}
+    options |= {"effect": effect, "delay": delay, "lag": lag, "residual": residual}
+    options |= {"share": share, "set": set_}
     given = {name: value for name, value in options.items() if value is not None}
     if import_ is not None:
         _say_where(out, import_policy(algorithm.value, import_, folder, given))
