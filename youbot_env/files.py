@@ -146,6 +146,11 @@ class FileKind(Generic[T]):
             return self.build(found, source)
         except InputError as error:
             raise named(source, error) from None
+        except (ArithmeticError, ValueError) as error:
+            # Numbers that are each possible, 1e308 kg say, may overflow together; numpy's
+            # LinAlgError is a ValueError.
+            cause = InputError(f"its numbers cannot be used together: {error}")
+            raise named(source, cause) from None
 
     def checked(self, content: Any, source: str) -> dict[str, Any]:
         """The content, if it is an object of this version that fits the schema."""
@@ -153,11 +158,12 @@ class FileKind(Generic[T]):
         # Imported late: commands that read no file start without it.
         from fastjsonschema import JsonSchemaValueException
 
+        found = dict(content)  # of any mapping; the validator knows dictionaries alone
         try:
-            self._validate(content)
+            self._validate(found)
         except JsonSchemaValueException as error:
-            raise InputError(f"{source}: {_misfit(error, self.noun)}") from None
-        return dict(content)
+            raise named(source, InputError(_misfit(error, self.noun))) from None
+        return found
 
     def check_version(self, content: Any, source: str) -> None:
         """Refuse what is no object, and files of other versions."""
@@ -179,12 +185,14 @@ class FileKind(Generic[T]):
         return fastjsonschema.compile(dict(self.schema), use_default=False)
 
 
-def read_json(path: str | os.PathLike[str], kind: FileKind[T], missing: str = "") -> T:
+def read_json(
+    path: str | os.PathLike[str], kind: FileKind[T], missing: Callable[[], str] | None = None
+) -> T:
     """The object that a JSON file of a kind describes.
 
     Parameters
     ----------
-    missing : advice where there is no such file
+    missing : makes advice where there is no such file
 
     Raises
     ------
@@ -195,7 +203,9 @@ def read_json(path: str | os.PathLike[str], kind: FileKind[T], missing: str = ""
     return kind.from_text(read_bytes(source, kind.max_bytes, missing), source)
 
 
-def read_bytes(path: str | os.PathLike[str], max_bytes: int, missing: str = "") -> bytes:
+def read_bytes(
+    path: str | os.PathLike[str], max_bytes: int, missing: Callable[[], str] | None = None
+) -> bytes:
     """A file's bytes, never more than ``max_bytes``; ``missing`` advises where there is none."""
     source = os.fspath(path)
     try:
@@ -205,7 +215,7 @@ def read_bytes(path: str | os.PathLike[str], max_bytes: int, missing: str = "") 
             if len(content) == USUAL_BYTES:
                 content += stream.read(max_bytes + 1 - USUAL_BYTES)
     except FileNotFoundError as error:
-        reason = f"no such file; {missing}" if missing else f"cannot be read: {error.strerror}"
+        reason = f"no such file; {missing()}" if missing else f"cannot be read: {error.strerror}"
         raise InputError(f"{source}: {reason}") from None
     except (OSError, ValueError) as error:
         # ValueError: a name with a null byte.
@@ -265,8 +275,9 @@ def _object(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
     found = dict(pairs)
     if len(found) == len(pairs):
         return found
-    keys = [key for key, _ in pairs]
-    return _Repeated(next(key for key in keys if keys.count(key) > 1))
+    # One pass, since a hostile file may hold a million keys.
+    seen: set[str] = set()
+    return _Repeated(next(key for key, _ in pairs if key in seen or seen.add(key)))
 
 
 def _fault(value: Any, may_hold_nan: bool, depth: int) -> tuple[str, str] | None:

@@ -76,7 +76,7 @@ def load_gains(path: str | os.PathLike[str]) -> Gains | PIDGains:
     InputError
         If the file cannot be read or is no valid gains file: one line with file and key.
     """
-    return read_json(path, GAINS_FILE, "give a gains file of `youbot tune`")
+    return read_json(path, GAINS_FILE, lambda: f"give {GAINS_FILE.noun}")
 
 
 def _gains(content: dict[str, Any], source: str) -> Gains | PIDGains:

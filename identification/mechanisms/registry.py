@@ -154,7 +154,8 @@ def load_any_model(source: str | os.PathLike[str]) -> Any:
     name = os.fspath(source)
     data = read_content(name)
     mechanism = data.get("mechanism", "mecanum")
-    if mechanism not in MECHANISMS:
+    # A list, since what the file holds need not be hashable.
+    if mechanism not in list(MECHANISMS):
         raise InputError(f"{name}: unknown mechanism {mechanism!r}; known: {', '.join(MECHANISMS)}")
     return MECHANISMS[mechanism]().read(data, name)
 

@@ -182,6 +182,29 @@ def test_a_number_that_is_none_is_refused_by_its_path(kind: Kind, path: Path, li
     assert "is not a finite number" in message and ".".join(kind.number) in message
 
 
+@pytest.mark.parametrize(
+    ("name", "key"), [("model", "m0"), ("model", "I1"), ("axis model", "coulomb")]
+)
+def test_numbers_that_overflow_together_are_one_line(name: str, key: str, tmp_path: Path):
+    kind, path = KINDS[name], tmp_path / "m.json"
+    kind.write(path)
+    found = content(path)
+    found["parameters"][key]["value"] = 1e308
+    put(path, found)
+    try:
+        kind.read(path)
+    except InputError:
+        refused(kind, path)
+
+
+@pytest.mark.parametrize("mechanism", ["arm", 1, ["axis"], {"a": 1}, None])
+def test_a_mechanism_that_is_none_is_refused(mechanism: Any, tmp_path: Path):
+    kind, path = KINDS["model of any mechanism"], tmp_path / "m.json"
+    kind.write(path)
+    put(path, content(path) | {"mechanism": mechanism})
+    assert "unknown mechanism" in refused(kind, path)
+
+
 def test_an_integer_of_thousands_of_digits_is_refused(kind: Kind, path: Path):
     with_number(kind, path, "1" * 5000)
     assert "not valid JSON" in refused(kind, path)
@@ -239,6 +262,21 @@ def test_a_strangers_text_does_not_fill_the_screen(kind: Kind, path: Path):
     with_number(kind, path, json.dumps(long))
     if kind.name != "results.jsonl":
         refused(kind, path)
+
+
+@pytest.mark.parametrize("effect", [1, {"parameters": {"x" * 100_000: "x"}}, {"parameters": {}}])
+def test_nor_does_a_strangers_path(effect: Any, tmp_path: Path):
+    kind, path = KINDS["model"], tmp_path / "m.json"
+    kind.write(path)
+    put(path, content(path) | {"effects": {"x" * 100_000: effect}})
+    refused(kind, path)
+
+
+def test_a_million_keys_with_one_twice_are_refused_at_once(tmp_path: Path):
+    path = tmp_path / "m.json"
+    keys = [f'"{k}":0' for k in range(10**6)]
+    path.write_text("{" + ",".join([*keys, keys[-1]]) + "}")
+    assert "key '999999' is given twice" in refused(KINDS["model"], path)
 
 
 def test_other_versions_are_refused(kind: Kind, path: Path):

@@ -4,7 +4,9 @@ from __future__ import annotations
 
 import os
 from collections.abc import Iterable, Mapping
+from functools import cache
 from importlib import resources
+from importlib.resources.abc import Traversable
 from typing import Any
 
 from youbot_env.errors import InputError, finite
@@ -104,7 +106,7 @@ def effect_entries(effects: Mapping[str, Mapping[str, Estimate]]) -> dict[str, A
 
 def number(entry: Any, where: str) -> float:
     """The number that an entry holds, bare or as its ``value``."""
-    return finite(where, entry["value"] if isinstance(entry, Mapping) else entry)
+    return finite(where, entry["value"] if isinstance(entry, dict) else entry)
 
 
 def estimates(
@@ -125,24 +127,35 @@ def estimates(
     for name, unit in units.items():
         if name not in entries:
             raise InputError(f"{where}: {name!r} is missing")
-        value = number(entries[name], f"{where}.{name}")
-        entry = entries[name] if isinstance(entries[name], Mapping) else {}
-        if (said := entry.get("unit", unit)) != unit:
-            raise InputError(f"{where}.{name}: unit {said!r}, expected {unit!r}: convert it")
-        std = entry.get("std")
-        found[name] = Estimate(
-            value, unit, None if std is None else finite(f"{where}.{name}.std", std)
-        )
+        entry, path = entries[name], f"{where}.{name}"
+        said, std = unit, None
+        if isinstance(entry, dict):
+            said, std = entry.get("unit", unit), entry.get("std")
+        if said != unit:
+            raise InputError(f"{path}: unit {said!r}, expected {unit!r}: convert it")
+        std = None if std is None else finite(f"{path}.std", std)
+        found[name] = Estimate(number(entry, path), unit, std)
     return found
 
 
 # --- files of a platform ---------------------------------------------------------------------
 
 
+@cache
+def _shipped_folder() -> Traversable:
+    return resources.files("youbot_env").joinpath("models")
+
+
 def shipped_models() -> tuple[str, ...]:
     """Names of the models that ship with the package."""
-    folder = resources.files("youbot_env").joinpath("models")
-    return tuple(sorted(p.name[:-5] for p in folder.iterdir() if p.name.endswith(".json")))
+    names = (file.name for file in _shipped_folder().iterdir())
+    return tuple(sorted(name[:-5] for name in names if name.endswith(".json")))
+
+
+def _shipped(name: str) -> Traversable | None:
+    """The file of a shipped model, or None where a path or an unknown name is meant."""
+    file = _shipped_folder().joinpath(f"{name}.json")
+    return file if os.path.basename(name) == name and file.is_file() else None
 
 
 def read_content(source: str | os.PathLike[str]) -> dict[str, Any]:
@@ -153,16 +166,19 @@ def read_content(source: str | os.PathLike[str]) -> dict[str, Any]:
     InputError
         If the file cannot be read or is no JSON object.
     """
-    name, known = os.fspath(source), shipped_models()
-    if name in known:
-        text = resources.files("youbot_env").joinpath(f"models/{name}.json").read_bytes()
+    name = os.fspath(source)
+    if shipped := _shipped(name):
+        text = shipped.read_bytes()
     else:
-        advice = f"give a model file or a shipped model ({', '.join(known)})"
-        text = read_bytes(name, MAX_BYTES, advice)
+        text = read_bytes(name, MAX_BYTES, _advice)
     content = parse_json(text, name, MODEL_FILE)
     if not isinstance(content, dict):
         raise InputError(f"{name}: the file must be a JSON object")
     return content
+
+
+def _advice() -> str:
+    return f"give a model file or a shipped model ({', '.join(shipped_models())})"
 
 
 def load_model(source: str | os.PathLike[str] | Model) -> Model:
@@ -181,7 +197,7 @@ def load_model(source: str | os.PathLike[str] | Model) -> Model:
 def load_geometry(source: str | os.PathLike[str]) -> Geometry:
     """l, h, R, r, m1 from a model, a shipped model's name, or a JSON file with those five keys."""
     name = os.fspath(source)
-    if name in shipped_models():
+    if _shipped(name):
         return load_model(name).geometry
     content = read_content(name)
     return GEOMETRY_FILE.from_content({"geometry": content.get("geometry", content)}, name)
