@@ -5,6 +5,7 @@ from __future__ import annotations
 import shlex
 import sys
 from enum import StrEnum
+from importlib.util import find_spec
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -132,10 +133,10 @@ def main(
 
 
 def _print(out: Console, title: str, found: TunedController) -> None:
-    tables = (tuning_tables.results(title, found), tuning_tables.gains(found))
-    show(out, [*tables, tuning_tables.margins(found)])
-    out.print(tuning_tables.poles(found), soft_wrap=True)
-    kept = found.task.requirements
+    result, kept = found.to_dict(), found.task.requirements
+    others = found.python_control_margins().to_dict() if find_spec("control") else None
+    show(out, tuning_tables.tables(title, result, others))
+    out.print(tuning_tables.poles(result), soft_wrap=True)
     times = f" ({TORQUE_RATE_SHARE:g} times computed torque's)"
     out.print(
         f"Kept: gain margin >= {kept.gain_margin:g} dB, "
