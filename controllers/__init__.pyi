@@ -9,9 +9,11 @@ from .interface import (
     Reference as Reference,
 )
 from .kinematic import KinematicControl as KinematicControl
+from .loop import Trace as Trace, closed_loop as closed_loop
 from .lqi import LQI as LQI
 from .pid import PID as PID
 from .policy import Policy as Policy
+from .recording import record as record
 from .registry import CONTROLLERS as CONTROLLERS, build as build, build_policy as build_policy
 from .tuning import (
     TunedController as TunedController,

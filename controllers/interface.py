@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 from typing import NamedTuple, Protocol, runtime_checkable
 
@@ -60,7 +61,7 @@ class Loop:
     delay : [s] by which commands act late, bus and computation together; what the drives themselves
         add is the model's (effects ``torque_delay`` and ``actuator_lag``)
     measurement_delay : [s], the age of a measured speed; half a sample where counts are differenced
-    torque_limit : [N m] at each wheel
+    torque_limit : [N m] at each wheel; inf where nothing but the controller limits its commands
     speed_noise : standard deviation of a measured wheel speed [rad/s]
 
     Raises
@@ -76,8 +77,9 @@ class Loop:
     speed_noise: float = 0.01
 
     def __post_init__(self) -> None:
-        for name in ("sample_time", "torque_limit"):
-            finite(f"loop {name}", getattr(self, name), positive=True)
+        finite("loop sample_time", self.sample_time, positive=True)
+        if self.torque_limit != math.inf:
+            finite("loop torque_limit", self.torque_limit, positive=True)
         for name in ("delay", "measurement_delay", "speed_noise"):
             finite(f"loop {name}", getattr(self, name), least=0.0)
 

@@ -11,15 +11,14 @@ from typing import Annotated, Any
 
 import typer
 
+from controllers.recording import SPEED_NOISE, TORQUE_NOISE, control_step, record, recordings
 from identification.logs.formats import import_parquet
 from identification.logs.reading import write_log
 from identification.logs.writing import DECIMALS
 from youbot_env.errors import InputError
 from youbot_scripts.cli import run_script
-from youbot_scripts.recording.driving import SPEED_NOISE, TORQUE_NOISE, control_step
 from youbot_scripts.recording.named_motions import DEFAULT_MOTIONS, motions_named
 from youbot_scripts.recording.named_plants import Driven, plant_named
-from youbot_scripts.recording.recording import record, recordings
 from youbot_scripts.shared import options as common
 from youbot_scripts.shared.tables import Column, Table, columns, decimals, show
 

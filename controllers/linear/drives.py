@@ -2,14 +2,14 @@
 
 from __future__ import annotations
 
-from collections import deque
 from typing import NamedTuple
 
 import numpy as np
 
 from controllers.interface import Array, Loop
-from controllers.linear.linear_system import TWIST, twist_dynamics, whole_and_rest
+from controllers.linear.linear_system import TWIST, twist_dynamics
 from youbot_env.model.model import Model
+from youbot_env.simulation.delay_line import DelayLine
 
 CONTRADICTION = 0.05
 """Share of the torque limit by which a measured torque may differ from the expected one."""
@@ -50,15 +50,15 @@ class CommandTracker:
 
     def __init__(self, model: Model, loop: Loop) -> None:
         self.period = loop.sample_time
-        delay = loop.delay + max(model.delay, 0.0)
-        self.whole, self.rest = whole_and_rest(delay, self.period)
+        self.delay = loop.delay + max(model.delay, 0.0)
         self.lag = drive_lag(model)
         self.tolerance = CONTRADICTION * loop.torque_limit
         self.reset()
 
     def reset(self) -> None:
         """Nothing is on its way."""
-        self.queue = deque([np.zeros(4)] * (self.whole + 2), maxlen=self.whole + 2)
+        self._line = DelayLine(self.delay)
+        self._last: Array = np.zeros(4)
         self.acting: Array = np.zeros(4)
 
     def contradiction(self, measured: Array | None) -> Array | None:
@@ -72,14 +72,12 @@ class CommandTracker:
         apart = measured - self.acting
         if max(map(abs, apart.tolist())) <= self.tolerance:
             return None
-        last = measured - self.queue[-1]
+        last = measured - self._last
         return None if max(map(abs, last.tolist())) <= self.tolerance else apart
 
     def command(self, torque: Array) -> None:
         """Moves on by one sample under a new command (4,) [N m]."""
-        self.queue.append(torque)
-        for acting, piece in ((self.queue[0], self.rest), (self.queue[1], self.period - self.rest)):
-            if piece <= 0.0:
-                continue
+        self._last = torque
+        for (late,), piece in self._line.passed(torque[None], self.period):
             keep = np.exp(-piece / self.lag) if self.lag > 0.0 else 0.0
-            self.acting = acting + keep * (self.acting - acting)
+            self.acting = late + keep * (self.acting - late)

@@ -14,24 +14,26 @@ from typing import Protocol
 import numpy as np
 from numpy.typing import ArrayLike
 
-from controllers.interface import Array, Controller, Loop, Observation, Reference
-from controllers.linear.linear_system import whole_and_rest
-from youbot_env.errors import InputError
+from controllers.interface import Array, Controller, Loop
+from controllers.loop import (
+    BatchLaw,
+    ControllerRows,
+    at_limit,
+    instants,
+    sensors_of,
+    started,
+)
 from youbot_env.model.model import Model
 from youbot_env.motions.base import Motion
 from youbot_env.physics.effect import CATALOGUE, CLOCK
-from youbot_env.physics.hardware import ENCODER_TICKS
-from youbot_env.simulation.plant import TWIST, WHEEL_ANGLE, Plant
+from youbot_env.simulation.plant import TWIST, Plant
 from youbot_env.tracking.task import TrackingTask
 
 Advance = Callable[[float], None]
 
-PREVIEW_MARGIN = 2
-"""Reference samples beyond those that a controller asks for, so that none runs out of them."""
-
 
 class Law(Protocol):
-    """Wheel torques of many rows at once.
+    """Wheel torques of many rows at once, from their wheel speeds and references alone.
 
     Attributes
     ----------
@@ -100,7 +102,7 @@ class TuningTrial:
             bare = replace(self.model, effects=effects, covariance=None, covariance_names=())
             object.__setattr__(self, "loop", loop)
             object.__setattr__(self, "model", bare)
-        self._window()
+        sensors_of(self.loop)  # refuses a loop that no encoders make
 
     @property
     def steps(self) -> int:
@@ -116,55 +118,50 @@ class TuningTrial:
         return np.stack([motion.twist(self._time) for motion in self.motions])
 
     @cached_property
-    def _noise(self) -> Array:
-        """(m, steps + 1, 4) [rad/s]: every candidate meets the same."""
-        shape = (len(self.motions), self.steps + 1, 4)
-        return self.loop.speed_noise * np.random.default_rng(self.seed).standard_normal(shape)
-
-    def _window(self) -> int:
-        """Periods over which encoders count: twice the age of the speed that they give; 0: none."""
-        window = 2 * self.loop.measurement_delay / self.loop.sample_time
-        if abs(window - round(window)) > 1e-6:
-            raise InputError(
-                f"loop measurement_delay: {self.loop.measurement_delay:g} s is no multiple of half "
-                "the sample time, as encoders have that are counted over whole samples"
-            )
-        return round(window)
+    def _noise(self) -> list[Array]:
+        """(steps + 1, 4) [rad/s] for each motion: every candidate meets the same."""
+        sensors, rng = sensors_of(self.loop), np.random.default_rng(self.seed)
+        return [sensors.noise(rng, self.steps + 1) for _ in self.motions]
 
     def score(self, law: Law, advance: Advance | None = None) -> Score:
         """Run a law whose rows are candidate after candidate, each on every motion."""
-        count, motions = len(law.lead), len(self.motions)
+        seen = self._led(law.lead)
+        return self._score(
+            lambda now: law(now.wheel_speed, seen[:, now.index]), len(law.lead), advance
+        )
+
+    def score_controller(self, make: Callable[[], Controller]) -> Score:
+        """The same for one controller, built anew for each motion by ``make()``."""
+        controllers = [make() for _ in self.motions]
+        period = self.loop.sample_time
+        law = ControllerRows(controllers, self.motions, period, self.steps + 1)
+        return self._score(law, len(controllers))
+
+    def _score(self, law: BatchLaw, count: int, advance: Advance | None = None) -> Score:
+        """What ``count`` rows, candidate after candidate, make of the motions under a law."""
+        motions = len(self.motions)
         if count % motions:
             raise ValueError(f"{count} rows are no multiple of {motions} motions")
         candidates = count // motions
         reference = np.tile(self._reference, (candidates, 1, 1))
-        seen = self._led(law.lead)
-        noise = np.tile(self._noise, (candidates, 1, 1))
-        plant = Plant(self.model, platforms=count)
-        sensor = _Encoders(plant, self._window(), self.loop.sample_time)
-        pipe = _Pipe(self.loop, count)
-        squares, changes = np.zeros((count, 3)), np.zeros(count)
-        saturated, before = np.zeros(count), np.zeros((count, 4))
-        limit = self.loop.torque_limit * (1 - 1e-9)
+        sampled = started(Plant(self.model, platforms=count), self.loop, self._noise * candidates)
+        sums = _Sums(count, self.loop.torque_limit)
         with np.errstate(all="ignore"):  # rows that diverge are told by their error, inf
-            for k in range(self.steps):
-                torque = np.ascontiguousarray(law(sensor.speed() + noise[:, k], seen[:, k]))
-                changes += ((torque - before) ** 2).sum(axis=1)
-                saturated += (np.abs(torque) >= limit).sum(axis=1)
-                before = torque
-                for acting, piece in pipe.passed(torque):
-                    plant.advance(acting, piece)
-                squares += (plant.states[:, TWIST] - reference[:, k + 1]) ** 2
-                if advance is not None:
+            for now, command in instants(sampled, law, self.steps + 1, self.loop.torque_limit):
+                if now.index:  # the start has no error yet
+                    sums.add_error(now.states[:, TWIST] - reference[:, now.index])
+                if now.index < self.steps:  # what is commanded last acts on nothing that is judged
+                    sums.add_effort(command)
+                if advance is not None and now.index:
                     advance(1.0 / self.steps)
             size = np.sqrt((reference[:, 1:] ** 2).mean(axis=1))
-            error = np.sqrt(squares / self.steps) / np.where(size > 0, size, np.nan)
-        error = np.where(np.isfinite(squares), error, np.inf).reshape(candidates, motions, 3)
-        rate = (changes / (4 * self.steps)).reshape(candidates, motions).mean(axis=1)
+            error = np.sqrt(sums.squares / self.steps) / np.where(size > 0, size, np.nan)
+        error = np.where(np.isfinite(sums.squares), error, np.inf)
+        rate = (sums.changes / (4 * self.steps)).reshape(candidates, motions).mean(axis=1)
         return Score(
-            _mean_of_moving(error),
+            _mean_of_moving(error.reshape(candidates, motions, 3)),
             np.sqrt(rate) / self.loop.sample_time,
-            saturated.reshape(candidates, motions).mean(axis=1) / (4 * self.steps),
+            sums.saturated.reshape(candidates, motions).mean(axis=1) / (4 * self.steps),
         )
 
     def _led(self, lead: Array) -> Array:
@@ -178,10 +175,24 @@ class TuningTrial:
         ]
         return np.stack(rows)
 
-    def score_controller(self, make: Callable[[], Controller]) -> Score:
-        """The same for one controller, built anew for each motion by ``make()``."""
-        rows = Rows([make() for _ in self.motions], self)
-        return self.score(rows)
+
+class _Sums:
+    """What a score is made of, row by row, summed up while the loops run."""
+
+    def __init__(self, count: int, torque_limit: float) -> None:
+        self.squares, self.changes = np.zeros((count, 3)), np.zeros(count)
+        self.saturated = np.zeros(count)
+        self._before, self._limit = np.zeros((count, 4)), torque_limit
+
+    def add_error(self, error: Array) -> None:
+        """(n, 3) of the true twist."""
+        self.squares += error**2
+
+    def add_effort(self, command: Array) -> None:
+        """(n, 4) torques [N m]; the first change is that from none."""
+        self.changes += ((command - self._before) ** 2).sum(axis=1)
+        self.saturated += at_limit(command, self._limit).sum(axis=1)
+        self._before = command
 
 
 def _mean_of_moving(error: Array) -> Array:
@@ -189,81 +200,6 @@ def _mean_of_moving(error: Array) -> Array:
     moving = ~np.isnan(error)
     total = np.where(moving, error, 0.0).sum(axis=1)
     return total / np.maximum(moving.sum(axis=1), 1)
-
-
-class _Encoders:
-    """Wheel speeds (n, 4) from whole counts over ``window`` periods; exact where window is 0."""
-
-    def __init__(self, plant: Plant, window: int, period: float) -> None:
-        self.plant = plant
-        self.resolution = 2 * np.pi / ENCODER_TICKS
-        self.span = window * period
-        self.past = [self._counts()] * window
-
-    def _counts(self) -> Array:
-        return np.floor(self.plant.states[:, WHEEL_ANGLE] / self.resolution)
-
-    def speed(self) -> Array:
-        """Called once per sample."""
-        if not self.past:
-            return self.plant.geometry.wheel_speeds(self.plant.states[:, TWIST])
-        counts = self._counts()
-        found = (counts - self.past.pop(0)) * (self.resolution / self.span)
-        self.past.append(counts)
-        return found
-
-
-class _Pipe:
-    """Commands on their way: what acts during a period, for how long."""
-
-    def __init__(self, loop: Loop, count: int) -> None:
-        whole, self.rest = whole_and_rest(loop.delay, loop.sample_time)
-        self.period = loop.sample_time
-        self.queue: list[Array] = [np.zeros((count, 4))] * (whole + 1)
-
-    def passed(self, torque: Array) -> list[tuple[Array, float]]:
-        """Torques (n, 4) that act, and how long [s], while ``torque`` is commanded."""
-        self.queue.append(torque)
-        older = self.queue.pop(0)
-        if not self.rest:
-            return [(self.queue[0], self.period)]
-        return [(older, self.rest), (self.queue[0], self.period - self.rest)]
-
-
-class Rows:
-    """Controllers, one a row, as a law: for those that are not written for many rows at once."""
-
-    def __init__(self, controllers: Sequence[Controller], trial: TuningTrial) -> None:
-        self.controllers = controllers
-        self.lead = np.zeros(len(controllers))
-        wanted = max(int(getattr(c, "preview_needed", 0)) for c in controllers) + PREVIEW_MARGIN
-        self.preview = wanted
-        period = trial.loop.sample_time
-        time = period * np.arange(trial.steps + 2 + wanted)
-        motions = [trial.motions[row % len(trial.motions)] for row in range(len(controllers))]
-        self.tables = [motion.evaluate(time) for motion in motions]
-        self.period, self.clock = period, 0
-        self.to_body = trial.model.geometry.body_twist
-        self.torque: Array = np.zeros((len(controllers), 4))
-        for controller in controllers:
-            controller.reset()
-
-    def __call__(self, wheel_speed: Array, reference: Array) -> Array:
-        k = self.clock
-        self.clock += 1
-        twist = self.to_body(wheel_speed)
-        coming = slice(k + 1, k + 1 + self.preview)
-        rows = zip(self.controllers, self.tables, wheel_speed, twist, self.torque, strict=True)
-        self.torque = np.array(
-            [
-                controller(
-                    Observation(k * self.period, speed, body, wheel_torque=last),
-                    Reference(value[k], slope[k], value[coming], slope[coming]),
-                )
-                for controller, (value, slope), speed, body, last in rows
-            ]
-        )
-        return self.torque
 
 
 def references(

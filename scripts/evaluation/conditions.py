@@ -11,13 +11,15 @@ from pathlib import Path
 from typing import Any
 
 from controllers.interface import Loop
+from controllers.recording import generator
 from youbot_env.errors import InputError, count, finite
 from youbot_env.model.model import Model
 from youbot_env.model.model_file import load_model
 from youbot_env.motions.base import Motion
 from youbot_env.motions.multisine import multisine
 from youbot_env.physics.effect import CATALOGUE
-from youbot_scripts.recording.named_motions import generator, with_effects
+from youbot_env.simulation.plant import Plant, Platforms
+from youbot_scripts.recording.named_motions import with_effects
 from youbot_scripts.recording.named_plants import Driven, plant_named
 
 LAG = "actuator_lag"
@@ -115,6 +117,17 @@ class PlantSource:
     def truth(self) -> Model:
         """The model that knows all that a model can know of it; with contacts that is not all."""
         return self.driven.model
+
+    def platform(self) -> Platforms:
+        """One platform for a closed loop.
+
+        Raises
+        ------
+        InputError
+            If MuJoCo is missing, or no bodies have these parameters and effects.
+        """
+        found = self.driven.platform()
+        return Plant(found) if isinstance(found, Model) else found
 
     def to_dict(self) -> dict[str, Any]:
         """All that its motion in the runs depends on."""

@@ -17,14 +17,15 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from controllers import registry
+from controllers.loop import Trace, closed_loop
+from controllers.recording import generator, record
 from identification.logs.log import Log
 from youbot_env import __version__
 from youbot_env.model.model import Model
 from youbot_env.model.model_file import load_model, model_from_dict, model_to_dict
-from youbot_env.motions.base import Motion
-from youbot_env.tracking.env import YouBotTrackingEnv
+from youbot_env.tracking.randomisation import episode_streams
+from youbot_env.tracking.task import DIVERGED, twist_scale
 from youbot_scripts.evaluation import tables
-from youbot_scripts.evaluation.closed_loop import ENCODER_TICKS, Trace, drive
 from youbot_scripts.evaluation.conditions import (
     DIAGNOSED,
     KNOWN,
@@ -45,8 +46,7 @@ from youbot_scripts.evaluation.summary import (
     ratios,
     unscored,
 )
-from youbot_scripts.recording.named_motions import generator, motions_named
-from youbot_scripts.recording.recording import record
+from youbot_scripts.recording.named_motions import motions_named
 from youbot_scripts.shared import options as common
 from youbot_scripts.shared.results_folder import Record, resumed
 
@@ -94,22 +94,6 @@ def _fitted(source: ModelSource, plant: PlantSource, logs: Sequence[Log], seed: 
     for effect in source.how.split("+")[1:]:
         start = start.with_effect(effect)
     return identify(logs, start=start, recursive=False, seed=seed).model
-
-
-def environment(
-    plant: PlantSource, loop: LoopSettings, motion: Motion, length: float
-) -> YouBotTrackingEnv:
-    """A plant in the environment's loop, for ``length`` [s] of a motion."""
-    return YouBotTrackingEnv(
-        plant.truth,
-        plant=plant.driven.contact or "model",
-        delay=loop.delay,
-        wheel_speed_noise=loop.noise,
-        encoder_ticks=ENCODER_TICKS,
-        reference=motion,
-        episode_length=length,
-        control_rate=loop.rate,
-    )
 
 
 @dataclass(frozen=True)
@@ -179,14 +163,21 @@ class EvaluationTrial:
 
     def trace(self) -> Trace:
         """Drive it."""
-        plant, loop, reference = self.condition.plant, self.condition.loop, self.reference
-        motion = reference.motion(plant, self.seed, self.index)
-        env = environment(plant, loop, motion, reference.length)
-        controller = registry.build(self.controller, self.model, loop.known(), **self.settings)
+        plant, stated, reference = self.condition.plant, self.condition.loop, self.reference
+        loop = stated.known()
         noise = int(generator(self.seed, str(self.index), "noise").integers(2**31))
-        steps = round(reference.length * loop.rate)
         with np.errstate(all="ignore"):  # a loop that diverges is a result
-            return drive(env, controller, motion, seed=noise, steps=steps, show_pose=loop.pose)
+            return closed_loop(
+                plant.platform(),
+                registry.build(self.controller, self.model, loop, **self.settings),
+                reference.motion(plant, self.seed, self.index),
+                loop,
+                # The noise of the tracking environment's episode of this seed.
+                episode_streams(np.random.default_rng(noise)).noise,
+                count=round(reference.length * stated.rate),
+                show_pose=stated.pose,
+                bound=DIVERGED * twist_scale(plant.truth.geometry),
+            )
 
     def __call__(self) -> Record:
         return {

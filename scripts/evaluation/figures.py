@@ -10,8 +10,8 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from controllers.loop import Trace
 from identification.figures.style import GREY, line, new_figure, styled
-from youbot_scripts.evaluation.closed_loop import Trace
 from youbot_scripts.evaluation.metrics import AXES
 from youbot_scripts.evaluation.summary import Result, by_plant, in_words, models_of
 

@@ -8,7 +8,8 @@ from typing import Any
 
 import numpy as np
 
-from youbot_scripts.evaluation.closed_loop import Array, Trace
+from controllers.interface import Array
+from controllers.loop import Trace
 
 AXES = ("VX", "VY", "W")
 """Axes of a twist, in every list of three below."""
@@ -53,7 +54,7 @@ def judge(trace: Trace, start: float = 0.0) -> dict[str, Any]:
     if trace.diverged is not None:
         return {"diverged": trace.diverged}
     inside = trace.time >= start - 1e-9
-    period = float(trace.time[1] - trace.time[0])
+    period = trace.period
     error = (trace.twist - trace.reference)[inside]
     size = np.sqrt(np.mean(trace.reference[inside] ** 2, axis=0))
     rmse = np.sqrt(np.mean(error**2, axis=0))

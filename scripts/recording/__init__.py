@@ -1,1 +1,1 @@
-"""Driving a simulated platform through motions and writing its logs."""
+"""Motions and plants as they are named on the command line."""

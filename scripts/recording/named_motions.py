@@ -3,13 +3,11 @@
 from __future__ import annotations
 
 import re
-import zlib
 from collections.abc import Iterable
 from pathlib import Path
 from typing import Any
 
-import numpy as np
-
+from controllers.recording import generator
 from youbot_env.errors import InputError
 from youbot_env.files import read_json
 from youbot_env.model.model import Model
@@ -31,11 +29,6 @@ FIXED = {
 """Motions that no seed changes; a name that starts with "multisine" is drawn at random."""
 
 _SAFE_NAME = re.compile(r"[A-Za-z0-9_][A-Za-z0-9_. -]*")
-
-
-def generator(seed: int, *names: str) -> np.random.Generator:
-    """Random numbers of one purpose, whatever else is drawn from the same seed."""
-    return np.random.default_rng([seed, *(zlib.crc32(name.encode()) for name in names)])
 
 
 def motions_named(names: str | Iterable[str], geometry: Geometry, seed: int) -> list[Motion]:

@@ -33,7 +33,7 @@ class Driven:
     contact: Contact | None = None
 
     def platform(self) -> Model | Platforms:
-        """What :func:`youbot_scripts.recording.driving.run` drives.
+        """What :func:`controllers.recording.run` drives.
 
         Raises
         ------

@@ -123,6 +123,24 @@ def track(
     return Drive(env.period, twist[1 : steps + 1], np.array(true), np.array(commands), seen)
 
 
+class Silent:
+    """Notes what it is shown, commands nothing, and NaN from a given call on."""
+
+    preview_needed = 3
+
+    def __init__(self, nan_from: int = 10**9, torque: float = 0.0) -> None:
+        self.nan_from, self.torque = nan_from, torque
+        self.seen: list[tuple[Observation, Reference]] = []
+
+    def reset(self) -> None:
+        self.seen = []
+
+    def __call__(self, observation: Observation, reference: Reference) -> np.ndarray:
+        self.seen.append((observation, reference))
+        value = np.nan if len(self.seen) > self.nan_from else self.torque
+        return np.full(4, value)
+
+
 def blind(k: int, observation: Observation) -> Observation:
     """Without the wheels' torque."""
     return observation._replace(wheel_torque=None)

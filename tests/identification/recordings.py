@@ -2,10 +2,10 @@
 
 from functools import cache
 
+from controllers.recording import record
 from identification.logs.log import Log
 from youbot_env.model.model_file import load_model
 from youbot_env.motions.calibration import calibration, motion_i, motion_iii
-from youbot_scripts.recording.recording import record
 
 MOTIONS = {"calibration": calibration, "I": motion_i, "III": motion_iii}
 

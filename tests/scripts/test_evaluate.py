@@ -16,14 +16,13 @@ from controllers import registry
 from controllers.interface import Loop, Observation, Reference
 from controllers.kinematic import Gains, KinematicControl
 from controllers.registry import Entry
+from tests.controllers.driving import Silent
 from youbot_env.errors import InputError
 from youbot_env.model.model import Model
 from youbot_env.motions.multisine import multisine
 from youbot_env.physics.hardware import MAX_WHEEL_TORQUE
-from youbot_env.tracking.env import YouBotTrackingEnv
 from youbot_scripts.cli import main
 from youbot_scripts.evaluation import evaluation, tables
-from youbot_scripts.evaluation.closed_loop import drive
 from youbot_scripts.evaluation.conditions import (
     Condition,
     LoopSettings,
@@ -64,74 +63,10 @@ def unstable(model: Model, loop: Loop) -> KinematicControl:
     return KinematicControl(model.geometry, Gains(60.0, 5000.0), 1e6, loop.sample_time)
 
 
-class Silent:
-    """Notes what it is shown, commands nothing, and NaN from a given call on."""
-
-    preview_needed = 3
-
-    def __init__(self, nan_from: int = 10**9, torque: float = 0.0) -> None:
-        self.nan_from, self.torque = nan_from, torque
-        self.seen: list[tuple[Observation, Reference]] = []
-
-    def reset(self) -> None:
-        self.seen = []
-
-    def __call__(self, observation: Observation, reference: Reference) -> np.ndarray:
-        self.seen.append((observation, reference))
-        value = np.nan if len(self.seen) > self.nan_from else self.torque
-        return np.full(4, value)
-
-
 @pytest.fixture
 def controllers(monkeypatch: pytest.MonkeyPatch) -> Callable[[str, Entry], None]:
     """Adds controllers to the registry for one test."""
     return lambda name, entry: monkeypatch.setitem(registry.CONTROLLERS, name, entry)
-
-
-# --- one loop --------------------------------------------------------------------------------
-
-
-class TestDrive:
-    def loop(self, controller: Any, **options: Any) -> Any:
-        env = YouBotTrackingEnv(reference=MOTION, episode_length=5.0, delay=2)
-        return drive(env, controller, MOTION, steps=100, **options)
-
-    def test_a_controller_sees_what_the_interface_says(self):
-        silent = Silent()
-        found = self.loop(silent)
-        observation, reference = silent.seen[40]
-        assert observation.time == pytest.approx(0.4) and observation.pose is None
-        assert observation.wheel_torque is not None and reference.preview is not None
-        coming = MOTION.evaluate(0.01 * np.arange(41, 44))
-        np.testing.assert_array_equal(reference.twist, MOTION.twist(0.4))
-        np.testing.assert_array_equal(reference.preview, coming[0])
-        np.testing.assert_array_equal(reference.preview_acceleration, coming[1])
-        assert found.diverged is None and len(found.time) == 100
-
-    def test_it_is_shown_its_own_commands_within_the_limit(self):
-        silent = Silent(torque=9.0)
-        found = self.loop(silent)
-        told = [o.wheel_torque for o, _ in silent.seen if o.wheel_torque is not None]
-        np.testing.assert_array_equal(told[0], np.zeros(4))
-        np.testing.assert_allclose(told[1:], np.full((99, 4), MAX_WHEEL_TORQUE))
-        assert found.saturated.all()
-
-    def test_the_pose_only_where_it_is_measured(self):
-        silent = Silent(torque=0.5)
-        found = self.loop(silent, show_pose=True)
-        poses = [o.pose for o, _ in silent.seen if o.pose is not None]
-        np.testing.assert_array_equal(poses, found.pose)
-        assert found.pose[-1, 0] > 0.05
-
-    def test_no_number_is_no_control(self):
-        found = self.loop(Silent(nan_from=30))
-        assert found.diverged == pytest.approx(0.3) and len(found.time) == 30
-
-    def test_what_runs_away_has_diverged(self):
-        env = YouBotTrackingEnv(reference=MOTION, episode_length=20.0, torque_limit=300.0)
-        found = drive(env, Silent(torque=200.0), MOTION, steps=400)
-        assert found.diverged is not None and found.diverged < 4.0
-        assert len(found.time) == round(found.diverged / 0.01)
 
 
 # --- many ------------------------------------------------------------------------------------

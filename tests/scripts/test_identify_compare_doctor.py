@@ -14,6 +14,7 @@ from typing import Any
 import numpy as np
 import pytest
 
+from controllers.recording import record
 from identification.logs.log import AXIS, Log
 from identification.logs.reading import read_log, write_log
 from tests.identification.mechanisms.test_axis import STAGE, log_of, planted
@@ -22,7 +23,6 @@ from youbot_env.model.model import BASE_UNITS
 from youbot_env.model.model_file import load_model
 from youbot_env.motions.multisine import multisine
 from youbot_scripts.cli import main
-from youbot_scripts.recording.recording import record
 from youbot_scripts.shared.tables import with_std
 
 PAPER = load_model("paper")

@@ -14,6 +14,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from controllers.recording import record
 from identification.logs.log import Log
 from identification.logs.reading import read_log
 from tests.scripts.processes import heed_interrupts
@@ -22,7 +23,6 @@ from youbot_env.model.model_file import load_model, model_from_dict, model_to_di
 from youbot_env.motions.calibration import motion_i, motion_iii
 from youbot_scripts.cli import main
 from youbot_scripts.recording.named_motions import DEFAULT_MOTIONS, motions_named
-from youbot_scripts.recording.recording import record
 
 PAPER = load_model("paper")
 QUICK = ("--motions", "multisine_q")

@@ -15,7 +15,7 @@ from youbot_env.errors import InputError
 from youbot_env.model.model import Model
 from youbot_env.physics.geometry import COS_ROLLER, SIGN_X, WHEELS
 from youbot_env.physics.structure import STATE
-from youbot_env.simulation.plant import DRIVES, POSE, TWIST, WHEEL_ANGLE, DelayLine
+from youbot_env.simulation.plant import DRIVES, POSE, TWIST, WHEEL_ANGLE, drive_delay
 
 Array = NDArray[np.float64]
 
@@ -58,7 +58,7 @@ class Bodies:
     def _begin(self) -> None:
         self._now, self._data = self._bare, _engine().MjData(self._bare)
         self._time, self._lost = 0.0, False
-        self._line = DelayLine(self._model.delay) if self._model.delay else None
+        self._line = drive_delay(self._model)
         self.acting: Array = np.zeros(4)
 
     def twin(self) -> Bodies:
@@ -116,7 +116,8 @@ class Bodies:
         if self._lost:
             return
         steps = max(1, math.ceil(duration / self._timestep - 1e-9))
-        pieces = self._line.passed(command, duration) if self._line else [(command, duration)]
+        passed = self._line.passed(command[None], duration)
+        pieces = [(torque[0], length) for torque, length in passed]
         if len(pieces) == 1 and not self._lag and not self._load_is_due(duration):
             self.acting = pieces[0][0].copy()
             self._run(self.acting, duration / steps, steps)

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 import os
-from collections import deque
 from collections.abc import Sequence
 from dataclasses import replace
 from typing import Any, Protocol
@@ -20,61 +19,10 @@ from youbot_env.physics.effect import ACTUATOR, CATALOGUE, CHANNEL, CLOCK
 from youbot_env.physics.geometry import Geometry
 from youbot_env.physics.structure import DRIVE_STATE, STATE
 from youbot_env.simulation.compiled import kernel
+from youbot_env.simulation.delay_line import DelayLine
 from youbot_env.simulation.free_run import initial_state, substeps
 
 Array = NDArray[np.float64]
-
-SLIVER = 1e-9
-"""Share of an interval that is rounding, not a piece of its own."""
-
-
-class DelayLine:
-    """A pipe through which the commands of one platform, each held for a while, reach its drives.
-
-    Before the first command no torque is on its way.
-
-    Parameters
-    ----------
-    delay : [s], the length of the pipe
-
-    Attributes
-    ----------
-    acting : (4,) torques [N m] that left the pipe last
-
-    Raises
-    ------
-    InputError
-        If the delay is negative: a log's may be, but nothing acts before it is commanded.
-    """
-
-    def __init__(self, delay: float) -> None:
-        if delay < 0:
-            raise InputError(
-                f"torque_delay: {delay:g} s belongs to a log whose torques are late; a plant "
-                "cannot act before it is commanded: give it a delay of at least 0"
-            )
-        self.acting: Array = np.zeros(4)
-        self._pipe: deque[tuple[Array, float]] = deque([(self.acting, delay)])
-
-    def passed(self, command: Array, duration: float) -> list[tuple[Array, float]]:
-        """What acts while ``command`` (4,) is held for ``duration`` [s]: torques and their times.
-
-        The times add up to ``duration``.
-        """
-        self._pipe.append((command.copy(), duration))
-        pieces, left, rounding = [], duration, SLIVER * duration
-        while left > 0.0:
-            torque, length = self._pipe.popleft()
-            if length > left + rounding:
-                self._pipe.appendleft((torque, length - left))
-            if length <= rounding < left:
-                continue
-            taken = left if length > left - rounding else length
-            pieces.append((torque, taken))
-            left -= taken
-        self.acting = pieces[-1][0]
-        return pieces
-
 
 TWIST, POSE, WHEEL_ANGLE = slice(0, 3), slice(3, 6), slice(6, 10)
 """Where they stand in a state (see ``STATE``)."""
@@ -201,7 +149,7 @@ class Plant(StateRows):
         self._substeps = substeps
         self._needed: dict[float, int] = {}
         late = count if self.structure.at(CLOCK) else 0
-        self._lines = [DelayLine(model.delay) for _ in range(late)]
+        self._lines = [drive_delay(model) for _ in range(late)]
         self._advance: Any = kernel(self.structure).advance
 
     def reset(
@@ -221,7 +169,7 @@ class Plant(StateRows):
                 self._use(model, index)
             self.states[index] = initial_state(self.models[index], **start)
             if self._lines:
-                self._lines[index] = DelayLine(self.models[index].delay)
+                self._lines[index] = drive_delay(self.models[index])
         return self.state
 
     def _use(self, model: Model, row: int) -> None:
@@ -248,11 +196,14 @@ class Plant(StateRows):
         if not self._lines:
             self._advance(self.states, torque, self._lengths, self._theta, duration, count)
             return
+        # Each platform's model has a delay of its own, so torques change at instants of its own.
         for row, line in enumerate(self._lines):
-            state, theta = self.states[row : row + 1], self._theta[row : row + 1]
-            for acting, piece in line.passed(torque[row], duration):
+            here = slice(row, row + 1)
+            for acting, piece in line.passed(torque[here], duration):
                 steps = math.ceil(count * piece / duration)
-                self._advance(state, acting[None], self._lengths, theta, piece, steps)
+                self._advance(
+                    self.states[here], acting, self._lengths, self._theta[here], piece, steps
+                )
 
     def _count(self, duration: float) -> int:
         distinct = {id(model): model for model in self.models}.values()
@@ -265,7 +216,7 @@ class Plant(StateRows):
         if self.structure.has_actuator:
             return self.states[:, DRIVES].copy()
         if self._lines:
-            command = np.stack([line.acting for line in self._lines])
+            command = np.concatenate([line.acting for line in self._lines])
         if not self.structure.at(CHANNEL):
             return command
         time = self.states[:, len(STATE) - 1]
@@ -283,6 +234,22 @@ class Plant(StateRows):
     def __setstate__(self, state: dict[str, Any]) -> None:
         self.__dict__.update(state)
         self._advance = kernel(self.structure).advance
+
+
+def drive_delay(model: Model) -> DelayLine:
+    """What the model's own delay [s] makes of one platform's torques.
+
+    Raises
+    ------
+    InputError
+        If the delay is negative: a log's may be, but nothing acts before it is commanded.
+    """
+    if model.delay < 0.0:
+        raise InputError(
+            f"torque_delay: {model.delay:g} s belongs to a log whose torques are late; a plant "
+            "cannot act before it is commanded: give it a delay of at least 0"
+        )
+    return DelayLine(model.delay)
 
 
 def checked_torque(torque: ArrayLike, platforms: int, *, single: bool) -> Array:

@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 from numba import njit
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 from youbot_env.errors import InputError, finite
 from youbot_env.physics import hardware
@@ -43,6 +43,10 @@ class Actuation:
         object.__setattr__(self, "torque_limit", limit)
         whole_number("delay", self.delay, least=0)
 
+    def to_action(self, torque: ArrayLike) -> NDArray[np.float64]:
+        """The actions (..., 4) that command wheel torques (..., 4) [N m], cut to the limit."""
+        return np.clip(np.asarray(torque, float) / self.torque_limit, -1.0, 1.0)
+
 
 def whole_number(name: str, value: object, *, least: int) -> int:
     """``value`` as an int of at least ``least``, or InputError."""
@@ -64,7 +68,7 @@ def action_rows(action: Any, count: int, *, single: bool) -> NDArray[np.float64]
 
 
 def reject(action: NDArray[np.float64], index: int) -> InputError:
-    """The error for the element ``index`` of actions (n, 4) that ``command`` refused."""
+    """The error for the element ``index`` of actions (n, 4) that ``take`` refused."""
     row, wheel = divmod(index, 4)
     where = f"wheel {WHEELS[wheel]}" + (f" of environment {row}" if len(action) > 1 else "")
     value = float(action[row, wheel])
@@ -72,27 +76,24 @@ def reject(action: NDArray[np.float64], index: int) -> InputError:
 
 
 @njit(cache=True)
-def command(action, queue, clock, delay, limit, commanded, delivered, saturated):
-    """Take actions (n, 4) into the queue and fill the torques (n, 4) [N m] of this period.
+def take(action, past, limit, commanded, saturated):
+    """Take actions (n, 4) in and fill the torques (n, 4) [N m] that they command.
 
-    ``queue`` (n, k, 4) holds past actions, the newest first; ``clock`` (n,) counts periods.
-    ``commanded`` is what the action asks for now, ``delivered`` what arrives at the drives after
-    ``delay`` periods, ``saturated`` (n, 4) whether the action is at its bound.
+    ``past`` (n, k, 4) holds the last actions, the newest first, and moves on; ``saturated`` (n, 4)
+    tells whether the action is at its bound.
     Returns -1, or the flat index of the first element out of bounds, with nothing changed.
     """
-    rows, slots = action.shape[0], queue.shape[1]
+    rows, slots = action.shape[0], past.shape[1]
     for row in range(rows):
         for wheel in range(4):
             if not abs(action[row, wheel]) <= 1.0 + BOUND_TOLERANCE:  # so that NaN fails too
                 return 4 * row + wheel
     for row in range(rows):
-        clock[row] += 1
         for wheel in range(4):
             for slot in range(slots - 1, 0, -1):
-                queue[row, slot, wheel] = queue[row, slot - 1, wheel]
+                past[row, slot, wheel] = past[row, slot - 1, wheel]
             value = min(max(action[row, wheel], -1.0), 1.0)
-            queue[row, 0, wheel] = value
+            past[row, 0, wheel] = value
             commanded[row, wheel] = limit * value
-            delivered[row, wheel] = limit * queue[row, delay, wheel]
             saturated[row, wheel] = abs(value) >= AT_LIMIT
     return -1

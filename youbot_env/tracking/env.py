@@ -286,8 +286,7 @@ class YouBotTrackingEnv(gym.Env[NDArray[np.float32], NDArray[np.float32]]):
 
     def to_action(self, wheel_torque: ArrayLike) -> NDArray[np.float64]:
         """The action (4,) that commands wheel torques (4,) [N m], clipped to the torque limit."""
-        limit = self._stepper.setup.actuation.torque_limit
-        return np.clip(np.asarray(wheel_torque, float) / limit, -1.0, 1.0)
+        return self._stepper.setup.actuation.to_action(wheel_torque)
 
     @property
     def period(self) -> float:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Protocol
+from typing import NamedTuple, Protocol
 
 import numpy as np
 
@@ -18,6 +18,19 @@ Ranges = Mapping[str, tuple[Bound, Bound]]
 
 DRAWS = 100
 """Attempts at a physical model before the ranges are called impossible."""
+
+
+class EpisodeStreams(NamedTuple):
+    """Random numbers of one episode, a stream a purpose: with one switched on, the others stay."""
+
+    model: np.random.Generator
+    reference: np.random.Generator
+    noise: np.random.Generator
+
+
+def episode_streams(rng: np.random.Generator) -> EpisodeStreams:
+    """The streams of the next episode."""
+    return EpisodeStreams(*(np.random.default_rng(seed) for seed in rng.integers(2**63, size=3)))
 
 
 class Source(Protocol):

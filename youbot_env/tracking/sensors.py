@@ -10,6 +10,7 @@ from numba import njit
 from numpy.typing import NDArray
 
 from youbot_env.errors import finite
+from youbot_env.tracking.actuation import whole_number
 
 Array = NDArray[np.float64]
 
@@ -21,9 +22,10 @@ class Sensors:
     Attributes
     ----------
     wheel_speed_noise : standard deviation [rad/s] of white noise on each wheel speed
-    encoder_ticks : counts per turn of a wheel; speeds are then the counts of one control period
-        over its length, so the mean speed over the period in steps of one count. None measures
-        the speed at the instant. The youBot has 103,352 (``hardware.ENCODER_TICKS``).
+    encoder_ticks : counts per turn of a wheel; speeds are then the counts of the last ``window``
+        control periods over their length, so the mean speed over them in steps of one count. None
+        measures the speed at the instant. The youBot has 103,352 (``hardware.ENCODER_TICKS``).
+    window : control periods over which counts are differenced
 
     Raises
     ------
@@ -33,11 +35,13 @@ class Sensors:
 
     wheel_speed_noise: float = 0.0
     encoder_ticks: float | None = None
+    window: int = 1
 
     def __post_init__(self) -> None:
         finite("wheel_speed_noise", self.wheel_speed_noise, least=0.0)
         if self.encoder_ticks is not None:
             finite("encoder_ticks", self.encoder_ticks, positive=True)
+        whole_number("window", self.window, least=1)
 
     @property
     def resolution(self) -> float:
@@ -45,15 +49,17 @@ class Sensors:
         return 0.0 if self.encoder_ticks is None else 2 * math.pi / self.encoder_ticks
 
     def noise(self, rng: np.random.Generator, samples: int) -> Array:
-        """Errors (samples, 4) [rad/s] of the wheel speeds of a whole episode."""
-        if self.wheel_speed_noise == 0:
-            return np.zeros((samples, 4))
+        """Errors (samples, 4) [rad/s] of one platform's wheel speeds.
+
+        Drawn even where they are zero: what is drawn from ``rng`` afterwards is then the same.
+        """
         return self.wheel_speed_noise * rng.standard_normal((samples, 4))
 
 
 @njit(cache=True)
 def sense(
     rows,
+    elapsed,
     states,
     rates,
     kinematics,
@@ -61,26 +67,31 @@ def sense(
     clock,
     counts,
     resolution,
-    period,
+    span,
     wheel_speed,
     body_twist,
 ):
     """Fill measured wheel speeds (n, 4) [rad/s] and body twist (n, 3) of states (n, S).
 
-    ``rows`` (first, past the last) says of which platforms. ``kinematics`` (2, 4, 3): wheel rates
+    ``rows`` (first, past the last) says of which platforms; their ``clock`` (n,) moves on by
+    ``elapsed`` periods. ``kinematics`` (2, 4, 3): wheel rates
     per twist, and the least-squares way back; ``rates`` (n, 4) are the wheels' own where they slip,
-    (0, 4) where the twist tells them; ``noise`` (n, N, 4) at the sample ``clock`` (n,);
-    ``counts`` (n, 4) are the encoders' last readings and move on.
+    (0, 4) where the twist tells them; ``noise`` (n, N, 4) at the sample ``clock``;
+    ``counts`` (n, w, 4) are the encoders' last readings, the oldest first, and move on; ``span``
+    [s] lies between the oldest and now.
     """
     for row in range(rows[0], rows[1]):
+        clock[row] += elapsed
         for axis in range(3):
             body_twist[row, axis] = 0.0
         for wheel in range(4):
             speed = 0.0
             if resolution > 0.0:
-                count = math.floor(states[row, 6 + wheel] / resolution)
-                speed = (count - counts[row, wheel]) * resolution / period
-                counts[row, wheel] = count
+                count = np.floor(states[row, 6 + wheel] / resolution)
+                speed = (count - counts[row, 0, wheel]) * resolution / span
+                for age in range(counts.shape[1] - 1):
+                    counts[row, age, wheel] = counts[row, age + 1, wheel]
+                counts[row, -1, wheel] = count
             elif len(rates):
                 speed = rates[row, wheel]
             else:

@@ -16,10 +16,11 @@ from youbot_env.contact.settings import Contact
 from youbot_env.errors import InputError, finite
 from youbot_env.model.model import Model
 from youbot_env.motions.base import Motion
-from youbot_env.simulation.plant import TWIST, WHEEL_ANGLE, Plant, Platforms, plant_substeps
-from youbot_env.tracking.actuation import Actuation, command, reject
-from youbot_env.tracking.randomisation import Same, Source
-from youbot_env.tracking.sensors import Sensors, sense
+from youbot_env.simulation.plant import Plant, Platforms, plant_substeps
+from youbot_env.tracking.actuation import Actuation, reject, take
+from youbot_env.tracking.randomisation import Same, Source, episode_streams
+from youbot_env.tracking.sampled_plant import SampledPlant
+from youbot_env.tracking.sensors import Sensors
 from youbot_env.tracking.task import (
     DIVERGED,
     ENDED,
@@ -74,7 +75,7 @@ class Shown:
 
     __slots__ = (
         *("observation", "report", "wheel_speed", "body_twist"),
-        *("commanded", "delivered", "applied", "saturated"),
+        *("commanded", "applied", "saturated"),
     )
 
     def __init__(self, count: int, observation_size: int) -> None:
@@ -83,8 +84,7 @@ class Shown:
         self.wheel_speed = np.empty((count, 4))
         self.body_twist = np.empty((count, 3))
         self.commanded = np.empty((count, 4))
-        self.delivered = np.empty((count, 4))
-        self.applied = self.delivered
+        self.applied = self.commanded
         self.saturated = np.empty((count, 4), np.bool_)
 
     def copy(self) -> Shown:
@@ -114,18 +114,17 @@ class Stepper:
         if setup.reference is None:  # so that what cannot be shows here, not at the first reset
             task.reference(np.random.default_rng(0), samples * setup.period, model.geometry)
         self.plant = self._plant(model, platforms)
+        self._sampled = SampledPlant(
+            self.plant, setup.sensors, setup.period, samples, setup.actuation.delay * setup.period
+        )
+        self.clock = self._sampled.clock
         self.references: list[Motion | None] = [setup.reference] * platforms
-        self.clock = np.zeros(platforms, np.int64)
         self._parameters: list[dict[str, float]] = [model.values] * platforms
         self._numbers = task.numbers(model.geometry)
         self._shape = (task.preview, task.action_history)
-        jacobian = model.geometry.wheel_jacobian
-        self._kinematics = np.stack([jacobian, model.geometry.body_twist(np.eye(4))])
         self._table = np.zeros((platforms, samples + task.preview, 6))
-        self._noise = np.zeros((platforms, samples, 4))
-        self._counts = np.zeros((platforms, 4))
-        slots = max(setup.actuation.delay + 1, task.action_history, 2)
-        self._queue = np.zeros((platforms, slots, 4))
+        # The reward of smoothness reads two actions, however few are observed.
+        self._past = np.zeros((platforms, max(task.action_history, 2), 4))
         self._all = (0, platforms)
         self._shown = Shown(platforms, task.observation_size)
 
@@ -155,38 +154,24 @@ class Stepper:
         Model, reference and noise draw from streams of their own, so that switching one on leaves
         the others as they were under the same seed.
         """
-        streams = [np.random.default_rng(seed) for seed in rng.integers(2**63, size=3)]
+        streams = episode_streams(rng)
         setup, geometry = self.setup, self.plant.geometry
         chosen = checked_start({**setup.start, **(start or {})}, twist_scale(geometry))
-        model = setup.source.draw(streams[0])
+        model = setup.source.draw(streams.model)
         samples = self._table.shape[1]
         motion = reference or setup.reference
         if motion is None:
-            motion = setup.task.reference(streams[1], samples * setup.period, geometry)
+            motion = setup.task.reference(streams.reference, samples * setup.period, geometry)
         self.plant.reset(model, row=row, **chosen)
         self._parameters[row] = model.values
         self.references[row] = motion
         self._table[row] = reference_table(motion, setup.period, samples)
-        self._noise[row] = setup.sensors.noise(streams[2], len(self._noise[row]))
-        self._rest(row)
-        self._look((row, row + 1))
-
-    def _rest(self, row: int) -> None:
-        """Past actions and readings as if the platform had been moving like this before."""
-        self.clock[row] = 0
-        self._queue[row] = 0.0
-        if resolution := self.setup.sensors.resolution:
-            state = self.plant.states[row]
-            slipping = self.plant.wheel_rates
-            rate = (
-                slipping[row] if len(slipping) else self.plant.geometry.wheel_speeds(state[TWIST])
-            )
-            turned = rate * self.setup.period
-            self._counts[row] = np.floor((state[WHEEL_ANGLE] - turned) / resolution)
+        self._sampled.begin(row, setup.sensors.noise(streams.noise, setup.steps + 1))
+        self._past[row] = 0.0
         shown = self._shown = self._shown.copy()
         shown.commanded[row] = 0.0
-        shown.delivered[row] = 0.0
         shown.saturated[row] = False
+        self._look((row, row + 1), 0)
 
     def step(self, action: Array) -> None:
         """One control period under actions (n, 4), C-contiguous, in [-1, 1].
@@ -196,46 +181,25 @@ class Stepper:
         InputError
             If an action is NaN or out of bounds; nothing has moved then.
         """
-        setup = self.setup
         shown = Shown(len(action), self._shown.observation.shape[1])
-        refused = command(
-            action,
-            self._queue,
-            self.clock,
-            setup.actuation.delay,
-            setup.actuation.torque_limit,
-            shown.commanded,
-            shown.delivered,
-            shown.saturated,
-        )
+        limit = self.setup.actuation.torque_limit
+        refused = take(action, self._past, limit, shown.commanded, shown.saturated)
         if refused >= 0:
             raise reject(action, refused)
         self._shown = shown
-        self.plant.advance(shown.delivered, setup.period)
-        self._look(self._all)
+        self._sampled.apply(shown.commanded)
+        self._look(self._all, 1)
 
-    def _look(self, rows: tuple[int, int]) -> None:
+    def _look(self, rows: tuple[int, int], elapsed: int) -> None:
         """Measure and judge the platforms from the first of ``rows`` to before the second."""
-        setup, shown, states = self.setup, self._shown, self.plant.states
-        shown.applied = self.plant.acting_torque(shown.delivered)
-        sense(
-            rows,
-            states,
-            self.plant.wheel_rates,
-            self._kinematics,
-            self._noise,
-            self.clock,
-            self._counts,
-            setup.sensors.resolution,
-            setup.period,
-            shown.wheel_speed,
-            shown.body_twist,
-        )
+        shown = self._shown
+        shown.applied = self.plant.acting_torque(self._sampled.delivered)
+        self._sampled.measure(shown.wheel_speed, shown.body_twist, rows, elapsed)
         assess(
             rows,
-            states,
+            self.plant.states,
             shown.body_twist,
-            self._queue,
+            self._past,
             self._table,
             self.clock,
             self._numbers,

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 import identification
+from controllers.recording import record
 from identification.diagnosis.add_effect import add_effect
 from identification.diagnosis.diagnose import diagnose
 from identification.logs.reading import read_log
@@ -15,7 +16,6 @@ from youbot_env.model.model_file import load_model
 from youbot_env.motions.calibration import calibration
 from youbot_env.motions.multisine import multisine
 from youbot_env.physics.effect import BODY, CATALOGUE, Effect, Parameter
-from youbot_scripts.recording.recording import record
 
 PAPER = load_model("paper")
 

@@ -16,6 +16,7 @@ from matplotlib.figure import Figure
 from matplotlib.patches import Rectangle
 from PIL import Image
 
+from controllers.recording import record
 from identification.comparison import Comparison, compare, stretches_of
 from identification.figures import (
     failures,
@@ -39,7 +40,6 @@ from youbot_env.model.model_file import load_model
 from youbot_env.motions.base import Motion
 from youbot_env.motions.multisine import multisine
 from youbot_scripts.cli import main
-from youbot_scripts.recording.recording import record
 
 PAPER = load_model("paper")
 

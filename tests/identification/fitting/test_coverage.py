@@ -18,6 +18,7 @@ import pytest
 from numpy.typing import NDArray
 
 from controllers.kinematic import KinematicControl
+from controllers.recording import SPEED_NOISE, TORQUE_NOISE, control_step, drive
 from identification.fitting.least_squares import Fit, fit
 from identification.logs.log import Log
 from identification.mechanisms.mecanum import Mecanum
@@ -25,7 +26,6 @@ from youbot_env.model.model import BASE_UNITS, Estimate, Model
 from youbot_env.motions.calibration import calibration
 from youbot_env.physics.geometry import Geometry
 from youbot_env.simulation.compiled import kernel
-from youbot_scripts.recording.driving import SPEED_NOISE, TORQUE_NOISE, control_step, drive
 
 PLATFORMS = 60
 RANGES = {

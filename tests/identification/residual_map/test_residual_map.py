@@ -13,6 +13,7 @@ from functools import cache
 import numpy as np
 import pytest
 
+from controllers.recording import record
 from identification.fitting.identify import identify
 from identification.logs.reading import read_log
 from identification.logs.wheel_checks import slip_of
@@ -25,7 +26,6 @@ from tests.identification.shared_data import DATA, needs_data
 from youbot_env.model.model_file import load_model
 from youbot_env.motions.multisine import multisine
 from youbot_env.physics.geometry import Geometry
-from youbot_scripts.recording.recording import record
 
 PAPER = load_model("paper")
 GEOMETRY = Geometry()

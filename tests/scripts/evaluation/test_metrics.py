@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from youbot_scripts.evaluation.closed_loop import Trace
+from controllers.loop import Trace
 from youbot_scripts.evaluation.metrics import integrated_pose, interval, judge, mean_nrmse
 
 PERIOD, COUNT = 0.01, 2001
@@ -20,8 +20,9 @@ SINES = np.column_stack([0.2 * np.sin(TIME), 0.1 * np.cos(2 * TIME), 0.5 * np.si
 def trace(twist: np.ndarray, reference: np.ndarray = SINES, **changes: Any) -> Trace:
     """A platform that moved like ``twist`` and stayed on its pose's integral."""
     pose = integrated_pose(twist, PERIOD, np.zeros(3))
-    torque, free = np.zeros((COUNT, 4)), np.zeros(COUNT, bool)
-    return replace(Trace(TIME, reference, twist, pose, torque, free, None), **changes)
+    torque = np.zeros((COUNT, 4))
+    made = Trace(PERIOD, reference, np.hstack([twist, pose]), torque, torque, torque_limit=2.0)
+    return replace(made, **changes)
 
 
 def test_perfect_tracking_leaves_nothing():
@@ -80,9 +81,8 @@ def test_drift_is_where_it_ends_and_not_how():
     way = np.tile([0.1, 0.0, 0.0], (COUNT, 1))
     assert judge(trace(0 * way, way))["position_drift"] == pytest.approx(0.1 * TIME[-1])
     turned = trace(way, way)
-    pose = turned.pose.copy()
-    pose[-1, 2] = -0.2
-    found = judge(replace(turned, pose=pose))
+    turned.pose[-1, 2] = -0.2
+    found = judge(turned)
     assert found["heading_drift"] == pytest.approx(0.2) and found["position_drift"] < 1e-12
 
 
@@ -100,7 +100,8 @@ def test_effort_rate_and_saturation():
     assert (steady["effort"], steady["torque_rate"]) == (pytest.approx(0.7), 0.0)
     flips = 0.7 * np.where(np.arange(COUNT) % 2, 1.0, -1.0)[:, None] * np.ones(4)
     assert judge(trace(SINES, command=flips))["torque_rate"] == pytest.approx(1.4 / PERIOD)
-    quarter = judge(trace(SINES, saturated=np.arange(COUNT) % 4 == 1))
+    one_wheel = 2.0 * (np.arange(COUNT) % 4 == 1)[:, None] * np.array([0.0, 0.0, -1.0, 0.0])
+    quarter = judge(trace(SINES, command=one_wheel))
     assert quarter["saturation"] == pytest.approx(0.25, abs=1e-3)
 
 

@@ -10,6 +10,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from controllers.recording import record, run
 from identification import compare, identify
 from identification.logs.reading import read_log
 from tests import test_readme
@@ -20,9 +21,7 @@ from youbot_env.motions.calibration import motion_iii
 from youbot_env.motions.multisine import multisine
 from youbot_env.simulation.plant import Plant
 from youbot_scripts.cli import main
-from youbot_scripts.recording.driving import run
 from youbot_scripts.recording.named_plants import Driven, plant_named
-from youbot_scripts.recording.recording import record
 
 PAPER = load_model("paper")
 
@@ -88,10 +87,12 @@ def test_a_plant_that_is_a_platform_moves_as_its_model_does():
     by_model = run(model, motion, Torques(played), rate=50)
     for _ in range(2):  # the second time from where the first has left it
         by_plant = run(plant := Plant(model, substeps=1), motion, Torques(played), rate=50)
-        assert plant.state[10] == pytest.approx(by_model.dt * (len(by_model.states) - 1))
-    assert by_plant.states.shape == by_model.states.shape
-    np.testing.assert_allclose(by_plant.states, by_model.states, atol=1e-6)
-    np.testing.assert_array_equal(by_plant.command, by_model.command)
+        assert plant.state[10] == pytest.approx(
+            by_model.trace.period * (len(by_model.trace.states) - 1)
+        )
+    assert by_plant.trace.states.shape == by_model.trace.states.shape
+    np.testing.assert_allclose(by_plant.trace.states, by_model.trace.states, atol=1e-6)
+    np.testing.assert_array_equal(by_plant.trace.command, by_model.trace.command)
 
 
 def test_a_drive_measures_the_wheels_own_speeds_where_they_slip():
@@ -99,10 +100,10 @@ def test_a_drive_measures_the_wheels_own_speeds_where_they_slip():
     plant = plant_named("contact:friction=0.02").platform()
     spy = Torques(np.full((1, 4), 1.5))
     found = run(plant, motion_iii(duration=3.0, frequency=8.0), spy, speed_noise=0.0)
-    rolling = PAPER.geometry.wheel_speeds(found.states[-1, :3])
-    assert (found.wheel_speed[-1] - rolling > 0.3).all()
-    np.testing.assert_array_equal(found.wheel_speed[-1], plant.wheel_rates[0])  # pyright: ignore
-    np.testing.assert_array_equal(spy.seen[-1].pose, found.states[-1, 3:6])
+    rolling = PAPER.geometry.wheel_speeds(found.trace.states[-1, :3])
+    assert (found.trace.wheel_speed[-1] - rolling > 0.3).all()
+    np.testing.assert_array_equal(found.trace.wheel_speed[-1], plant.wheel_rates[0])  # pyright: ignore
+    np.testing.assert_array_equal(spy.seen[-1].pose, found.trace.states[-1, 3:6])
 
 
 def test_a_controller_that_diverges_is_told():

@@ -9,6 +9,7 @@ import pytest
 
 from controllers.interface import Observation, Reference
 from controllers.kinematic import KinematicControl
+from controllers.recording import Run, control_step, drive, run, ticks_per_row
 from identification.fitting.least_squares import fit
 from identification.mechanisms.mecanum import Mecanum
 from youbot_env.errors import InputError
@@ -20,7 +21,6 @@ from youbot_env.physics.effect import CATALOGUE
 from youbot_env.physics.geometry import SIGN_X
 from youbot_env.simulation.free_run import simulate
 from youbot_env.simulation.plant import Plant
-from youbot_scripts.recording.driving import Run, control_step, drive, run, ticks_per_row
 from youbot_scripts.recording.named_motions import catalogue_size
 
 PAPER = load_model("paper")
@@ -102,11 +102,11 @@ def test_each_command_is_held_until_the_next():
     torques = np.random.default_rng(1).uniform(-1, 1, (2001, 4))
     found = run(PAPER, SHORT, Spy(torques), rate=100, speed_noise=0.0)
     # The same in fine steps: every held command is a pair of equal samples, and a jump.
-    time = np.repeat(found.dt * np.arange(51), 2)[1:-1]
+    time = np.repeat(found.trace.period * np.arange(51), 2)[1:-1]
     time[1::2] += 1e-12
     held = np.repeat(torques[:50], 2, axis=0)
-    fine = simulate(PAPER, np.sort(time), held[: len(time)], found.states[0])
-    np.testing.assert_allclose(found.states[50, :10], fine[-1, :10], atol=1e-6)
+    fine = simulate(PAPER, np.sort(time), held[: len(time)], found.trace.states[0])
+    np.testing.assert_allclose(found.trace.states[50, :10], fine[-1, :10], atol=1e-6)
 
 
 @pytest.mark.parametrize("delay", [0.02, 0.0213])
@@ -116,9 +116,9 @@ def test_a_command_acts_a_delay_later(delay: float):
     found = run(plant, SHORT, Spy(torques), rate=100, speed_noise=0.0)
     reference = Plant(plant)
     for k in range(50):
-        np.testing.assert_allclose(found.states[k], reference.state, atol=1e-7)
-        reference.step(torques[k], found.dt)
-    assert found.states[10, :3].any() == (delay < 10 * found.dt)
+        np.testing.assert_allclose(found.trace.states[k], reference.state, atol=1e-7)
+        reference.step(torques[k], found.trace.period)
+    assert found.trace.states[10, :3].any() == (delay < 10 * found.trace.period)
 
 
 def test_a_preview_shows_the_coming_references():
@@ -127,7 +127,7 @@ def test_a_preview_shows_the_coming_references():
     for tick in (0, 100, 2000):
         preview = spy.seen[tick][1].preview
         assert preview is not None and preview.shape == (3, 3)
-        expected = SHORT.twist(found.dt * np.arange(tick + 1, tick + 4))
+        expected = SHORT.twist(found.trace.period * np.arange(tick + 1, tick + 4))
         np.testing.assert_allclose(preview, expected, atol=1e-14)
     np.testing.assert_allclose(preview, 0.0, atol=1e-14)
 
@@ -136,8 +136,8 @@ def test_noise_is_white_and_of_the_stated_size():
     found = calibrated(100.0)
     rng = np.random.default_rng(4)
     log, clean = found.log(0.05, rng), found.log(0.0, rng)
-    at = np.arange(5, len(found.states), 5)
-    speed = log.velocity - PAPER.geometry.wheel_speeds(found.states[at, :3])
+    at = np.arange(5, len(found.trace.states), 5)
+    speed = log.velocity - PAPER.geometry.wheel_speeds(found.trace.states[at, :3])
     effort = log.effort - clean.effort
     for noise, size in ((speed, 0.01), (effort, 0.05)):
         np.testing.assert_allclose(noise.std(axis=0), size, rtol=0.03)
@@ -149,14 +149,14 @@ def test_noise_is_white_and_of_the_stated_size():
 def test_the_work_of_the_torques_goes_into_friction():
     found = calibrated(100.0)
     geometry, value = PAPER.geometry, PAPER.values
-    twist = found.states[:, :3]
+    twist = found.trace.states[:, :3]
     wheels = geometry.wheel_speeds(twist)
     rollers = (twist[:, 1:2] + twist[:, 2:] * geometry.h * np.array(SIGN_X)) / geometry.r * 2**0.5
     lost = value["mu1"] * (wheels**2).sum(axis=1) + value["mu2"] * (rollers**2).sum(axis=1)
     middle = 0.5 * (wheels[1:] + wheels[:-1])
-    work = (found.command[:-1] * middle).sum() * found.dt
+    work = (found.trace.command[:-1] * middle).sum() * found.trace.period
     kinetic = 0.5 * twist[-1] @ PAPER.mass_matrix() @ twist[-1]
-    assert work == pytest.approx(np.trapezoid(lost, dx=found.dt) + kinetic, rel=1e-5)
+    assert work == pytest.approx(np.trapezoid(lost, dx=found.trace.period) + kinetic, rel=1e-5)
     assert work > 100.0, "joules in 140 s"
     from_log = found.log(0.03, np.random.default_rng(0))
     assert (from_log.effort * from_log.velocity).sum() * from_log.dt == pytest.approx(
@@ -186,11 +186,11 @@ def test_every_effect_of_the_catalogue_can_be_driven(name: str):
     )
     with_effect = run(plant, motion, control(100), speed_noise=0.0)
     without = run(PAPER, motion, control(100), speed_noise=0.0)
-    assert not np.allclose(with_effect.states[:, :3], without.states[:, :3], atol=1e-4)
-    assert np.abs(with_effect.states[:, :3]).max() < 3.0
+    assert not np.allclose(with_effect.trace.states[:, :3], without.trace.states[:, :3], atol=1e-4)
+    assert np.abs(with_effect.trace.states[:, :3]).max() < 3.0
     log = with_effect.log(0.0, np.random.default_rng(0))
-    at = np.arange(5, len(with_effect.command), 5)
-    meet = (with_effect.command[at - 1] + with_effect.command[at]) / 2
+    at = np.arange(5, len(with_effect.trace.command), 5)
+    meet = (with_effect.trace.command[at - 1] + with_effect.trace.command[at]) / 2
     np.testing.assert_array_equal(log.effort, meet)
 
 

@@ -1,0 +1,84 @@
+"""Commands on their way: each acts a delay later, for as long as it is held."""
+
+from __future__ import annotations
+
+from collections import deque
+from collections.abc import Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+Array = NDArray[np.float64]
+
+ROUNDING = 1e-9
+"""Share of an interval below which a piece of it is rounding, not a piece of its own."""
+
+
+class DelayLine:
+    """The wheel torques of platforms that share a delay, from their command to their drives.
+
+    The delay may be any number of seconds, and commands may be held for any times, so it is a queue
+    of torques with the time that each is held, not of samples. One platform is a batch of one.
+    Before the first command no torque is on its way.
+
+    Parameters
+    ----------
+    delay : from a command to its effect [s], at least 0
+    platforms : how many stand side by side
+
+    Attributes
+    ----------
+    acting : (n, 4) torques [N m] that left the line last; the last command where there is no delay
+    """
+
+    def __init__(self, delay: float, platforms: int = 1) -> None:
+        self.delay = delay
+        self.acting: Array = np.zeros((platforms, 4))
+        self._queue: deque[tuple[Array, float]] = deque()
+        if delay > 0.0:
+            self._queue.append((np.zeros((platforms, 4)), delay))
+
+    def passed(self, command: Array, duration: float) -> Sequence[tuple[Array, float]]:
+        """What acts while ``command`` (n, 4) [N m] is held for ``duration`` [s].
+
+        Returns the torques (n, 4), the earliest first, each with the time [s] for which it acts;
+        the times add up to ``duration``. No array is returned twice, so the caller may keep them.
+        """
+        queue = self._queue
+        if not queue:
+            self.acting = command
+            return ((command, duration),)
+        queue.append((command.copy(), duration))
+        rounding = ROUNDING * duration
+        torque, length = queue[0]
+        # A delay of whole periods, the usual one, needs no cutting.
+        if abs(length - duration) <= rounding:
+            queue.popleft()
+            self.acting = torque
+            return ((torque, duration),)
+        return self._cut(duration, rounding)
+
+    def _cut(self, duration: float, rounding: float) -> list[tuple[Array, float]]:
+        queue, pieces, left = self._queue, [], duration
+        while left > 0.0:
+            torque, length = queue.popleft()
+            if length > left + rounding:
+                queue.appendleft((torque.copy(), length - left))
+            # Times that are added and taken apart again leave slivers, which act on nothing.
+            if length <= rounding < left:
+                continue
+            taken = left if length > left - rounding else length
+            pieces.append((torque, taken))
+            left -= taken
+        self.acting = pieces[-1][0]
+        return pieces
+
+    def clear(self, rows: int | slice) -> None:
+        """Nothing is on its way to some platforms; the others' commands stay.
+
+        What acts may have been handed out, so it is replaced, not changed.
+        """
+        self.acting = self.acting.copy()
+        self.acting[rows] = 0.0
+        for torque, _ in self._queue:
+            torque[rows] = 0.0
