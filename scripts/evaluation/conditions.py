@@ -19,13 +19,11 @@ from youbot_env.motions.base import Motion
 from youbot_env.motions.multisine import multisine
 from youbot_env.physics.effect import CATALOGUE
 from youbot_env.simulation.plant import Plant, Platforms
+from youbot_scripts.evaluation.summary import RUNS_ALSO
 from youbot_scripts.recording.named_motions import with_effects
 from youbot_scripts.recording.named_plants import Driven, plant_named
 
 LAG = "actuator_lag"
-
-RUNS_ALSO = ", in the runs also "
-"""Between what logs have seen of a plant and what they have not, in its name."""
 
 KNOWN, IDENTIFIED, DIAGNOSED = "known", "identified", "diagnosed"
 

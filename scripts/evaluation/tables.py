@@ -5,9 +5,9 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 
-from youbot_scripts.evaluation.conditions import RUNS_ALSO
 from youbot_scripts.evaluation.metrics import AXES, STRETCH
 from youbot_scripts.evaluation.summary import (
+    RUNS_ALSO,
     STRETCHES,
     Result,
     by_condition,
