@@ -20,7 +20,8 @@ from youbot_scripts.cli import run_script
 from youbot_scripts.recording.named_motions import DEFAULT_MOTIONS, motions_named
 from youbot_scripts.recording.named_plants import Driven, plant_named
 from youbot_scripts.shared import options as common
-from youbot_scripts.shared.tables import Column, Table, columns, decimals, show
+from youbot_scripts.shared.result_tables import recorded_logs
+from youbot_scripts.shared.tables import show
 
 __all__ = ["main", "record"]
 
@@ -128,22 +129,10 @@ def _make_folder(path: Path) -> None:
 
 
 def _show(console: Any, driven: Driven, rows: dict[str, dict[str, Any]], out_dir: Path) -> None:
-    show(console, [_table(f"Logs of {driven} in {out_dir}", rows)])
+    show(console, [recorded_logs(f"Logs of {driven} in {out_dir}", rows)])
     console.print(f"How they were made: {out_dir / 'record.json'}", soft_wrap=True)
     logs = shlex.join(str(out_dir / name) for name in to_fit(list(rows)))
     console.print(f"Next: youbot identify {logs} -o model.json", soft_wrap=True)
-
-
-def _table(title: str, rows: dict[str, dict[str, Any]]) -> Table:
-    shown = {
-        "duration": Column("duration s", decimals(1)),
-        "rows": Column("rows"),
-        "peak_wheel_speed": Column("peak rad/s", decimals(2)),
-        "peak_torque": Column("peak N m", decimals(2)),
-        "saturated": Column("saturated %", lambda share: f"{100 * share:.1f}"),
-    }
-    values = tuple((name, *(row[key] for key in shown)) for name, row in rows.items())
-    return Table(title, columns("log", *shown.values()), values)
 
 
 def to_fit(names: list[str]) -> list[str]:

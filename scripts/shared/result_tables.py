@@ -233,6 +233,19 @@ def logs(read: Iterable[Log]) -> Table:
     return Table("Logs", columns("log", *shown), rows)
 
 
+def recorded_logs(title: str, rows: Mapping[str, Found]) -> Table:
+    """Logs that were recorded, by file name, with the peaks of their motion."""
+    shown = {
+        "duration": Column("duration s", decimals(1)),
+        "rows": Column("rows"),
+        "peak_wheel_speed": Column("peak rad/s", decimals(2)),
+        "peak_torque": Column("peak N m", decimals(2)),
+        "saturated": Column("saturated %", lambda share: f"{100 * share:.1f}"),
+    }
+    values = tuple((name, *(row[key] for key in shown)) for name, row in rows.items())
+    return Table(title, columns("log", *shown.values()), values)
+
+
 def observability(found: Found, scaling: str) -> Table:
     """What each motion in the logs shows of the parameters that were fitted."""
     total = found["total"]
