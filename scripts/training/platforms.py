@@ -14,11 +14,12 @@ from gymnasium import spaces
 from numpy.typing import NDArray
 from stable_baselines3.common.vec_env import VecEnv
 
-from controllers.interface import Array, Controller, Observation, Reference
+from controllers.interface import Array, Controller, Observation
+from controllers.loop import ReferenceTable, preview_needed
 from controllers.policy.inputs import Layout
 from controllers.policy.policy import FEATURE_LIMIT, compose
 from youbot_env.tracking.stepper import Setup, Stepper
-from youbot_env.tracking.task import reference_table, twist_scale
+from youbot_env.tracking.task import twist_scale
 
 MakeBase = Callable[[], Controller]
 """Makes the controller beneath, one for each platform."""
@@ -36,16 +37,15 @@ class BaseControllers:
         self._stepper = stepper
         count = len(stepper.clock)
         self._controllers = [make() for _ in range(count)]
-        self._ahead = max(getattr(c, "preview_needed", 0) for c in self._controllers)
-        self._tables: list[Array] = [np.empty((0, 6))] * count
+        self._ahead = preview_needed(self._controllers)
+        self._tables: dict[int, ReferenceTable] = {}
         self.action = np.zeros((count, 4))
 
     def begin(self, row: int) -> None:
         """A platform has been reset: so is its controller."""
         setup, motion = self._stepper.setup, self._stepper.references[row]
         assert motion is not None
-        samples = setup.steps + 1 + self._ahead
-        self._tables[row] = reference_table(motion, setup.period, samples)
+        self._tables[row] = ReferenceTable(motion, setup.period, setup.steps + 1, self._ahead)
         self._controllers[row].reset()
         self._ask(row)
 
@@ -56,14 +56,10 @@ class BaseControllers:
 
     def _ask(self, row: int) -> None:
         _, _, info = self._stepper.result(row)
-        now = int(self._stepper.clock[row])
-        coming = self._tables[row][now + 1 : now + 1 + self._ahead]
         observation = Observation(
             info["time"], info["wheel_speed"], info["measured_twist"], info["pose"]
         )
-        reference = Reference(
-            info["reference_twist"], info["reference_acceleration"], coming[:, :3], coming[:, 3:]
-        )
+        reference = self._tables[row].at(int(self._stepper.clock[row]))
         torque = self._controllers[row](observation, reference)
         self.action[row] = torque / self._stepper.setup.actuation.torque_limit
 
