@@ -1,7 +1,12 @@
-from .comparison import Comparison as Comparison, compare as compare
+from .comparison import (
+    Comparison as Comparison,
+    ComparisonSettings as ComparisonSettings,
+    compare as compare,
+)
 from .diagnosis import (
     Addition as Addition,
     Diagnosis as Diagnosis,
+    DiagnosisSettings as DiagnosisSettings,
     add_effect as add_effect,
     diagnose as diagnose,
 )

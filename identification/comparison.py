@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import os
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, field
+from dataclasses import asdict, dataclass, field
 from typing import Any
 
 import numpy as np
@@ -20,23 +20,54 @@ from identification.fitting.errors import (
     velocity_floor,
     velocity_traces,
 )
+from identification.fitting.settings import FitSettings, check_settings
 from identification.logs.columns import joint_columns
 from identification.logs.log import Log
 from identification.logs.wheel_checks import Slip, slip_of
 from identification.mechanisms.mechanism import Mechanism
 from identification.mechanisms.registry import AnyModel, mechanism_of
-from identification.residual_map.residual_map import ResidualMap, residual_map
+from identification.residual_map.residual_map import residual_map
+from identification.residual_map.settings import ResidualMapSettings
+from identification.residual_map.shares import ResidualMap
 from youbot_env.errors import InputError
 from youbot_env.files import write_atomically
 from youbot_env.physics.geometry import Geometry
 
 Array = NDArray[np.float64]
 
-WINDOW = 5.0
-"""Seconds of a stretch that is judged alone."""
 
-WORST = 8
-"""Stretches that are listed."""
+@dataclass(frozen=True)
+class ComparisonSettings:
+    """What a comparison depends on, beside the model.
+
+    Each field's ``metadata`` holds its unit and the reason for its default.
+
+    Raises
+    ------
+    InputError
+        If a number is not finite and positive.
+    """
+
+    fit: FitSettings = field(default_factory=FitSettings)
+    residual_map: ResidualMapSettings = field(default_factory=ResidualMapSettings)
+    stretch_duration: float = field(
+        default=5.0,
+        metadata={
+            "unit": "s",
+            "reason": "of a stretch that is judged alone: about one period of a calibration motion",
+        },
+    )
+    max_stretches: int = field(
+        default=8,
+        metadata={"unit": "1", "reason": "worst stretches that are listed: what one reads"},
+    )
+
+    def __post_init__(self) -> None:
+        check_settings("comparison settings", self)
+
+    def to_dict(self) -> dict[str, Any]:
+        """JSON form: the numbers in force by name."""
+        return asdict(self)
 
 
 @dataclass(frozen=True)
@@ -58,12 +89,13 @@ class LogComparison:
 class Comparison:
     """Result of :func:`compare`; model: as given, a Model or an AxisModel.
 
-    where: which variables the residual depends on.
+    where: which variables the residual depends on; settings: all numbers that this depends on.
     """
 
     model: Any
     logs: tuple[LogComparison, ...]
     where: ResidualMap = field(default_factory=lambda: ResidualMap(()))
+    settings: ComparisonSettings = field(default_factory=ComparisonSettings)
 
     @property
     def counted(self) -> tuple[LogComparison, ...]:
@@ -86,17 +118,22 @@ class Comparison:
             },
             "where": self.where.to_list(),
             "stretches": self.worst(),
+            "settings": self.settings.to_dict(),
         }
+
+    def stretches(self, item: LogComparison) -> list[dict[str, Any]]:
+        """Force error and squared residual by axis and stretch of one log, in time's order."""
+        return _stretches_of(item, self.settings.stretch_duration)
 
     def worst(self) -> list[dict[str, Any]]:
         """Stretches with the largest shares of all squared force residual, worst first."""
         found = []
         for item in self.logs:
-            found += stretches_of(item)
+            found += self.stretches(item)
         everything = sum(row["square"] for row in found)
         for row in found:
             row["share"] = row.pop("square") / everything if everything > 0 else 0.0
-        return sorted(found, key=lambda row: -row["share"])[:WORST]
+        return sorted(found, key=lambda row: -row["share"])[: self.settings.max_stretches]
 
 
 def _log_dict(item: LogComparison) -> dict[str, Any]:
@@ -115,10 +152,9 @@ def _log_dict(item: LogComparison) -> dict[str, Any]:
     }
 
 
-def stretches_of(item: LogComparison) -> list[dict[str, Any]]:
-    """Force error and squared residual of each axis in each stretch of one log, in time's order."""
+def _stretches_of(item: LogComparison, duration: float) -> list[dict[str, Any]]:
     time, square = item.force.time, item.force.residual**2
-    edges = np.arange(time[0], time[-1], WINDOW)
+    edges = np.arange(time[0], time[-1], duration)
     rows = np.searchsorted(time, [*edges, np.inf])
     return [
         {
@@ -143,6 +179,7 @@ def compare(
     geometry: Geometry | None = None,
     seed: int = 0,
     progress: Callable[[], None] = lambda: None,
+    settings: ComparisonSettings = ComparisonSettings(),
 ) -> Comparison:
     """Errors of a model on logs, with predictions, and the variables that the residual depends on.
 
@@ -153,6 +190,7 @@ def compare(
     geometry : replaces the model's own
     seed : of the noise floor's random numbers and the map's
     progress : called after each log and after the map
+    settings : all numbers that the comparison depends on
 
     Raises
     ------
@@ -166,28 +204,40 @@ def compare(
     found = []
     samples = [mechanism.samples(log) for log in logs]
     for log, item in zip(logs, samples, strict=True):
-        found.append(_compare_one(mechanism, model.theta, log, item, log.sha256 in seen, seed))
+        known = log.sha256 in seen
+        found.append(_compare_one(mechanism, model.theta, log, item, known, seed, settings.fit))
         progress()
-    where = residual_map(mechanism, model.theta, samples, seed=seed)
+    where = residual_map(
+        *(mechanism, model.theta, samples),
+        seed=seed,
+        settings=settings.residual_map,
+        fit=settings.fit,
+    )
     progress()
-    return Comparison(model, tuple(found), where)
+    return Comparison(model, tuple(found), where, settings)
 
 
 def _compare_one(
-    mechanism: Mechanism, theta: Array, log: Log, samples: Any, seen: bool, seed: int
+    mechanism: Mechanism,
+    theta: Array,
+    log: Log,
+    samples: Any,
+    seen: bool,
+    seed: int,
+    fit: FitSettings,
 ) -> LogComparison:
-    noise = NoiseLevel.of(samples)
+    noise = NoiseLevel.of(samples, fit)
     velocity = velocity_traces(mechanism, theta, samples)
     if not np.isfinite(velocity.predicted).all():
         raise InputError(f"{log.source or log.name}: the model's free run diverges on this log")
-    force = force_traces(mechanism, theta, samples)
+    force = force_traces(mechanism, theta, samples, fit)
     return LogComparison(
         log=log,
         axes=mechanism.axes,
         seen_in_fit=bool(log.sha256) and seen,
         force=force,
         velocity=velocity,
-        force_floor=force_floor(mechanism, theta, samples, force, noise, seed),
+        force_floor=force_floor(mechanism, theta, samples, force, noise, seed, fit),
         velocity_floor=velocity_floor(mechanism, theta, samples, velocity, noise, seed),
         joint_speed=mechanism.joint_speed(velocity.predicted),
         slip=slip_of(log),

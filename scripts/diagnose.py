@@ -32,7 +32,7 @@ from youbot_scripts.shared.tables import show
 if TYPE_CHECKING:
     from rich.console import Console
 
-    from identification.diagnosis.diagnose import Diagnosis
+    from identification.diagnosis.report import Diagnosis
     from youbot_scripts.shared.report_page import Part
 
 EXAMPLES = (

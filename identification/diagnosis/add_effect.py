@@ -2,16 +2,22 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
 
-from identification.diagnosis.ranking import MATERIAL, rank
-from identification.diagnosis.search import Search, Step
-from identification.diagnosis.selection import SIGNIFICANT
-from identification.diagnosis.sentences import describe
+from identification.diagnosis.candidates import (
+    fit_base,
+    fit_structure,
+    fit_without_noise_bias,
+    rank,
+)
+from identification.diagnosis.report import describe_in, estimates
+from identification.diagnosis.settings import DiagnosisSettings
+from identification.diagnosis.structures import LoggedData, Step
+from identification.fitting.least_squares import Fit
 from identification.logs.log import Log
 from identification.mechanisms.registry import AnyModel, kind_of, mechanism_of
 from youbot_env.errors import InputError
@@ -28,6 +34,7 @@ class Addition:
     p_value : of the effect, by wild block bootstrap
     worthwhile : whether the fall is material and significant and the size plausible
     reasons : why it was not worth it, in words
+    settings : all numbers that this depends on
     """
 
     effect: str
@@ -39,28 +46,22 @@ class Addition:
     worthwhile: bool
     reasons: tuple[str, ...]
     sentence: str
+    settings: DiagnosisSettings = field(default_factory=DiagnosisSettings)
 
     def to_dict(self) -> dict[str, Any]:
         """JSON form."""
-        entries = self.model.effects[self.effect]
         return {
             "effect": self.effect,
-            "before": _errors(self.before),
-            "after": _errors(self.after),
+            "before": self.before.errors,
+            "after": self.after.errors,
             "noise_floor": self.noise_floor,
             "p_value": self.p_value,
             "worthwhile": self.worthwhile,
             "reasons": list(self.reasons),
             "words": self.sentence,
-            "parameters": {
-                name: {"value": e.value, "unit": e.unit, "std": e.std}
-                for name, e in entries.items()
-            },
+            "parameters": estimates(self.model.effects[self.effect]),
+            "settings": self.settings.to_dict(),
         }
-
-
-def _errors(step: Step) -> dict[str, float]:
-    return {"force_error": step.force_error, "velocity_error": step.velocity_error}
 
 
 def add_effect(
@@ -70,6 +71,7 @@ def add_effect(
     *,
     seed: int = 0,
     progress: Callable[[], None] = lambda: None,
+    settings: DiagnosisSettings = DiagnosisSettings(),
 ) -> Addition:
     """Fit a model with one effect more, jointly, and judge it on held-out data.
 
@@ -78,6 +80,7 @@ def add_effect(
     model : its structure is the start; its parameters are fitted again
     effect : a name of the mechanism's catalogue
     seed : of the bootstrap and of the noise floor
+    settings : all numbers that the judgement depends on
 
     Raises
     ------
@@ -90,56 +93,72 @@ def add_effect(
     item = mechanism.catalogue[effect]
     if effect in mechanism.structure.effects:
         raise InputError(f"the model holds {effect} already; identify fits it again")
-    search = Search(mechanism, logs, seed, progress)
-    base = search.base(mechanism, model.theta)
-    ranking = rank(search, base, [effect], np.random.default_rng(seed))
+    data = LoggedData(mechanism, logs, seed, progress, settings)
+    base = fit_base(data, mechanism, model.theta)
+    ranking = rank(data, base, [effect], np.random.default_rng(seed))
     candidate = ranking.candidates[0]
-    fitted = candidate.fitted or search.fit(candidate.mechanism, candidate.theta)
-    after = search.step(fitted, effect)
-    before = search.step(base, None, fitted.held_out.folds)
-    result = search.final(fitted)
+    fitted = candidate.fitted or fit_structure(data, candidate.mechanism, candidate.theta)
+    after = data.step(fitted, effect)
+    before = data.step(base, None, fitted.held_out.folds)
+    result = fit_without_noise_bias(data, fitted)
     new = kind_of(model).fitted_model(
         fitted.mechanism,
         result,
         name=model.name,
         logs=tuple(log.reference for log in logs),
-        errors=_errors(after) | {"held_out": True},
+        errors={**after.errors, "held_out": True},
         provenance={"command": "add", "effect": effect},
     )
-    reasons = _doubts(before, after, ranking.p_values[effect], new.effects[effect], result, item)
-    values = {name: e.value for name, e in new.effects[effect].items()}
-    words = describe(item, values, {name: e.value for name, e in new.parameters.items()})
+    p_value = ranking.p_values[effect]
+    reasons = [
+        *_errors_that_doubt(before, after, p_value, settings),
+        *_parameters_that_doubt(new.effects[effect], result, settings.fit.interval_deviations),
+    ]
     return Addition(
         effect=effect,
         model=new,
         before=before,
         after=after,
-        noise_floor=search.floor(fitted),
-        p_value=ranking.p_values[effect],
+        noise_floor=data.floor(fitted),
+        p_value=p_value,
         worthwhile=not reasons,
         reasons=tuple(reasons),
-        sentence=words,
+        sentence=describe_in(new, item),
+        settings=settings,
     )
 
 
-def _doubts(
-    before: Step, after: Step, p_value: float, entries: Any, result: Any, item: Any
+def _errors_that_doubt(
+    before: Step, after: Step, p_value: float, settings: DiagnosisSettings
 ) -> list[str]:
+    """Why the fall of the held-out error does not speak for the effect."""
     found = []
     fall = 1.0 - (after.force_error / before.force_error) ** 2
-    if fall < MATERIAL:
+    if fall < settings.min_share_of_residual:
         found.append(
             f"the held-out squared force error falls by {max(fall, 0.0):.1%} only, "
-            f"less than {MATERIAL:.0%}"
+            f"less than {settings.min_share_of_residual:.0%}"
         )
-    if p_value > SIGNIFICANT:
+    if p_value > settings.max_p_value:
         found.append(f"chance alone does as much in {p_value:.1%} of cases")
+    return found
+
+
+def _parameters_that_doubt(entries: Mapping[str, Any], result: Fit, deviations: float) -> list[str]:
+    """Why the effect's parameters do not speak for it.
+
+    Parameters
+    ----------
+    entries : of the effect in the fitted model
+    deviations : standard deviations either side of a value that hold the truth in 95 % of cases
+    """
+    found = []
     if result.bounded:
         found.append("a parameter stopped at its physical bound: sign or size are implausible")
     unsure = [
         name
         for name, entry in entries.items()
-        if entry.std is not None and abs(entry.value) < 1.96 * entry.std
+        if entry.std is not None and abs(entry.value) < deviations * entry.std
     ]
     strong = [name for name, entry in entries.items() if entry.std and name not in unsure]
     if unsure and not strong:

@@ -1,173 +1,93 @@
-"""Candidate effects at a fitted model: columns, held-out residuals, who resembles whom."""
+"""Candidate effects on top of one structure: tried, fitted, ranked, and told from each other."""
 
 from __future__ import annotations
 
 import itertools
 from collections.abc import Sequence
-from dataclasses import dataclass, field
-from functools import cached_property
+from dataclasses import replace
+from functools import partial
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from identification.fitting.cross_validation import Fold, HeldOut, held_out, make_folds
-from identification.fitting.errors import NoiseLevel
-from identification.fitting.least_squares import gauge_basis
-from identification.fitting.regression_rows import (
-    Indices,
-    Rows,
-    reduce,
-    regression_rows,
-    residual_of,
+from identification.diagnosis.settings import DiagnosisSettings
+from identification.diagnosis.significance import (
+    candidate_p_values,
+    remainder,
+    score_blocks,
+    stacked,
 )
-from identification.fitting.settings import FitSettings
+from identification.diagnosis.structures import (
+    Candidate,
+    FittedStructure,
+    LoggedData,
+    Ranking,
+    visible_directions,
+)
+from identification.diagnosis.threads import side_by_side
+from identification.fitting.cross_validation import block_sums, held_out, make_folds
+from identification.fitting.least_squares import Fit
+from identification.fitting.noise_bias import final_fit, joint_fit
+from identification.fitting.observability import log_observability, refuse_blind
+from identification.fitting.regression_rows import Indices, reduce, residual_of
 from identification.mechanisms.mechanism import DemandedForce
 from youbot_env.physics.effect import Parameter
 
 Array = NDArray[np.float64]
 
-SELECTION = FitSettings(row_rate=50.0)
-"""Rows a second [Hz] for the choice of effects: torque ripple lives above what a fit needs."""
+
+def fit_structure(data: LoggedData, mechanism: Any, start: Array) -> FittedStructure:
+    """Joint fit on all logs, smooth shape constants included."""
+    result = joint_fit(mechanism, data.samples, start, data.settings.fit)
+    return FittedStructure.at(mechanism, result.theta, data.samples, result.free, data.settings)
 
 
-@dataclass(frozen=True)
-class Fitted:
-    """A structure at parameters theta, with its rows: what candidates are added to."""
+def fit_base(data: LoggedData, mechanism: Any, start: Array) -> FittedStructure:
+    """The fit of what the model holds already.
 
-    mechanism: Any
-    theta: Array
-    rows: tuple[Rows, ...]
-    free: Indices
-    basis: Array
-    samples: tuple[Any, ...]
-
-    @classmethod
-    def at(cls, mechanism: Any, theta: Array, samples: Sequence[Any], free: Indices) -> Fitted:
-        """Rows of all logs at theta; ``free``: indices of the parameters that were fitted."""
-        rows = tuple(regression_rows(mechanism, theta, item, free, SELECTION) for item in samples)
-        return cls(mechanism, theta, rows, free, _directions(mechanism, free), tuple(samples))
-
-    @cached_property
-    def demands(self) -> tuple[DemandedForce, ...]:
-        """Of each log: what candidates on top of the structure need not find out again."""
-        return tuple(self.mechanism.demand(self.theta, item) for item in self.samples)
-
-    @property
-    def residual(self) -> list[Array]:
-        """Per log (n, A)."""
-        return [row.residual for row in self.rows]
-
-    @property
-    def square(self) -> float:
-        """Sum of the squared residuals of all rows."""
-        return sum(float((row.residual**2).sum()) for row in self.rows)
-
-    @property
-    def columns(self) -> list[Array]:
-        """Per log (n, A, F)."""
-        return [row.columns for row in self.rows]
-
-    def noise_square(self, noise: Sequence[NoiseLevel], seed: int) -> float:
-        """Squares that noise on the speeds leaves in the residual, by putting it on once more."""
-        rng = np.random.default_rng(seed)
-        total = 0.0
-        for item, of, row in zip(self.samples, noise, self.rows, strict=True):
-            noisy = self.mechanism.noisy(item, of.speed, 0.0 * of.torque, rng)
-            again = residual_of(self.mechanism, self.theta, noisy, SELECTION)
-            total += float(((again - row.residual) ** 2).sum())
-        return total
-
-    @cached_property
-    def held_out(self) -> HeldOut:
-        """Judged on what it was not fitted on."""
-        return self.judged(make_folds(self.rows, self.columns))
-
-    def judged(self, folds: Sequence[Fold]) -> HeldOut:
-        """The same with other folds."""
-        return held_out(self.residual, self.columns, folds, self.basis)
-
-    def compared(self, folds: Sequence[Fold]) -> float:
-        """Its held-out squares over those with other folds."""
-        own = self.held_out
-        return 1.0 if tuple(folds) == own.folds else own.square / self.judged(folds).square
-
-
-def _directions(mechanism: Any, free: Indices) -> Array:
-    """(F, Q) directions of the parameters ``free`` that data can see, in their own units."""
-    return gauge_basis(mechanism, free) / mechanism.scale[free][:, None]
-
-
-@dataclass(frozen=True, eq=False)
-class Candidate:
-    """One effect, at one choice of its shape constants, on top of a fitted structure.
-
-    free : indices of its own linear parameters and the structure's
-    directions : that data can see of its own linear parameters
-    extra_noise : squares that noise on the speeds adds to the residual beyond what it adds to the
-        structure's: a drive's lag differentiates the noise, and must not lose by that alone
-    folding : the structure's held-out squares over those with the candidate's folds: finer ones
-        hold less out, and are no merit of the candidate
-    unkept : squares whose fall the held-out steps promise and the joint fit does not keep: they
-        know no bounds, and may well need a negative inertia
+    Raises
+    ------
+    InputError
+        If the logs cannot show its parameters: with the motion that would.
     """
-
-    name: str
-    mechanism: Any
-    theta: Array
-    free: Indices
-    columns: tuple[Array, ...]
-    result: HeldOut
-    shapes: dict[str, float] = field(default_factory=dict)
-    directions: int = 0
-    fitted: Fitted | None = None
-    extra_noise: float = 0.0
-    folding: float = 1.0
-    unkept: float = 0.0
-
-    @property
-    def square(self) -> float:
-        """Sum of squared held-out residuals, at the structure's own noise and folds."""
-        return self.noisy_square - self.extra_noise + self.unkept
-
-    @property
-    def noisy_square(self) -> float:
-        """The same at its own noise."""
-        return self.folding * self.result.square
-
-    @property
-    def parameters(self) -> int:
-        """How many numbers it adds, searched shapes included: the price of its flexibility."""
-        return self.directions + len(self.shapes)
+    fitted = fit_structure(data, mechanism, start)
+    refuse_blind(mechanism, log_observability(mechanism, fitted.rows))
+    return fitted
 
 
-REFINEMENTS = 3
-"""Halvings of a grid's step around its best value."""
+def fit_without_noise_bias(data: LoggedData, fitted: FittedStructure) -> Fit:
+    """The last fit of a structure, with an honest covariance: see :func:`final_fit`."""
+    settings = data.settings.fit
+    return final_fit(fitted.mechanism, data.samples, data.noise, fitted.theta, data.seed, settings)
 
 
-def try_candidate(base: Fitted, name: str) -> Candidate:
+def try_candidate(base: FittedStructure, name: str) -> Candidate:
     """The effect at its best shape, judged by held-out squares: on the grid, then between."""
-    mechanism = base.mechanism.extended(name)
+    mechanism, settings = base.mechanism.extended(name), base.settings
     longest = max(float(item.time[-1]) for item in base.samples)
     grids = {p.name: _grid(p, longest) for p in mechanism.catalogue[name].parameters if p.grid}
 
     def judge(values: tuple[float, ...]) -> Candidate:
-        shapes = dict(zip(grids, values, strict=True))
-        return _try_shape(base, mechanism, name, shapes)
+        return _linear_candidate(base, mechanism, name, dict(zip(grids, values, strict=True)))
 
     best = min(map(judge, itertools.product(*grids.values())), key=_square)
-    if best.square > PROMISING * base.held_out.square:
+    if best.square > settings.max_refined_share * base.held_out.square:
         return best
     for shape, grid in grids.items():
         parameter = mechanism.catalogue[name].parameter(shape)
         if parameter.whole:
             continue
-        for halving in range(1, REFINEMENTS + 1):
+        for halving in range(1, settings.grid_halvings + 1):
             here = best.shapes[shape]
             for value in _between(grid, here, halving, parameter):
                 values = tuple((best.shapes | {shape: value})[key] for key in grids)
                 best = min(best, judge(values), key=_square)
     return best
+
+
+def _square(item: Candidate) -> float:
+    return item.square
 
 
 def _grid(parameter: Parameter, longest: float) -> tuple[float, ...]:
@@ -178,14 +98,6 @@ def _grid(parameter: Parameter, longest: float) -> tuple[float, ...]:
     step = grid[-1] - grid[-2]
     more = np.arange(grid[-1] + step, longest, step)
     return tuple(value for value in (*grid, *more.tolist()) if value < longest)
-
-
-PROMISING = 0.98
-"""Share of the base's squares above which no finer search is worth its time."""
-
-
-def _square(item: Candidate) -> float:
-    return item.square
 
 
 def _between(grid: Sequence[float], here: float, halving: int, parameter: Parameter) -> list[float]:
@@ -199,71 +111,230 @@ def _between(grid: Sequence[float], here: float, halving: int, parameter: Parame
     return [value for value in tried if parameter.lower <= value <= parameter.upper]
 
 
-def _try_shape(
-    base: Fitted,
-    mechanism: Any,
-    name: str,
-    shapes: dict[str, float],
+def _linear_candidate(
+    base: FittedStructure, mechanism: Any, name: str, shapes: dict[str, float]
 ) -> Candidate:
+    """The effect at given shapes, by one linear step from the structure without it."""
     theta = mechanism.extend_theta(base.theta, name, shapes)
     own = np.arange(len(base.theta), len(theta), dtype=np.intp)
     new = own[mechanism.free[own]]
     columns = tuple(
-        _columns(mechanism, mechanism.demand(theta, item, known), item, new)
+        _columns(base, mechanism, mechanism.demand(theta, item, known), item, new)
         for item, known in zip(base.samples, base.demands, strict=True)
     )
     joined = [np.concatenate([a, b], axis=-1) for a, b in zip(base.columns, columns, strict=True)]
     free = np.concatenate([base.free, new])
-    basis = _directions(mechanism, free)
-    folds = make_folds(base.rows, joined)
-    result = held_out(base.residual, joined, folds, basis)
-    directions = basis.shape[1] - base.basis.shape[1]
+    basis = visible_directions(mechanism, free)
+    folds = make_folds(base.rows, joined, base.settings.fit)
+    judged = held_out(base.residual, joined, folds, basis, base.settings.fit)
     return Candidate(
-        *(name, mechanism, theta, free, columns, result, shapes),
-        directions=directions,
-        folding=base.compared(folds),
+        *(name, mechanism, theta, free, columns, judged, shapes),
+        directions=basis.shape[1] - base.basis.shape[1],
+        fold_ratio=base.fold_ratio(folds),
     )
 
 
-def _columns(mechanism: Any, demand: DemandedForce, samples: Any, new: Indices) -> Array:
+def _columns(
+    base: FittedStructure, mechanism: Any, demand: DemandedForce, samples: Any, new: Indices
+) -> Array:
     ends = np.moveaxis(demand.columns(new), 0, -1)
-    return reduce(ends, mechanism, samples, SELECTION)
+    return reduce(ends, mechanism, samples, base.settings.rows)
 
 
-def contains(larger: Candidate, smaller: Candidate, base: Fitted, enough: float = 0.995) -> bool:
+def rank(
+    data: LoggedData,
+    base: FittedStructure,
+    names: Sequence[str],
+    rng: np.random.Generator,
+    above_floor: float | None = None,
+) -> Ranking:
+    """Try each candidate on top of a structure; ``above_floor`` of it, where it is known."""
+    square = base.held_out.square
+    needed = needed_share(above_floor or data.above_floor(base), data.settings)
+    if not names:
+        return Ranking((), {}, (), None, square, needed)
+    _ = base.demands  # found once, not in each thread
+    found = side_by_side(partial(try_candidate, base), names, data.progress)
+    found = _with_joint_fits(data, base, sorted(found, key=_square), needed)
+    step = base.rows[0].step
+    scores = {
+        item.name: score_blocks(base.residual, base.columns, item.columns, step, data.settings)
+        for item in found
+    }
+    p_values = candidate_p_values(scores, rng, data.settings)
+    rivals = list(found)
+    best, tied = _best_and_tied(data, base, rivals)
+    while best and extends(best, base) and _adds_nothing(data, best, base, square):
+        # More of what is there already, by nothing or by noise: no finding.
+        rivals.remove(best)
+        best, tied = _best_and_tied(data, base, rivals)
+    return Ranking(tuple(found), p_values, tied, best, square, needed)
+
+
+def needed_share(above_floor: float, settings: DiagnosisSettings) -> float:
+    """Share of a structure's squares that an effect must take away to be accepted.
+
+    ``above_floor``: see :meth:`LoggedData.above_floor`.
+    """
+    excess = 1.0 - 1.0 / above_floor**2
+    return max(settings.min_share_of_residual, settings.min_share_of_excess * excess)
+
+
+def _with_joint_fits(
+    data: LoggedData, base: FittedStructure, found: list[Candidate], needed: float
+) -> list[Candidate]:
+    """The candidates, best first, those in the lead fitted jointly with the structure.
+
+    Some are linear only near zero strength.
+
+    Parameters
+    ----------
+    found : by one linear step, best first
+    """
+    settings, square = data.settings, base.held_out.square
+    fall = square - found[0].square
+    if fall < settings.min_share_of_needed_fall * needed * square:
+        return found
+    leaders = [
+        item
+        for item in found[: settings.max_joint_fits]
+        if square - item.square > fall * _share_in_lead(item, settings)
+    ]
+    noise = base.noise_square(data.noise, data.seed)
+    fitted = side_by_side(partial(_joint_fit, data, base, noise), leaders, data.progress)
+    rest = [item for item in found if item not in leaders]
+    return sorted([*fitted, *rest], key=_square)
+
+
+def _share_in_lead(item: Candidate, settings: DiagnosisSettings) -> float:
+    """Share of the best candidate's fall from which on a candidate is fitted jointly."""
+    if item.name in item.mechanism.structure.nonlinear:
+        return settings.min_share_of_best_fall_nonlinear
+    return settings.min_share_of_best_fall
+
+
+def _joint_fit(
+    data: LoggedData, base: FittedStructure, base_noise: float, item: Candidate
+) -> Candidate:
+    """The candidate fitted jointly; ``base_noise``: squares that noise leaves in the structure."""
+    square = base.held_out.square
+    joint = fit_structure(data, item.mechanism, item.theta)
+    added = joint.noise_square(data.noise, data.seed) - base_noise
+    new = replace(
+        item,
+        theta=joint.theta,
+        fitted=joint,
+        held_out=joint.held_out,
+        added_noise=added,
+        fold_ratio=base.fold_ratio(joint.held_out.folds),
+    )
+    kept = (base.square - joint.square + added) * square / base.square
+    if kept < data.settings.min_kept_share_of_fall * (square - new.square):
+        return replace(new, lost_fall=square - kept - new.square)
+    return new
+
+
+def _best_and_tied(
+    data: LoggedData, base: FittedStructure, found: Sequence[Candidate]
+) -> tuple[Candidate | None, tuple[str, ...]]:
+    """The best candidate, a simpler one in its place if it does as well, and those that tie."""
+    settings, square = data.settings, base.held_out.square
+    if not found or found[0].square >= square:
+        return None, ()
+    fall = square - found[0].square
+    near = [item for item in found if square - item.square > settings.min_share_of_best_fall * fall]
+    best = found[0]
+    for item in near:
+        # A nested effect gives way to its simpler form unless it is materially better.
+        if contains(best, item, base) and _gives_way(data, best, item):
+            best = item
+    tied = [
+        item.name
+        for item in near
+        if item is not best
+        and _worse_by(item, best, base) < settings.max_tied_deviations
+        and not contains(item, best, base)
+    ]
+    return best, tuple(tied)
+
+
+def _gives_way(data: LoggedData, larger: Candidate, smaller: Candidate) -> bool:
+    square = smaller.square_with_noise
+    if smaller.fitted:
+        return _adds_nothing(data, larger, smaller.fitted, square)
+    return square - larger.square_with_noise < data.settings.min_extension_gain * square
+
+
+def _adds_nothing(
+    data: LoggedData, larger: Candidate, smaller: FittedStructure, square: float
+) -> bool:
+    """Whether what a nested effect has beyond its simpler form is nothing, or made by noise.
+
+    Noise on the speeds rounds the kink of a dry friction, and a breakaway peak can imitate
+    that. The larger is fitted with the noise undone: what it predicts beyond the smaller's
+    best must still matter.
+
+    Parameters
+    ----------
+    smaller : the structure with the simpler form; square : its held-out squares
+    """
+    settings = data.settings
+    gain = square - larger.square_with_noise
+    if gain < settings.min_extension_gain * square:
+        return True
+    if gain > settings.max_noise_gain * square or not larger.fitted:
+        return False
+    undone = fit_without_noise_bias(data, larger.fitted).theta
+    beyond = [
+        (row.residual - residual_of(larger.mechanism, undone, samples, settings.rows))[..., None]
+        for row, samples in zip(smaller.rows, data.samples, strict=True)
+    ]
+    left = _unexplained(stacked(smaller.columns), stacked(beyond), settings)
+    return bool(left[0] < settings.min_extension_gain * square)
+
+
+def _worse_by(item: Candidate, leader: Candidate, base: FittedStructure) -> float:
+    """By how many standard errors of blocks a candidate's held-out residual is the larger one."""
+    if item is leader:
+        return 0.0
+    # Their folds may differ, but not the order of what was held out.
+    mine, others = (
+        one.fold_ratio * (np.concatenate(one.held_out.residual) ** 2).sum(axis=1)
+        for one in (item, leader)
+    )
+    length = base.settings.fit.independent_time
+    difference = block_sums(mine - others, base.rows[0].step, length)
+    spread = np.sqrt(len(difference)) * difference.std()
+    worse = difference.sum() - (item.added_noise - leader.added_noise)
+    return float(worse / max(spread, 1e-300))
+
+
+def contains(larger: Candidate, smaller: Candidate, base: FittedStructure) -> bool:
     """Whether the larger candidate's columns can imitate the smaller one's (a nested effect)."""
     if larger.parameters <= smaller.parameters:
         return False
-    return _imitates(_flat(larger.columns), _flat(smaller.columns), _flat(base.columns), enough)
+    target, nuisance = stacked(smaller.columns), stacked(base.columns)
+    return _imitates(stacked(larger.columns), target, nuisance, base.settings)
 
 
-def extends(item: Candidate, base: Fitted, enough: float = 0.995) -> bool:
+def extends(item: Candidate, base: FittedStructure) -> bool:
     """Whether a candidate's columns can imitate those of an effect that the structure holds."""
-    columns = _flat(base.columns)
+    own, columns = stacked(item.columns), stacked(base.columns)
     for effect in base.mechanism.structure.effects:
         its = np.array([base.mechanism.labels[k].component == effect for k in base.free])
         fewer = its.any() and its.sum() < item.parameters
-        if fewer and _imitates(_flat(item.columns), columns[:, its], columns[:, ~its], enough):
+        if fewer and _imitates(own, columns[:, its], columns[:, ~its], base.settings):
             return True
     return False
 
 
-def _flat(columns: Sequence[Array]) -> Array:
-    """Columns (n, A, F) of all logs, in one (N, F)."""
-    return np.concatenate([part.reshape(-1, part.shape[-1]) for part in columns])
+def _imitates(columns: Array, target: Array, nuisance: Array, settings: DiagnosisSettings) -> bool:
+    """Whether columns explain nearly all of what the nuisance leaves of each target."""
+    left_base = _unexplained(nuisance, target, settings)
+    left_both = _unexplained(np.concatenate([nuisance, columns], axis=1), target, settings)
+    return bool((left_both < (1 - settings.min_imitated_share) * left_base).all())
 
 
-def _imitates(columns: Array, target: Array, nuisance: Array, enough: float) -> bool:
-    """Whether columns explain all but ``1 - enough`` of what others leave of the targets."""
-    left_base = unexplained(nuisance, target)
-    left_both = unexplained(np.concatenate([nuisance, columns], axis=1), target)
-    return bool((left_both < (1 - enough) * left_base).all())
-
-
-def unexplained(columns: Array, target: Array) -> Array:
-    """Squares (T,) of targets (n, T) that no combination of columns (n, F) explains."""
-    norm = np.sqrt((columns**2).sum(axis=0))
-    columns = columns / np.where(norm > 0, norm, 1.0)
-    gram = columns.T @ columns
-    rest = target - columns @ (np.linalg.pinv(gram, rcond=1e-10) @ (columns.T @ target))
-    return (rest**2).sum(axis=0)
+def _unexplained(columns: Array, target: Array, settings: DiagnosisSettings) -> Array:
+    """Squares (T,) of targets (N, T) that no combination of columns (N, F) explains."""
+    return (remainder(target, columns, settings.min_seen_share) ** 2).sum(axis=0)

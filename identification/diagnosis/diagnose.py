@@ -1,120 +1,47 @@
-"""Which physical effect is missing: adequacy, ranking, selection, ambiguity, verdict."""
+"""Which physical effect is missing: forward selection, second thoughts, verdict."""
 
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from functools import partial
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from identification.diagnosis.candidates import Candidate, Fitted
+from identification.diagnosis.candidates import (
+    fit_base,
+    fit_structure,
+    fit_without_noise_bias,
+    rank,
+)
 from identification.diagnosis.experiment_design import best_experiment
-from identification.diagnosis.ranking import Ranking
-from identification.diagnosis.search import Search, Step, given_errors
-from identification.diagnosis.selection import select
-from identification.diagnosis.sentences import describe
+from identification.diagnosis.report import (
+    Diagnosis,
+    candidate_rows,
+    sentences_of,
+    verdict_of,
+    warnings_of,
+)
+from identification.diagnosis.settings import DiagnosisSettings
+from identification.diagnosis.structures import (
+    Candidate,
+    FittedStructure,
+    LoggedData,
+    Ranking,
+    Step,
+)
 from identification.diagnosis.threads import side_by_side
 from identification.fitting.least_squares import Fit, fit
 from identification.logs.log import Log
 from identification.mechanisms.mechanism import Mechanism
 from identification.mechanisms.registry import AnyModel, kind_of, mechanism_of
-from identification.residual_map.residual_map import ResidualMap, residual_map
+from identification.residual_map.residual_map import residual_map
+from identification.residual_map.shares import ResidualMap
 from youbot_env.errors import InputError
 
 Array = NDArray[np.float64]
-
-ABOVE_FLOOR = 1.25
-"""Held-out force error over the noise floor above which something is left to explain."""
-
-DOMINANT = 0.5
-"""Share of the excess over the floor that an effect must take to be named beside "unknown"."""
-
-CHANGED = 1.5
-"""Given model's force error over the refitted one's from which on its parameters have changed."""
-
-
-@dataclass(frozen=True)
-class Diagnosis:
-    """Result of :func:`diagnose`; :meth:`to_dict` is its JSON form.
-
-    Attributes
-    ----------
-    verdict : "adequate", "effect", "ambiguous" or "unknown"
-    missing : accepted effects, in order; of an ambiguous set its best member
-    ambiguous_with : what the data cannot tell apart from an accepted effect
-    partial : accepted effects that explain their share, while something else remains
-    steps : held-out errors as they fall; the first is the refitted base
-    rankings : all candidates, on top of each step
-    fitted_model : the refitted model with the accepted effects; None where its parameters are not
-        physical, and ``unphysical`` says why
-    maps : what the residual depends on, before and after the accepted effects
-    sentences : the verdict in words
-    """
-
-    verdict: str
-    missing: tuple[str, ...]
-    ambiguous_with: dict[str, list[str]]
-    partial: tuple[str, ...]
-    steps: tuple[Step, ...]
-    rankings: tuple[Ranking, ...]
-    fitted_model: Any | None
-    mechanism: Mechanism
-    samples: tuple[Any, ...]
-    given_model: dict[str, float]
-    noise_floor: dict[str, float]
-    maps: tuple[ResidualMap, ...]
-    next_experiment: dict[str, Any] | None
-    warnings: tuple[str, ...]
-    sentences: tuple[str, ...] = ()
-    candidates: list[dict[str, Any]] = field(default_factory=list)
-    unphysical: str = ""
-
-    @property
-    def model(self) -> Any:
-        """The refitted model with the accepted effects.
-
-        Raises
-        ------
-        InputError
-            If the logs do not show its parameters: what the fit found is not physical.
-        """
-        if self.fitted_model is None:
-            raise InputError(
-                f"no model: these logs do not show the base parameters ({self.unphysical}); "
-                "`youbot doctor` names the motions that would"
-            )
-        return self.fitted_model
-
-    @property
-    def where(self) -> list[dict[str, Any]]:
-        """Shares of the base model's residual by variable."""
-        return self.maps[0].to_list()
-
-    @property
-    def remaining(self) -> list[dict[str, Any]]:
-        """The same after the last accepted effect."""
-        return self.maps[1].to_list() if len(self.maps) > 1 else []
-
-    def to_dict(self) -> dict[str, Any]:
-        """JSON form, as the design fixes it."""
-        return {
-            "verdict": self.verdict,
-            "missing": list(self.missing),
-            "ambiguous_with": self.ambiguous_with,
-            "partial": list(self.partial),
-            "steps": [step.to_dict() for step in self.steps],
-            "given_model": self.given_model,
-            "noise_floor": self.noise_floor,
-            "candidates": self.candidates,
-            "where": self.where,
-            "remaining": self.remaining,
-            "next_experiment": self.next_experiment,
-            "words": list(self.sentences),
-            "warnings": list(self.warnings),
-        }
 
 
 def diagnose(
@@ -124,6 +51,7 @@ def diagnose(
     effects: Sequence[str] | None = None,
     seed: int = 0,
     progress: Callable[[], None] = lambda: None,
+    settings: DiagnosisSettings = DiagnosisSettings(),
 ) -> Diagnosis:
     """Say which effects of the catalogue a model lacks on some logs.
 
@@ -133,6 +61,7 @@ def diagnose(
     effects : candidates; the mechanism's whole catalogue by default
     seed : of the bootstrap and of the noise floor
     progress : called after each candidate and each free run
+    settings : all numbers that the verdict depends on
 
     Raises
     ------
@@ -142,115 +71,232 @@ def diagnose(
     if not logs:
         raise InputError("no log given: diagnose needs at least one")
     mechanism = mechanism_of(model)
-    search = Search(mechanism, logs, seed, progress)
+    data = LoggedData(mechanism, logs, seed, progress, settings)
     names = list(effects) if effects is not None else list(mechanism.catalogue.names())
-    chosen = select(search, mechanism, model.theta, names, np.random.default_rng(seed))
-    steps, rankings = list(chosen.steps), chosen.rankings
-    floor = search.floor(steps[-1].fitted)
-    unexplained = steps[-1].force_error > ABOVE_FLOOR * floor["force_error"]
-    if unexplained:
-        steps = _drop_minor(steps, floor["force_error"])
-        floor = search.floor(steps[-1].fitted)
+    chosen = select(data, mechanism, model.theta, names, np.random.default_rng(seed))
+    steps, floor, unexplained = _explained(data, list(chosen.steps))
     accepted = [step.effect for step in steps if step.effect]
     ties = {
         ranking.best.name: list(ranking.tied)
-        for ranking in rankings
+        for ranking in chosen.rankings
         if ranking.best and ranking.tied and ranking.best.name in accepted
     }
-    verdict = _verdict(unexplained, bool(ties), bool(accepted))
-    shown = [steps[0].fitted, steps[-1].fitted] if accepted else [steps[0].fitted]
-    tasks = [
-        partial(search.final, steps[-1].fitted),
-        *(partial(_map, fitted, search) for fitted in shown),
-    ]
-    final, *maps = side_by_side(lambda task: task(), tasks, progress)
-    given = given_errors(mechanism, model.theta, search.samples)
-    try:
-        fitted_model = _model(steps[-1].fitted.mechanism, final, model, logs, steps, floor)
-        sized, unphysical = fitted_model, ""
-    except InputError as error:
-        fitted_model, unphysical = None, str(error).removeprefix(f"model {model.name}: ")
-        sized = _at_given_base(steps[-1].fitted, model, search) if accepted else model
+    verdict = verdict_of(unexplained, bool(ties), bool(accepted))
+    final, maps = _final_fit_and_maps(data, steps)
+    given = data.given_errors(mechanism, model.theta)
+    fitted_model, unphysical = _model(steps[-1], final, model, logs, floor)
+    # Sizes for the words and the table of candidates, also where there is no model.
+    sized = _at_given_base(steps[-1], model, data) if fitted_model is None else fitted_model
     return Diagnosis(
         verdict=verdict,
         missing=tuple(accepted),
         ambiguous_with=ties,
         partial=tuple(accepted) if unexplained else (),
         steps=tuple(steps),
-        rankings=rankings,
+        rankings=chosen.rankings,
         fitted_model=fitted_model,
         mechanism=steps[-1].fitted.mechanism,
-        samples=tuple(search.samples),
+        samples=tuple(data.samples),
         given_model=given,
         noise_floor=floor,
         maps=tuple(maps),
-        next_experiment=_next_experiment(search, steps, rankings, ties, seed),
-        warnings=tuple(_warnings(logs, given, steps, unphysical)),
-        sentences=tuple(_sentences(sized, steps, verdict, ties, floor)),
-        candidates=_candidate_list(chosen.first, steps, sized),
+        next_experiment=_next_experiment(mechanism, steps, chosen.rankings, ties, seed),
+        warnings=tuple(warnings_of(logs, given, steps[0], unphysical, settings)),
+        sentences=tuple(sentences_of(sized, steps, verdict, ties, floor)),
+        candidates=candidate_rows(chosen.first, steps[0], sized),
         unphysical=unphysical,
+        settings=settings,
     )
 
 
-def _drop_minor(steps: list[Step], floor: float) -> list[Step]:
-    """Where something unknown remains: at most the first effect, if it takes most of the excess."""
-    if len(steps) < 2:
-        return steps
-    before, after = steps[0].force_error ** 2, steps[1].force_error ** 2
-    dominant = before - after > DOMINANT * (before - floor**2)
-    return steps[:2] if dominant else steps[:1]
+@dataclass(frozen=True)
+class Selection:
+    """What was accepted, and why.
+
+    steps : held-out errors as they fall; the first is the base
+    rankings : the ranking that each accepted effect won; the last one may have no winner
+    first : all candidates on top of the base
+    """
+
+    steps: tuple[Step, ...]
+    rankings: tuple[Ranking, ...]
+    first: Ranking
 
 
-def _verdict(unexplained: bool, tied: bool, accepted: bool) -> str:
-    if unexplained:
-        return "unknown"
-    if tied:
-        return "ambiguous"
-    return "effect" if accepted else "adequate"
+def select(
+    data: LoggedData,
+    mechanism: Mechanism,
+    start: Array,
+    names: Sequence[str],
+    rng: np.random.Generator,
+) -> Selection:
+    """Accept effects one after another while the held-out error falls materially.
+
+    After each acceptance the earlier ones are tried again: dropped if they add nothing, replaced
+    if a rival does better now that others are present.
+
+    Parameters
+    ----------
+    mechanism, start : the base structure, and its theta (P,) to start from
+    names : of the candidates
+    rng : of the bootstrap's signs
+    """
+    settings = data.settings
+    steps = [data.step(fit_base(data, mechanism, start), None)]
+    rankings: list[Ranking] = []
+    first: Ranking | None = None
+    while len(steps) <= settings.max_effects:
+        fitted = steps[-1].fitted
+        above = data.above_floor(fitted)
+        at_floor = settings.min_error_over_floor <= above <= settings.max_final_error_over_floor
+        if len(steps) > 1 and at_floor:
+            break
+        present = fitted.mechanism.structure.effects
+        left = [name for name in names if name not in present]
+        ranking = rank(data, fitted, left, rng, above)
+        first = first or ranking
+        rankings.append(ranking)
+        best = ranking.best
+        if best is None or best.fitted is None:
+            break
+        if ranking.p_values[best.name] > settings.max_p_value or not ranking.is_material:
+            break
+        steps.append(data.step(best.fitted, best.name))
+        if len(steps) > 2:
+            steps, rankings = _revised(data, steps, rankings, rng)
+    assert first is not None
+    return Selection(tuple(_judged_alike(data, steps)), tuple(rankings), first)
+
+
+def _judged_alike(data: LoggedData, steps: Sequence[Step]) -> list[Step]:
+    """The steps with the last one's folds, so that their errors can be compared."""
+    folds = steps[-1].fitted.held_out.folds
+    return [
+        step if step.fitted.held_out.folds == folds else data.step(step.fitted, step.effect, folds)
+        for step in steps
+    ]
+
+
+def _revised(
+    data: LoggedData, steps: list[Step], rankings: list[Ranking], rng: np.random.Generator
+) -> tuple[list[Step], list[Ranking]]:
+    """The accepted effects, each tried against its rivals with all others present."""
+    given = steps[0].fitted.mechanism.structure.effects
+    names = [step.effect for step in steps[1:] if step.effect]
+    full = steps[-1].fitted
+    won = list(rankings[: len(names)])
+    for _ in range(data.settings.max_revision_rounds):
+        before = list(names)
+        # The last first: it was chosen last, with the most known.
+        for index in range(len(names) - 1, -1, -1):
+            others = [*names[:index], *names[index + 1 :]]
+            if index == len(names) - 1 and names == before and full is steps[-1].fitted:
+                continue  # its ranking is the one that it has just won
+            base = _refitted(data, full, (*given, *others))
+            again = rank(data, base, _rivals(won[index], others, data.settings), rng)
+            if again.best is None or again.best.fitted is None or not again.is_material:
+                del names[index], won[index]
+                full = base
+                break
+            won[index] = again
+            names[index] = again.best.name
+            full = again.best.fitted
+        if names == before:
+            break
+    if names == [step.effect for step in steps[1:]]:
+        return steps, won
+    walked = [steps[0]]
+    for count, name in enumerate(names, start=1):
+        walked.append(data.step(_refitted(data, full, (*given, *names[:count])), name))
+    return walked, won
+
+
+def _rivals(ranking: Ranking, others: Sequence[str], settings: DiagnosisSettings) -> list[str]:
+    """Candidates that took a good part of what the winner of a ranking took."""
+    least = settings.min_share_of_best_fall * ranking.fall
+    found = [item.name for item in ranking.candidates if ranking.fall_of(item) > least]
+    return [name for name in found if name not in others]
+
+
+def _refitted(data: LoggedData, full: FittedStructure, effects: tuple[str, ...]) -> FittedStructure:
+    """A structure with fewer effects, fitted from the parameters that they have in ``full``."""
+    mechanism = full.mechanism.with_effects(effects)
+    known = dict(zip(full.mechanism.parameter_names, full.theta, strict=True))
+    start = np.array([known[name] for name in mechanism.parameter_names])
+    return fit_structure(data, mechanism, start)
+
+
+def _explained(data: LoggedData, steps: list[Step]) -> tuple[list[Step], dict[str, float], bool]:
+    """The steps that are kept, the last one's noise floor, and whether something is left over it.
+
+    Where something unknown remains, at most the first effect is kept, if it takes most of the
+    excess over the floor: others may well stand for the unknown.
+    """
+    settings = data.settings
+    floor = data.floor(steps[-1].fitted)
+    level = floor["force_error"]
+    unexplained = steps[-1].force_error > settings.max_error_over_floor * level
+    if not unexplained:
+        return steps, floor, False
+    if len(steps) > 1:
+        before, after = steps[0].force_error ** 2, steps[1].force_error ** 2
+        least = settings.min_dominant_share_of_excess * (before - level**2)
+        steps = steps[:2] if before - after > least else steps[:1]
+    return steps, data.floor(steps[-1].fitted), True
+
+
+def _final_fit_and_maps(data: LoggedData, steps: Sequence[Step]) -> tuple[Fit, list[ResidualMap]]:
+    """The last structure's fit; maps of the base's residual and, with effects, of the last one's.
+
+    Side by side, in threads.
+    """
+    last, settings = steps[-1].fitted, data.settings
+
+    def mapped(fitted: FittedStructure) -> ResidualMap:
+        return residual_map(
+            *(fitted.mechanism, fitted.theta, data.samples),
+            seed=data.seed,
+            settings=settings.residual_map,
+            fit=settings.fit,
+        )
+
+    shown = [steps[0].fitted] if len(steps) == 1 else [steps[0].fitted, last]
+    tasks = [partial(fit_without_noise_bias, data, last), *(partial(mapped, f) for f in shown)]
+    final, *maps = side_by_side(lambda task: task(), tasks, data.progress)
+    return final, maps
 
 
 def _model(
-    mechanism: Mechanism,
-    final: Fit,
-    model: AnyModel,
-    logs: Sequence[Log],
-    steps: Sequence[Step],
-    floor: dict[str, float],
-) -> Any:
-    errors = {
-        "force_error": steps[-1].force_error,
-        "velocity_error": steps[-1].velocity_error,
-        "held_out": True,
-        "noise_floor": floor,
-    }
-    return kind_of(model).fitted_model(
-        mechanism,
-        final,
-        name=model.name,
-        logs=tuple(log.reference for log in logs),
-        errors=errors,
-        provenance={"command": "diagnose"},
-    )
+    step: Step, final: Fit, model: AnyModel, logs: Sequence[Log], floor: dict[str, float]
+) -> tuple[Any | None, str]:
+    """The model that the last step's final fit stands for; none, and why, if it is not physical."""
+    try:
+        found = kind_of(model).fitted_model(
+            step.fitted.mechanism,
+            final,
+            name=model.name,
+            logs=tuple(log.reference for log in logs),
+            errors={**step.errors, "held_out": True, "noise_floor": floor},
+            provenance={"command": "diagnose"},
+        )
+    except InputError as error:
+        return None, str(error).removeprefix(f"model {model.name}: ")
+    return found, ""
 
 
-def _at_given_base(fitted: Fitted, model: AnyModel, search: Search) -> Any:
-    """The accepted effects fitted beside the given model's parameters, which stay.
-
-    For their sizes in words, where the logs do not show the parameters that were given.
-    """
-    known = len(model.theta)
-    start = np.concatenate([model.theta, fitted.theta[known:]])
-    free = fitted.mechanism.free & (np.arange(len(start)) >= known)
-    found = fit(fitted.mechanism, search.samples, start, free=free)
-    return kind_of(model).fitted_model(fitted.mechanism, found, name=model.name)
-
-
-def _map(fitted: Fitted, search: Search) -> ResidualMap:
-    return residual_map(fitted.mechanism, fitted.theta, search.samples, seed=search.seed)
+def _at_given_base(step: Step, model: AnyModel, data: LoggedData) -> Any:
+    """The accepted effects fitted beside the given model's parameters, which stay."""
+    if not step.effect:
+        return model
+    mechanism, known = step.fitted.mechanism, len(model.theta)
+    start = np.concatenate([model.theta, step.fitted.theta[known:]])
+    free = mechanism.free & (np.arange(len(start)) >= known)
+    found = fit(mechanism, data.samples, start, free=free, settings=data.settings.fit)
+    return kind_of(model).fitted_model(mechanism, found, name=model.name)
 
 
 def _next_experiment(
-    search: Search,
+    mechanism: Mechanism,
     steps: Sequence[Step],
     rankings: Sequence[Ranking],
     ties: dict[str, list[str]],
@@ -259,7 +305,7 @@ def _next_experiment(
     """The motion that best separates the first tie, if the mechanism knows motions."""
     if not ties:
         return None
-    motions = search.mechanism.motions(seed)
+    motions = mechanism.motions(seed)
     ranking = next(r for r in rankings if r.best and r.best.name in ties)
     tied = [item for item in ranking.candidates if item.name in ranking.tied and item.fitted]
     assert ranking.best is not None and ranking.best.fitted is not None
@@ -272,91 +318,3 @@ def _next_experiment(
 def _named(item: Candidate) -> tuple[str, Any, Array]:
     assert item.fitted is not None
     return item.name, item.fitted.mechanism, item.fitted.theta
-
-
-def _warnings(
-    logs: Sequence[Log], given: dict[str, float], steps: Sequence[Step], unphysical: str
-) -> list[str]:
-    found = [line for log in logs for line in log.warnings]
-    if given["force_error"] > CHANGED * steps[0].force_error:
-        found.append(
-            f"the given model's own parameters no longer fit (force error "
-            f"{given['force_error']:.1%}, refitted {steps[0].force_error:.1%}): they have changed"
-        )
-    if unphysical:
-        found.append(
-            f"these logs do not show the base parameters ({unphysical}): there is no model to "
-            "write, and sizes are those beside the given model's parameters"
-        )
-    return found
-
-
-def _sentences(
-    model: Any,
-    steps: Sequence[Step],
-    verdict: str,
-    ties: dict[str, list[str]],
-    floor: dict[str, float],
-) -> list[str]:
-    found = []
-    for step in steps[1:]:
-        assert step.effect is not None
-        effect = step.fitted.mechanism.catalogue[step.effect]
-        values = {name: e.value for name, e in model.effects[step.effect].items()}
-        base = {name: e.value for name, e in model.parameters.items()}
-        sentence = describe(effect, values, base)
-        others = ties.get(step.effect)
-        if others:
-            sentence += f"; these logs cannot tell it from {' or '.join(others)}"
-        found.append(sentence)
-    last, level = steps[-1].force_error, floor["force_error"]
-    if verdict == "adequate":
-        found.append(
-            f"the model is adequate: what it leaves ({last:.2%}) is noise (floor {level:.2%})"
-        )
-    elif verdict == "unknown":
-        part = "explains a part, but something" if len(steps) > 1 else "something"
-        found.append(
-            f"{part} is missing that no effect of the catalogue explains: {last:.2%} remains "
-            f"where noise would leave {level:.2%}"
-        )
-    return found
-
-
-def _candidate_list(ranking: Ranking, steps: Sequence[Step], model: Any) -> list[dict[str, Any]]:
-    """First-step candidates, best first; an accepted one with its parameters in the final fit.
-
-    Their errors are at the base's own noise and folds, by which they are ranked.
-    """
-    base = steps[0].fitted
-    found = []
-    for item in ranking.candidates:
-        ratio = np.sqrt(max(item.square, 0.0) / max(ranking.square, 1e-300))
-        found.append(
-            {
-                "effect": item.name,
-                "force_error": float(steps[0].force_error * ratio),
-                "p_value": ranking.p_values[item.name],
-                "parameters": _parameters(item, base, model),
-            }
-        )
-    return found
-
-
-def _parameters(item: Candidate, base: Fitted, model: Any) -> dict[str, Any]:
-    if item.name in model.effects:
-        entries = model.effects[item.name]
-        return {
-            name: {"value": e.value, "unit": e.unit, "std": e.std} for name, e in entries.items()
-        }
-    theta = item.theta.copy()
-    if item.fitted is None:
-        theta[item.free] += item.result.step
-    effect = item.mechanism.catalogue[item.name]
-    # The candidate's parameters are the last ones: it was put on top of the fitted structure.
-    own = theta[len(theta) - len(effect.parameter_names) :]
-    public = effect.to_public(getattr(item.mechanism, "geometry", None), own)
-    return {
-        name: {"value": value, "unit": effect.public_parameter(name).unit, "std": None}
-        for name, value in zip(effect.public_names, public, strict=True)
-    }

@@ -1,9 +1,8 @@
 """Does anything in the residual answer to a candidate? Family-wise, by a wild block bootstrap.
 
 Plain F and BIC tests take autocorrelated residuals for evidence. Here the score of each candidate
-is summed over blocks of time that are long against the correlation; under the null the signs of
-blocks are random, so flipping them at random gives the null distribution of the largest statistic
-over all candidates (Liu, Annals of Statistics 16(4), 1988; Romano and Wolf, JASA 100, 2005).
+is summed over blocks of time that are long against the correlation, and compared with the same
+scores under random signs: see :mod:`identification.residual_map.bootstrap`.
 """
 
 from __future__ import annotations
@@ -13,58 +12,78 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 from numpy.typing import NDArray
 
+from identification.diagnosis.settings import DiagnosisSettings
 from identification.fitting.cross_validation import block_sums
+from identification.residual_map.bootstrap import family_wise_p_values, random_signs
 
 Array = NDArray[np.float64]
 
-DRAWS = 999
-"""Bootstrap draws: the smallest p-value is 1/1000."""
-
 
 def score_blocks(
-    residual: Sequence[Array], base: Sequence[Array], columns: Sequence[Array], step: float
+    residual: Sequence[Array],
+    base: Sequence[Array],
+    columns: Sequence[Array],
+    step: float,
+    settings: DiagnosisSettings = DiagnosisSettings(),
 ) -> Array:
     """Block sums (blocks, F) of a candidate's score, its columns cleared of the base model's.
 
-    residual (n, A), base (n, A, B) and columns (n, A, F) per log.
+    Parameters
+    ----------
+    residual : per log (n, A); base : (n, A, B); columns : (n, A, F)
+    step : from one row to the next [s]
     """
-    flat = np.concatenate([c.reshape(-1, c.shape[-1]) for c in columns])
-    nuisance = np.concatenate([b.reshape(-1, b.shape[-1]) for b in base])
-    norm = np.sqrt((nuisance**2).sum(axis=0))
-    nuisance = nuisance / np.where(norm > 0, norm, 1.0)
-    gram = nuisance.T @ nuisance
-    flat = flat - nuisance @ (np.linalg.pinv(gram, rcond=1e-10) @ (nuisance.T @ flat))
+    cleared = remainder(stacked(columns), stacked(base), settings.min_seen_share)
     sums, start = [], 0
     for log in residual:
         stop = start + log.size
-        cleared = flat[start:stop].reshape(*log.shape, -1)
-        sums.append(block_sums(np.einsum("na,naf->nf", log, cleared), step))
+        of_log = cleared[start:stop].reshape(*log.shape, -1)
+        scores = np.einsum("na,naf->nf", log, of_log)
+        sums.append(block_sums(scores, step, settings.fit.independent_time))
         start = stop
     return np.concatenate(sums)
 
 
-def family_p_values(
-    scores: Mapping[str, Array], rng: np.random.Generator, draws: int = DRAWS
+def stacked(columns: Sequence[Array]) -> Array:
+    """Columns (n, A, F) of all logs, in one (N, F)."""
+    return np.concatenate([part.reshape(-1, part.shape[-1]) for part in columns])
+
+
+def remainder(target: Array, columns: Array, min_seen_share: float) -> Array:
+    """What no combination of columns (N, F) explains of targets (N, T).
+
+    ``min_seen_share``: of the largest eigenvalue, under which a direction of columns is not seen.
+    """
+    norm = np.sqrt((columns**2).sum(axis=0))
+    columns = columns / np.where(norm > 0, norm, 1.0)
+    gram = columns.T @ columns
+    return target - columns @ (np.linalg.pinv(gram, rcond=min_seen_share) @ (columns.T @ target))
+
+
+def candidate_p_values(
+    scores: Mapping[str, Array],
+    rng: np.random.Generator,
+    settings: DiagnosisSettings = DiagnosisSettings(),
 ) -> dict[str, float]:
     """Family-wise p-value of each candidate from its score blocks (blocks, F).
 
     All candidates share the draws of signs, so their dependence is kept.
     """
     blocks = len(next(iter(scores.values())))
-    signs = rng.choice([-1.0, 1.0], size=(draws, blocks))
-    observed, null = {}, np.full(draws, -np.inf)
-    for name, blocks_of in scores.items():
-        whiten = _whitening(blocks_of)
-        observed[name] = _normal_score(blocks_of.sum(axis=0) @ whiten)
-        null = np.maximum(null, _normal_score((signs @ blocks_of) @ whiten))
-    return {
-        name: float((1 + (null >= value).sum()) / (draws + 1)) for name, value in observed.items()
-    }
+    signs = random_signs(rng, settings.bootstrap_draws, blocks)
+    observed, null = [], []
+    for score in scores.values():
+        whiten = _whitening(score, settings.min_score_share)
+        observed.append(_normal_score(score.sum(axis=0) @ whiten))
+        null.append(_normal_score((signs @ score) @ whiten))
+    p_values = family_wise_p_values(np.array(observed), np.stack(null))
+    return dict(zip(scores, p_values.tolist(), strict=True))
 
 
-def _whitening(blocks: Array) -> Array:
+def _whitening(blocks: Array, least: float) -> Array:
+    """(F, Q) that makes the block sums' scores uncorrelated, of unit variance each."""
     values, vectors = np.linalg.eigh(blocks.T @ blocks)
-    keep = values > 1e-12 * max(values.max(), 1e-300)
+    keep = values > least * max(values.max(), 1e-300)
     return vectors[:, keep] / np.sqrt(values[keep])
 
 

@@ -9,7 +9,7 @@ import numpy as np
 
 from identification.figures import style as look
 from identification.figures.style import percent, styled
-from identification.figures.time_series import BAND, finish
+from identification.figures.time_series import finish
 from identification.fitting.errors import Squares
 from identification.mechanisms.quantities import FORCES, Quantity
 from identification.residual_map.curves import Curve
@@ -72,7 +72,7 @@ def residual_figure(
     reach = max(float(np.nanmax(np.abs(curve.force) + curve.std)) for _, curve in rows)
     for row, (title, curve) in zip(panels, rows, strict=True):
         for k, axes in enumerate(row):
-            value, band = curve.force[:, k], BAND * curve.std[:, k]
+            value, band = curve.force[:, k], look.BAND * curve.std[:, k]
             axes.axhline(0.0, **look.TRUTH)
             axes.fill_between(curve.at, value - band, value + band, **look.FLOOR)
             axes.plot(curve.at, value, marker=".", **look.ESTIMATE)

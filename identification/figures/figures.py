@@ -9,10 +9,10 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from identification.comparison import Comparison, LogComparison, stretches_of
-from identification.diagnosis.diagnose import Diagnosis
+from identification.comparison import Comparison, LogComparison
+from identification.diagnosis.report import Diagnosis
 from identification.figures import failures as failure_figures, time_series as figures
-from identification.figures.style import percent, write_figures
+from identification.figures.style import MAX_CURVES, percent, write_figures
 from identification.fitting.errors import NoiseLevel, force_floor, force_traces
 from identification.fitting.identify import Identification
 from identification.logs.log import Log
@@ -21,7 +21,7 @@ from identification.mechanisms.mechanism import ParameterLabel
 from identification.mechanisms.quantities import Quantities
 from identification.mechanisms.registry import AnyModel, quantities_of
 from identification.residual_map.curves import Curve
-from identification.residual_map.residual_map import ResidualMap
+from identification.residual_map.shares import ResidualMap
 from youbot_env.model.model import Model
 from youbot_env.motions.base import Motion, MotionSequence
 from youbot_env.motions.multisine import Multisine
@@ -32,9 +32,6 @@ if TYPE_CHECKING:
 
 Array = NDArray[np.float64]
 Named = Iterator[tuple[str, "Figure"]]
-
-CURVES = 5
-"""Curves in the figure of the residual."""
 
 SYMBOLS = {
     "m0": "$m_0$", "I0": "$I_0$", "I1": "$I_1$", "m_aX": "$m\\,a_X$", "m_aY": "$m\\,a_Y$",
@@ -202,7 +199,7 @@ def figures_of_comparison(result: Comparison, geometry: Geometry | None = None) 
         yield (
             f"where_{name}",
             failure_figures.stretch_figure(
-                stretches_of(item),
+                result.stretches(item),
                 [row for row in worst if row["log"] == name],
                 item.force_floor,
                 name=name,
@@ -237,14 +234,14 @@ def figures_of_residual(found: ResidualMap, model: AnyModel, name: str = "residu
 
 
 def _strongest_curves(found: ResidualMap) -> list[tuple[str, Curve]]:
-    """Titles and curves of the variables with the largest shares, at most CURVES of them."""
+    """Titles and curves of the variables with the largest shares, at most MAX_CURVES of them."""
     shares = {share.variable: share.share for share in found.shares}
     rows = [
         (f"{variable}: {percent(shares[variable])}", curve)
-        for variable in found.leading[:CURVES]
+        for variable in found.leading[:MAX_CURVES]
         for curve in found.curve(variable)
     ]
-    return rows[:CURVES]
+    return rows[:MAX_CURVES]
 
 
 def _tracking(item: LogComparison, shown: Quantities) -> Named:

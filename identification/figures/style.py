@@ -42,6 +42,12 @@ DPI = 100
 BINS = 900
 """Stretches of a line that are drawn: about one for each pixel of an axis."""
 
+BAND = 1.96
+"""Standard deviations either side that hold 95 % of normal noise: half the width of a band."""
+
+MAX_CURVES = 5
+"""Curves in the figure of a residual: what fits a screen."""
+
 STYLE = {
     "font.family": "DejaVu Sans",  # ships with matplotlib: the same picture everywhere
     "font.size": 10,

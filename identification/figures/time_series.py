@@ -28,8 +28,6 @@ Stretch = tuple[str, float, float]
 """Name, start and end [s] of a part of a log that a figure names."""
 
 TIME = "time from the log's start [s]"
-BAND = 1.96
-"""Standard deviations either side that hold 95 % of normal noise."""
 
 
 @styled
@@ -115,7 +113,7 @@ def _with_strips(
         if floor is not None:
             note += f"\nnoise\n{percent(floor.by_axis[k])}"
         look.margin_note(main, note)
-        noise = 0.0 if floor is None else BAND * np.sqrt(floor.residual[k] / len(traces.time))
+        noise = 0.0 if floor is None else look.BAND * np.sqrt(floor.residual[k] / len(traces.time))
         _strip(strip, traces.time, traces.residual[:, k], noise)
         strip.set_ylabel(f"$\\Delta$  [{unit}]", fontsize=9)
     # The legend of the first panel speaks for its strip too.
@@ -197,7 +195,7 @@ def estimates_figure(
         axes.axis("off")
     panels = panels[: len(labels)]
     for k, (axes, label) in enumerate(zip(panels, labels, strict=True)):
-        value, band = course.theta[:, k], BAND * course.std[:, k]
+        value, band = course.theta[:, k], look.BAND * course.std[:, k]
         axes.plot(course.time, value, label="recursive estimate", **look.ESTIMATE)
         ends = value - band, value + band
         axes.fill_between(course.time, *ends, label="±1.96 std", **look.FLOOR)

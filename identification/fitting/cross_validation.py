@@ -129,5 +129,10 @@ def block_sums(values: Array, step: float, length: float = FitSettings.independe
 
     The last block may be shorter.
     """
-    size = max(1, round(length / step))
+    size = rows_per_block(length, step)
     return np.add.reduceat(values, np.arange(0, len(values), size), axis=0)
+
+
+def rows_per_block(length: float, step: float) -> int:
+    """Rows, ``step`` [s] apart, in a block of some length [s]."""
+    return max(1, round(length / step))

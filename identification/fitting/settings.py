@@ -232,8 +232,7 @@ class FitSettings:
     )
 
     def __post_init__(self) -> None:
-        for item in fields(self):
-            _check(item.name, item.default, getattr(self, item.name))
+        check_settings("fit settings", self)
         shares = ("max_residual_memory", "max_score_memory", "min_lone_share")
         for name in shares:
             if getattr(self, name) >= 1.0:
@@ -246,13 +245,19 @@ class FitSettings:
         return asdict(self)
 
 
-def _check(name: str, default: Any, value: Any) -> None:
-    """Refuse a number that is not finite and positive, and a count that is not whole."""
-    what = f"fit settings: {name}"
-    if isinstance(default, int):
-        count(what, value)
-    elif isinstance(default, float):
-        finite(what, value, positive=True)
-    elif isinstance(default, tuple):
-        for number in value:
-            finite(what, number, positive=True)
+def check_settings(what: str, settings: Any) -> None:
+    """Refuse a number that is not finite and positive, and a count that is not whole.
+
+    Parameters
+    ----------
+    settings : a dataclass; in a tuple whose default starts at zero, numbers may be zero too
+    """
+    for item in fields(settings):
+        name, value = f"{what}: {item.name}", getattr(settings, item.name)
+        if isinstance(item.default, int):
+            count(name, value)
+        elif isinstance(item.default, float):
+            finite(name, value, positive=True)
+        elif isinstance(item.default, tuple):
+            for number in value:
+                finite(name, number, positive=item.default[0] > 0)

@@ -1,1 +1,3 @@
-from .residual_map import ResidualMap as ResidualMap, residual_map as residual_map
+from .residual_map import residual_map as residual_map
+from .settings import ResidualMapSettings as ResidualMapSettings
+from .shares import ResidualMap as ResidualMap

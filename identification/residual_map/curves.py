@@ -8,22 +8,16 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from identification.residual_map.table import ResidualTable
-from identification.residual_map.variables import Signals, smooth
+from identification.residual_map.settings import ResidualMapSettings
+from identification.residual_map.variables import MotionVariables, RowReduction, smooth
 
 Array = NDArray[np.float64]
-
-POINTS = 16
-"""Of a curve."""
-
-RARE = 0.004
-"""Share of the rows below which a point is not shown."""
 
 UNITS = {"speed": "rad/s", "angle": "rad", "torque": "N m", "heading": "rad", "time": "s"}
 TWIST = (("VX", "m/s"), ("VY", "m/s"), ("W", "rad/s"))
 ACCELERATION = {"x": "m/s^2", "y": "m/s^2", "yaw": "rad/s^2"}
 
-OF_AXIS = {
+UNITS_OF_AXIS = {
     False: {"twist": "m/s", "acceleration": "m/s^2", "position": "m", "torque": "N"},
     True: {"twist": "rad/s", "acceleration": "rad/s^2", "position": "rad", "torque": "N m"},
 }
@@ -45,76 +39,104 @@ class Curve:
     std: Array
 
 
+@dataclass(frozen=True)
+class _Abscissa:
+    """What a curve is drawn over: values (N,) by log, and their period if they have one."""
+
+    label: str
+    unit: str
+    values: list[Array]
+    period: float | None = None
+
+
 def curves_of(
-    table: ResidualTable, residual: Sequence[Array], variable: str, cycles: int = 1
+    variable: str,
+    logs: Sequence[MotionVariables],
+    reductions: Sequence[RowReduction],
+    residual: Sequence[Array],
+    *,
+    block: int,
+    settings: ResidualMapSettings,
+    cycles: int = 1,
 ) -> list[Curve]:
-    """Curves of the folds' residual (n, A) over a variable of the table.
+    """Curves of a residual over a variable: one, or one for each component of the twist.
 
     The line is fitted through the same filter as the residual's, so that a force that varies
     faster than the filter lets through shows its full size, where it belongs.
+
+    Parameters
+    ----------
+    logs, reductions : of each log; residual : (n, A) of each fold, in the logs' order
+    block : rows within which residuals are correlated
+    cycles : per turn, for a wheel's angle
     """
     found = []
-    for label, unit, logs, period in _abscissae(table.signals, variable, cycles):
-        pooled = np.concatenate(logs)
-        if period:
-            knots = np.linspace(-period / 2, period / 2, POINTS + 1)
-        else:
-            low, high = np.quantile(pooled, [0.005, 0.995])
-            knots = np.linspace(low, high, POINTS)
+    for abscissa in _abscissae(logs, variable, cycles, settings.smoothing_rate):
+        knots = _knots(abscissa, settings)
         features = [
-            reduction(hats(values, knots, period))
-            for values, reduction in zip(logs, table.reductions, strict=True)
+            reduction(hat_functions(values, knots, abscissa.period))
+            for values, reduction in zip(abscissa.values, reductions, strict=True)
         ]
-        found.append(_fitted(label, unit, knots, features, residual, table))
+        rows, force = np.concatenate(features), np.concatenate(residual)
+        value, std = _fitted(rows, force, block)
+        rare = rows.sum(axis=0) < settings.min_share_of_rows * len(rows)
+        value[rare] = std[rare] = np.nan
+        found.append(Curve(abscissa.label, abscissa.unit, knots[: len(value)], value, std))
     return found
 
 
+def _knots(abscissa: _Abscissa, settings: ResidualMapSettings) -> Array:
+    if abscissa.period:
+        half = abscissa.period / 2
+        return np.linspace(-half, half, settings.curve_points + 1)
+    low, high = np.quantile(np.concatenate(abscissa.values), settings.curve_range)
+    return np.linspace(low, high, settings.curve_points)
+
+
 def _abscissae(
-    signals: Sequence[Signals], variable: str, cycles: int
-) -> Iterator[tuple[str, str, list[Array], float | None]]:
-    """Label, unit, values by log, and the period if there is one."""
-    first = signals[0]
+    logs: Sequence[MotionVariables], variable: str, cycles: int, smoothing: float
+) -> Iterator[_Abscissa]:
+    turns = logs[0].turns
     if variable == "twist":
-        names = TWIST if first.turns is None else (("speed", OF_AXIS[first.turns]["twist"]),)
+        names = TWIST if turns is None else (("speed", UNITS_OF_AXIS[turns]["twist"]),)
         for k, (label, unit) in enumerate(names):
-            yield label, unit, [log.twist[:, k] for log in signals], None
+            yield _Abscissa(label, unit, [log.twist[:, k] for log in logs])
     elif variable == "heading":
         turn = 2 * np.pi
-        yield "heading", "rad", [_wrapped(_required(log.heading), turn) for log in signals], turn
+        headings = [_wrapped(_required(log.heading), turn) for log in logs]
+        yield _Abscissa("heading", "rad", headings, turn)
     elif variable == "time":
-        yield "time from the log's start", "s", [log.time for log in signals], None
+        yield _Abscissa("time from the log's start", "s", [log.time for log in logs])
     else:
-        yield _of_component(signals, variable, cycles)
+        yield _of_component(logs, variable, cycles, smoothing)
 
 
 def _of_component(
-    signals: Sequence[Signals], variable: str, cycles: int
-) -> tuple[str, str, list[Array], float | None]:
+    logs: Sequence[MotionVariables], variable: str, cycles: int, smoothing: float
+) -> _Abscissa:
+    """One place, axis or joint, which the variable's name ends on: position_x, torque_fl."""
     kind, _, which = variable.rpartition("_") if "_" in variable else (variable, "", "")
-    first = signals[0]
-    own = {} if first.turns is None else OF_AXIS[first.turns]
+    first = logs[0]
+    own = {} if first.turns is None else UNITS_OF_AXIS[first.turns]
+    label = f"{kind.replace('_', ' ')} {which}".strip()
     if kind == "position":
-        k, unit = first.places.index(which), own.get(kind, "m")
-        return f"position {which}".strip(), unit, [log.position[:, k] for log in signals], None
+        k = first.places.index(which)
+        return _Abscissa(label, own.get(kind, "m"), [log.position[:, k] for log in logs])
     if kind == "acceleration":
         k, unit = first.axes.index(which), own.get(kind) or ACCELERATION[which]
-        label = f"acceleration {which}".strip()
-        return label, unit, [smooth(log.acceleration, _dt(log))[:, k] for log in signals], None
+        smoothed = [smooth(log.acceleration, smoothing, log.dt)[:, k] for log in logs]
+        return _Abscissa(label, unit, smoothed)
     k, name = first.joints.index(which), kind.rpartition("_")[2]
-    label = f"{kind.replace('_', ' ')} {which}".strip()
-    logs = [_required(getattr(log, name))[:, k] for log in signals]
     if name == "angle":
         turn = 2 * np.pi / cycles
         label += f", {cycles} times a turn" if cycles > 1 else ""
-        return label, "rad", [_wrapped(values, turn) for values in logs], turn
+        angles = [_wrapped(_required(log.angle)[:, k], turn) for log in logs]
+        return _Abscissa(label, "rad", angles, turn)
+    unit = own.get(name) or UNITS[name]
     if name == "torque":
-        logs = [smooth(log.torque, _dt(log))[:, k] for log in signals]
         label = label if first.turns is None else "effort"
-    return label, own.get(name) or UNITS[name], logs, None
-
-
-def _dt(signals: Signals) -> float:
-    return float(signals.time[1] - signals.time[0])
+        return _Abscissa(label, unit, [smooth(log.torque, smoothing, log.dt)[:, k] for log in logs])
+    return _Abscissa(label, unit, [_required(getattr(log, name))[:, k] for log in logs])
 
 
 def _wrapped(values: Array, period: float) -> Array:
@@ -126,7 +148,7 @@ def _required(values: Array | None) -> Array:
     return values
 
 
-def hats(values: Array, knots: Array, period: float | None) -> Array:
+def hat_functions(values: Array, knots: Array, period: float | None) -> Array:
     """(N, n) weights of a line through points at the knots; the last knot of a period is the first.
 
     Beyond the knots the line goes on level.
@@ -145,25 +167,14 @@ def hats(values: Array, knots: Array, period: float | None) -> Array:
     return found
 
 
-def _fitted(
-    label: str,
-    unit: str,
-    knots: Array,
-    features: Sequence[Array],
-    residual: Sequence[Array],
-    table: ResidualTable,
-) -> Curve:
-    """Least squares, and standard errors that hold for residuals correlated within a block."""
-    flexible, force = np.concatenate(features), np.concatenate(residual)
-    gram = flexible.T @ flexible
+def _fitted(features: Array, force: Array, block: int) -> tuple[Array, Array]:
+    """Least squares (n, A), and standard errors for residuals correlated within a block of rows."""
+    gram = features.T @ features
+    # A point that no row supports would make the matrix singular; it is hidden afterwards.
     inverse = np.linalg.inv(gram + 1e-6 * np.trace(gram) * np.eye(len(gram)))
-    value = inverse @ flexible.T @ force
-    left = force - flexible @ value
-    size = table.parts[0].block
-    starts = np.arange(0, len(left), size)
-    scores = np.stack([flexible[a : a + size].T @ left[a : a + size] for a in starts])
+    value = inverse @ features.T @ force
+    left = force - features @ value
+    starts = np.arange(0, len(left), block)
+    scores = np.stack([features[a : a + block].T @ left[a : a + block] for a in starts])
     spread = np.einsum("pq,bqa->bpa", inverse, scores)
-    std = np.sqrt((spread**2).sum(axis=0))
-    rare = flexible.sum(axis=0) < RARE * len(flexible)
-    value[rare] = std[rare] = np.nan
-    return Curve(label, unit, knots[: len(value)], value, std)
+    return value, np.sqrt((spread**2).sum(axis=0))

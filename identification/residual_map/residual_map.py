@@ -3,112 +3,48 @@
 Flexible functions of each variable are fitted to the filtered force residual, together with the
 model's own columns, so that what its parameters could absorb is not counted. Each log in turn is
 held out. What chance alone explains is known from the same computation on residuals whose signs are
-drawn at random, block by block (wild bootstrap: Liu, Annals of Statistics 16(4), 1988).
+drawn at random, block by block: see :mod:`identification.residual_map.bootstrap`.
 """
 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, Any
+from functools import partial
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from identification.fitting.settings import FitSettings
+from identification.mechanisms.mechanism import Mechanism
+from identification.residual_map.bootstrap import family_wise_p_values, random_signs
 from identification.residual_map.curves import Curve, curves_of
-from identification.residual_map.features import ORDERS
-from identification.residual_map.held_out_shares import (
-    Nuisance,
-    base_squares,
-    draw_signs,
-    family_p_values,
-    gains,
-    left_over,
-    sides_of,
+from identification.residual_map.held_out_gain import (
+    HeldOutGain,
+    NuisanceRegressors,
+    blocks_of,
+    held_out_gains,
+    model_held_out_square,
+    residuals_after,
+    right_hand_sides,
+    standardised_gains,
     strongest_order,
 )
-from identification.residual_map.table import ResidualTable, make_table
-
-if TYPE_CHECKING:
-    from identification.mechanisms.mechanism import Mechanism
+from identification.residual_map.settings import ResidualMapSettings
+from identification.residual_map.shares import ResidualMap, Share
+from identification.residual_map.table import ResidualTable, residual_table
 
 Array = NDArray[np.float64]
 
-LEVEL = 0.01
-"""Family-wise: of a hundred maps of sound models one shows a share that chance made."""
-
-LEAST = 0.01
-"""Shares below this are not told: significance is not relevance.
-
-Nor are those of less than one bootstrap block's worth of the residual, which with few blocks
-chance reaches more often than the draws of their signs show."""
-
-SHORTEST = 20.0
-"""Seconds of logs below which nothing can be told."""
-
-
-@dataclass(frozen=True)
-class Share:
-    """Held-out share of the residual's variance that a variable explains.
-
-    share : beyond the twist, of the twist alone; 0 where chance could have made it
-    p_value : family-wise, over all variables
-    cycles : per turn, of a wheel's angle that has a share
-    """
-
-    variable: str
-    share: float
-    p_value: float
-    cycles: int | None = None
-
-    def to_dict(self) -> dict[str, Any]:
-        """JSON form."""
-        found = {"variable": self.variable, "share": self.share, "p_value": self.p_value}
-        return found if self.cycles is None else {**found, "cycles": self.cycles}
-
-
-@dataclass(frozen=True)
-class ResidualMap:
-    """Result of :func:`residual_map`: shares, the largest first.
-
-    refit : share of the given parameters' residual that disappears when they are fitted again,
-        held out; it may be negative
-    """
-
-    shares: tuple[Share, ...]
-    refit: float = 0.0
-    _table: ResidualTable | None = field(default=None, repr=False, compare=False)
-    _residual: tuple[tuple[Array, ...], ...] = field(default=(), repr=False, compare=False)
-
-    def to_list(self) -> list[dict[str, Any]]:
-        """JSON form, as the design fixes it."""
-        return [share.to_dict() for share in self.shares]
-
-    @property
-    def leading(self) -> tuple[str, ...]:
-        """Variables with a share, the largest first."""
-        return tuple(share.variable for share in self.shares if share.share > 0)
-
-    def curve(self, variable: str) -> list[Curve]:
-        """The residual over a variable, for a plot: one curve, or one for each component of twist.
-
-        Of what the model's parameters leave, and for other variables than the twist of what any
-        function of the twist leaves; none where the logs were too short for a map.
-
-        Raises
-        ------
-        KeyError
-            If the logs have no such variable.
-        """
-        cycles = {share.variable: share.cycles for share in self.shares}[variable]
-        if self._table is None:
-            return []
-        residual = self._residual[0 if variable == "twist" else 1]
-        return curves_of(self._table, residual, variable, cycles or 1)
-
 
 def residual_map(
-    mechanism: Mechanism, theta: Array, logs: Sequence[Any], *, seed: int = 0
+    mechanism: Mechanism,
+    theta: Array,
+    logs: Sequence[Any],
+    *,
+    seed: int = 0,
+    settings: ResidualMapSettings = ResidualMapSettings(),
+    fit: FitSettings = FitSettings(),
 ) -> ResidualMap:
     """Map what a model leaves of the filtered forces onto the variables of the motion.
 
@@ -118,41 +54,95 @@ def residual_map(
     theta : (P,) parameters at which the residual is taken; they are refitted along in every step
     logs : the mechanism's samples of each log
     seed : of the random signs
+    settings, fit : all numbers that the map depends on; of the fit's those of the filter and of
+        cross-validation
 
     Notes
     -----
-    Ridge regression, one strength for all logs. One log alone is held out in five contiguous
-    blocks. Shares of different variables overlap: a force
-    along the world's X axis depends on the heading and, in a small room, on the position too.
+    Ridge regression, one strength for all logs. One log alone is held out in contiguous parts.
+    Shares of different variables overlap: a force along the world's X axis depends on the heading
+    and, in a small room, on the position too.
     """
-    if sum(samples.dt * len(samples) for samples in logs) < SHORTEST:
+    if sum(samples.dt * len(samples) for samples in logs) < settings.min_duration:
         return ResidualMap(())
-    table = make_table(mechanism, np.asarray(theta, float), logs)
-    parts, signs = table.parts, draw_signs(table.parts, seed)
+    table = residual_table(mechanism, np.asarray(theta, float), logs, settings, fit)
+    folds = table.folds
+    rng = np.random.default_rng(seed)
+    signs = random_signs(rng, settings.bootstrap_draws, blocks_of(folds))
+    # The twist first, beside the model's own columns; then every other variable beside both.
+    model_alone = NuisanceRegressors(np.zeros(0, np.intp), 0.0)
+    residual = residuals_after(folds, model_alone)
+    sides = right_hand_sides(folds, residual, signs)
+    total = model_held_out_square(folds, sides)
+    given = sum((fold.residual**2).sum() for fold in folds)
     twist, *others = table.groups
-    bare = Nuisance(np.zeros(0, np.intp), 0.0)
-    residual = left_over(parts, bare)
-    sides = sides_of(parts, residual, signs)
-    total, given = base_squares(parts, sides), sum((part.residual**2).sum() for part in parts)
-    (first,) = gains(parts, sides, bare, [(table.index[twist.variable], False)])
-    strength, gained = first.strength
-    nuisance = Nuisance(table.index[twist.variable], strength)
-    beyond = left_over(parts, nuisance)
-    sides = sides_of(parts, beyond, signs)
-    rest = gains(parts, sides, nuisance, [(table.index[g.variable], g.pairs) for g in others])
-    explained = [gain.total for gain in (first, *rest)]
-    p_values = family_p_values(explained, total)
+    groups = [(table.index[twist.variable], None)]
+    (of_twist,) = held_out_gains(folds, sides, model_alone, groups, settings.ridge_strengths)
+    ridge, twist_gain = of_twist.best
+    with_twist = NuisanceRegressors(table.index[twist.variable], ridge)
+    beyond = residuals_after(folds, with_twist)
+    sides = right_hand_sides(folds, beyond, signs)
+    groups = [
+        (table.index[g.variable], settings.fitted_wheel_orders if g.pairs else None) for g in others
+    ]
+    rest = held_out_gains(folds, sides, with_twist, groups, settings.ridge_strengths)
+    shares = _shares(table, [of_twist, *rest], twist_gain, total, signs.shape[1], beyond)
+    refit = 1.0 - total / given if given > 0 else 0.0
+    return ResidualMap(shares, float(refit), partial(_curves, table, residual, beyond))
+
+
+def _curves(
+    table: ResidualTable,
+    residual: Sequence[Array],
+    beyond: Sequence[Array],
+    variable: str,
+    cycles: int,
+) -> list[Curve]:
+    """Of what the model leaves over the twist, and of what is left beyond the twist over others."""
+    return curves_of(
+        variable,
+        table.variables,
+        table.reductions,
+        residual if variable == "twist" else beyond,
+        block=table.folds[0].block,
+        settings=table.settings,
+        cycles=cycles,
+    )
+
+
+def _shares(
+    table: ResidualTable,
+    gains: Sequence[HeldOutGain],
+    twist_gain: float,
+    total: float,
+    blocks: int,
+    beyond: Sequence[Array],
+) -> tuple[Share, ...]:
+    """Shares by variable, the largest first.
+
+    Parameters
+    ----------
+    gains : of each group of the table, the twist's first; ``twist_gain``: with the ridge taken
+    total : held-out squares of the residual, in ``blocks`` blocks
+    beyond : residuals of each fold after the twist, which tell a wheel's order
+    """
+    settings = table.settings
+    by_group = np.stack([gain.total for gain in gains])
+    comparable = standardised_gains(
+        by_group, total, settings.null_tail_share, settings.min_null_share_of_residual
+    )
+    p_values = family_wise_p_values(comparable[:, 0], comparable[:, 1:])
     # Where a function of the twist predicts worse than none, "beyond it" starts from none.
-    start = [0.0, *[min(gained, 0.0)] * len(rest)]
-    least = total * max(LEAST, 1.0 / signs.shape[1])
+    loss = [0.0, *[min(twist_gain, 0.0)] * (len(gains) - 1)]
+    # With few blocks, chance reaches one block's worth of the residual more often than the draws
+    # of their signs show.
+    least = total * max(settings.min_share_of_residual, 1.0 / blocks)
     shares = []
-    for group, gain, loss, p_value in zip(table.groups, explained, start, p_values, strict=True):
-        told = p_value <= LEVEL and gain[0] + loss > least
-        share = float((gain[0] + loss) / total) if told else 0.0
+    for group, gain, lost, p_value in zip(table.groups, by_group, loss, p_values, strict=True):
+        told = p_value <= settings.max_p_value and gain[0] + lost > least
+        share = float((gain[0] + lost) / total) if told else 0.0
         cycles = None
         if group.pairs and told:
-            cycles = int(ORDERS[strongest_order(parts, beyond, table.index[group.variable])])
+            cycles = 1 + strongest_order(table.folds, beyond, table.index[group.variable])
         shares.append(Share(group.variable, share, float(p_value), cycles))
-    shares.sort(key=lambda item: (-item.share, item.p_value))
-    refit = 1.0 - total / given if given > 0 else 0.0
-    return ResidualMap(tuple(shares), float(refit), table, (tuple(residual), tuple(beyond)))
+    return tuple(sorted(shares, key=lambda item: (-item.share, item.p_value)))

@@ -3,109 +3,169 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from dataclasses import dataclass, fields, replace
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from identification.fitting.regression_rows import residual_and_columns
+from identification.fitting.cross_validation import rows_per_block
+from identification.fitting.regression_rows import residual_and_columns, stride
 from identification.fitting.settings import FitSettings
-from identification.residual_map.features import Group, Scales, groups
-from identification.residual_map.held_out_shares import Part
-from identification.residual_map.variables import Signals, signals_of, slowed
-from identification.signals.filters import block_mean, filter_samples, first_order, settled
-
-if TYPE_CHECKING:
-    from identification.mechanisms.mechanism import Mechanism
+from identification.mechanisms.mecanum import Mecanum
+from identification.mechanisms.mecanum_samples import MecanumSamples
+from identification.mechanisms.mechanism import Mechanism
+from identification.residual_map.features import FeatureGroup, FeatureScales, feature_groups
+from identification.residual_map.held_out_gain import FoldRows
+from identification.residual_map.settings import ResidualMapSettings
+from identification.residual_map.variables import MotionVariables, RowReduction, smooth
+from identification.signals.filters import block_mean
+from youbot_env.physics.geometry import WHEELS
 
 Array = NDArray[np.float64]
 Indices = NDArray[np.intp]
-
-ROW_RATE = 50.0
-"""Rows a second [Hz]: more than the filter leaves of a motion, for the ripple of a fast wheel."""
-
-MOST_ROWS = 60_000
-"""Longer logs get fewer rows a second, so that memory stays bounded."""
-
-
-@dataclass(frozen=True)
-class Reduction:
-    """From samples (N, ...) at ``dt`` [s] to rows (n, ...): the filter, then means of blocks.
-
-    rate: of the filter [rad/s]; size: samples in a row.
-    """
-
-    rate: float
-    dt: float
-    size: int
-
-    @property
-    def step(self) -> float:
-        """From one row to the next [s]."""
-        return self.size * self.dt
-
-    def __call__(self, signal: Array) -> Array:
-        return self._finished(filter_samples(signal, self.rate, self.dt))
-
-    def ends(self, ends: Array) -> Array:
-        """The same from interval ends (2, N - 1, ...)."""
-        return self._finished(first_order(ends[0], ends[1], self.rate, self.dt))
-
-    def _finished(self, filtered: Array) -> Array:
-        return block_mean(filtered[settled(self.rate, self.dt) :], self.size)
 
 
 @dataclass(frozen=True)
 class ResidualTable:
     """All that a map is made of.
 
-    parts: what is held out together, a log each or five blocks of a single one; index: places of
-    each variable's features; signals and reductions by log, for curves.
+    Attributes
+    ----------
+    groups : of features, one a variable; index : places of each variable's features
+    folds : what is held out together, a log each or some parts of a single one
+    variables, reductions : by log, for curves
     """
 
-    groups: tuple[Group, ...]
+    groups: tuple[FeatureGroup, ...]
     index: Mapping[str, Indices]
-    parts: tuple[Part, ...]
-    signals: tuple[Signals, ...]
-    reductions: tuple[Reduction, ...]
+    folds: tuple[FoldRows, ...]
+    variables: tuple[MotionVariables, ...]
+    reductions: tuple[RowReduction, ...]
+    settings: ResidualMapSettings
 
 
-def make_table(mechanism: Mechanism, theta: Array, logs: Sequence[Any]) -> ResidualTable:
-    """Residual, columns and features of logs at theta (P,)."""
-    slow = [slowed(samples) for samples in logs]
+def residual_table(
+    mechanism: Mechanism,
+    theta: Array,
+    logs: Sequence[Any],
+    settings: ResidualMapSettings,
+    fit: FitSettings,
+) -> ResidualTable:
+    """Residual, columns and features of logs (the mechanism's samples) at theta (P,)."""
+    slow = [averaged_down(samples, settings.max_sample_rate) for samples in logs]
     seconds = sum(samples.dt * len(samples) for samples in slow)
-    rows_a_second = min(ROW_RATE, MOST_ROWS / seconds)
+    row_rate = min(settings.max_row_rate, settings.max_rows / seconds)
+    constants = fit.filter.settling_time_constants
     reductions = [
-        Reduction(mechanism.filter_rate, s.dt, max(1, round(1.0 / (rows_a_second * s.dt))))
-        for s in slow
+        RowReduction(mechanism.filter_rate, constants, s.dt, stride(s.dt, row_rate)) for s in slow
     ]
-    pairs = [
-        _residual_and_signals(mechanism, theta, samples, reduction)
-        for samples, reduction in zip(slow, reductions, strict=True)
-    ]
-    signals = [pair[1] for pair in pairs]
-    scales, found = Scales.of(signals), groups(signals[0])
-    parts, sizes = [], []
-    for (rows, one), reduction in zip(pairs, reductions, strict=True):
-        features = [reduction(group.features(one, scales)) for group in found]
+    rows, variables = [], []
+    for samples, reduction in zip(slow, reductions, strict=True):
+        demand = mechanism.demand(theta, samples)
+        free = np.flatnonzero(mechanism.free)
+        ends = residual_and_columns(mechanism, demand, samples, free)
+        rows.append(reduction.of_interval_ends(ends))
+        variables.append(
+            motion_variables(mechanism, samples, demand.force, settings.smoothing_rate)
+        )
+    scales, groups = FeatureScales.of(variables, settings), feature_groups(variables[0])
+    folds, sizes = [], []
+    for row, one, reduction in zip(rows, variables, reductions, strict=True):
+        features = [reduction(group.features(one, scales)) for group in groups]
         sizes = [part.shape[1] for part in features]
-        flexible = np.column_stack(features)
-        parts.append(Part(flexible, rows[..., 1:], rows[..., 0], reduction.step))
+        block = rows_per_block(fit.independent_time, reduction.step)
+        folds.append(FoldRows(np.column_stack(features), row[..., 1:], row[..., 0], block))
     edges = np.cumsum([0, *sizes])
     index = {
         group.variable: np.arange(a, b)
-        for group, a, b in zip(found, edges, edges[1:], strict=False)
+        for group, a, b in zip(groups, edges, edges[1:], strict=False)
     }
-    folds = parts if len(parts) > 1 else parts[0].pieces(FitSettings.blocks_of_single_log)
-    return ResidualTable(tuple(found), index, tuple(folds), tuple(signals), tuple(reductions))
+    if len(folds) == 1:
+        folds = folds[0].split(fit.blocks_of_single_log)
+    return ResidualTable(
+        tuple(groups), index, tuple(folds), tuple(variables), tuple(reductions), settings
+    )
 
 
-def _residual_and_signals(
-    mechanism: Mechanism, theta: Array, samples: Any, reduction: Reduction
-) -> tuple[Array, Signals]:
-    """Rows (n, A, 1 + P) of the residual and the model's columns; the signals of the log."""
-    demand = mechanism.demand(theta, samples)
-    free = np.flatnonzero(mechanism.free)
-    rows = reduction.ends(residual_and_columns(mechanism, demand, samples, free))
-    return rows, signals_of(mechanism, samples, demand.force)
+def averaged_down(samples: Any, rate: float) -> Any:
+    """The samples averaged over successive blocks, to ``rate`` [Hz] or just above."""
+    size = max(1, int(1.0 / (rate * samples.dt) + 1e-6))
+    if size == 1:
+        return samples
+    means = {
+        field.name: block_mean(value, size)
+        for field in fields(samples)
+        if isinstance(value := getattr(samples, field.name), np.ndarray)
+    }
+    return replace(samples, dt=size * samples.dt, **means)
+
+
+def motion_variables(
+    mechanism: Mechanism, samples: Any, demanded: Array, smoothing: float
+) -> MotionVariables:
+    """Variables of a log.
+
+    Parameters
+    ----------
+    demanded : (2, N - 1, A) force that the model demands at both ends of each interval [N m]
+    smoothing : rate of the filter ahead of jerk and load [rad/s]
+    """
+    force = np.concatenate(
+        [demanded[0, :1], 0.5 * (demanded[1, :-1] + demanded[0, 1:]), demanded[1, -1:]]
+    )
+    if isinstance(mechanism, Mecanum):
+        return _of_platform(mechanism, samples, force, smoothing)
+    return _of_axis(mechanism, samples, force, smoothing)
+
+
+def _of_platform(
+    mechanism: Mecanum, samples: MecanumSamples, force: Array, smoothing: float
+) -> MotionVariables:
+    geometry = mechanism.geometry
+    rolling = geometry.wheel_speeds(samples.twist)
+    rollers = samples.twist @ geometry.roller_jacobian[::2].T
+    torque = geometry.wheel_torque(force / mechanism.force_scale)
+    return MotionVariables(
+        axes=("x", "y", "yaw"),
+        joints=WHEELS,
+        places=("x", "y"),
+        time=samples.time,
+        twist=samples.twist,
+        rates=np.column_stack([samples.twist, rolling, rollers]),
+        **_derived(samples.twist, torque, smoothing, samples.dt),
+        position=samples.pose[:, :2],
+        heading=samples.pose[:, 2],
+        angle=samples.wheel_angle,
+        speed=samples.wheel_speed,
+        departure=samples.wheel_speed - rolling,
+        turns=None,
+    )
+
+
+def _of_axis(mechanism: Any, samples: Any, force: Array, smoothing: float) -> MotionVariables:
+    """Of one axis: its speed is its twist; what it lacks stays None."""
+    twist = mechanism.measured_speed(samples)
+    return MotionVariables(
+        axes=("",),
+        joints=("",),
+        places=("",),
+        time=samples.time,
+        twist=twist,
+        rates=twist,
+        **_derived(twist, force, smoothing, samples.dt),
+        position=samples.position[:, None],
+        turns=mechanism.scales.turns,
+    )
+
+
+def _derived(twist: Array, torque: Array, smoothing: float, dt: float) -> dict[str, Array]:
+    slow = smooth(torque, smoothing, dt)
+    change = np.gradient(smooth(twist, smoothing, dt), dt, axis=0)
+    return {
+        "acceleration": np.gradient(twist, dt, axis=0),
+        "jerk": np.gradient(smooth(change, smoothing, dt), dt, axis=0),
+        "torque": torque,
+        "load": np.abs(slow),
+        "torque_rate": np.gradient(slow, dt, axis=0),
+    }

@@ -1,44 +1,34 @@
-"""Variables of a log that a force residual may depend on, as functions of time."""
+"""Variables of a log that a force residual may depend on, and how samples become rows."""
 
 from __future__ import annotations
 
-from dataclasses import dataclass, fields, replace
-from typing import TYPE_CHECKING, Any
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
-from identification.mechanisms.mecanum import Mecanum
-from identification.mechanisms.mecanum_samples import MecanumSamples
-from identification.signals.filters import block_mean, filter_samples
-from youbot_env.physics.geometry import WHEELS
-
-if TYPE_CHECKING:
-    from identification.mechanisms.mechanism import Mechanism
+from identification.signals.filters import block_mean, filter_samples, first_order, settled
 
 Array = NDArray[np.float64]
 
-RATE = 100.0
-"""Hz: logs above it are averaged down to it; a ripple of 120 rad/s still lies well below."""
-
-SMOOTHING = 20.0
-"""Rate [rad/s] of the filter, once forwards and once backwards, ahead of products and jerks."""
-
 
 @dataclass(frozen=True)
-class Signals:
+class MotionVariables:
     """Variables of one log of N samples; a mechanism may lack those that may be None.
 
-    time (N,) [s]; twist (N, A) as in the log, its acceleration and jerk (N, A); rates (N, K):
-    functions of the twist at which surfaces slide (body, wheels, rollers); torque (N, W) that the
-    model predicts, its size, load, and its rate; heading (N,) [rad], position (N, D) [m] in the
-    world; angle (N, W) [rad], speed (N, W) of the wheels; departure (N, W): what no rigid motion
-    explains in the speeds. axes, joints, places: names of A, W and D, as variables end on them;
-    turns: of one axis, whether it turns (rad, N m) or slides (m, N).
-
-    Acceleration and torque are not smoothed: the model's columns are not either, and what holds
-    less noise than they do would seem to explain the residual of a sound model, whose masses noise
-    has attenuated. Jerk, load and torque_rate are.
+    Attributes
+    ----------
+    axes, joints, places : names of the A axes, W joints and D coordinates; the names of variables
+        end on them
+    time : (N,) [s]
+    twist : (N, A) as in the log, its acceleration and jerk (N, A)
+    rates : (N, K) functions of the twist at which surfaces slide (body, wheels, rollers)
+    torque : (N, W) that the model predicts; load: its size; torque_rate: its rate
+    position : (N, D) [m] in the world
+    heading : (N,) [rad]
+    angle, speed : (N, W) of the wheels [rad], [rad/s]
+    departure : (N, W) what no rigid motion explains in the wheels' speeds
+    turns : of one axis, whether it turns (rad, N m) or slides (m, N)
     """
 
     axes: tuple[str, ...]
@@ -47,6 +37,9 @@ class Signals:
     time: Array
     twist: Array
     rates: Array
+    # Acceleration and torque are not smoothed, because the model's columns are not either: with
+    # less noise than these, they would seem to explain the residual of a sound model, whose masses
+    # noise has attenuated. Jerk, load and torque_rate are smoothed.
     acceleration: Array
     jerk: Array
     torque: Array
@@ -59,87 +52,44 @@ class Signals:
     departure: Array | None = None
     turns: bool | None = None
 
-
-def slowed(samples: Any) -> Any:
-    """The samples averaged over successive blocks, to RATE or just above."""
-    size = max(1, int(1.0 / (RATE * samples.dt) + 1e-6))
-    if size == 1:
-        return samples
-    means = {
-        field.name: block_mean(value, size)
-        for field in fields(samples)
-        if isinstance(value := getattr(samples, field.name), np.ndarray)
-    }
-    return replace(samples, dt=size * samples.dt, **means)
+    @property
+    def dt(self) -> float:
+        """Sample time [s]."""
+        return float(self.time[1] - self.time[0])
 
 
-def signals_of(mechanism: Mechanism, samples: Any, demanded: Array) -> Signals:
-    """Variables of a log.
-
-    Parameters
-    ----------
-    demanded : (2, N - 1, A) force that the model demands at both ends of each interval [N m]
-    """
-    force = np.concatenate(
-        [demanded[0, :1], 0.5 * (demanded[1, :-1] + demanded[0, 1:]), demanded[1, -1:]]
-    )
-    if isinstance(mechanism, Mecanum):
-        return _of_platform(mechanism, samples, force)
-    return _of_axis(mechanism, samples, force)
-
-
-def _of_platform(mechanism: Mecanum, samples: MecanumSamples, force: Array) -> Signals:
-    geometry, dt = mechanism.geometry, samples.dt
-    rolling = geometry.wheel_speeds(samples.twist)
-    rollers = samples.twist @ geometry.roller_jacobian[::2].T
-    torque = geometry.wheel_torque(force / mechanism.force_scale)
-    return Signals(
-        axes=("x", "y", "yaw"),
-        joints=WHEELS,
-        places=("x", "y"),
-        time=samples.time,
-        twist=samples.twist,
-        rates=np.column_stack([samples.twist, rolling, rollers]),
-        **_derived(samples.twist, torque, dt),
-        position=samples.pose[:, :2],
-        heading=samples.pose[:, 2],
-        angle=samples.wheel_angle,
-        speed=samples.wheel_speed,
-        departure=samples.wheel_speed - rolling,
-        turns=None,
-    )
-
-
-def _of_axis(mechanism: Any, samples: Any, force: Array) -> Signals:
-    """Of one axis: its speed is its twist; what it lacks stays None."""
-    dt, twist = samples.dt, mechanism.measured_speed(samples)
-    return Signals(
-        axes=("",),
-        joints=("",),
-        places=("",),
-        time=samples.time,
-        twist=twist,
-        rates=twist,
-        **_derived(twist, force, dt),
-        position=samples.position[:, None],
-        turns=mechanism.scales.turns,
-    )
-
-
-def _derived(twist: Array, torque: Array, dt: float) -> dict[str, Array]:
-    slow = smooth(torque, dt)
-    return {
-        "acceleration": np.gradient(twist, dt, axis=0),
-        "jerk": np.gradient(smooth(np.gradient(smooth(twist, dt), dt, axis=0), dt), dt, axis=0),
-        "torque": torque,
-        "load": np.abs(slow),
-        "torque_rate": np.gradient(slow, dt, axis=0),
-    }
-
-
-def smooth(values: Array, dt: float) -> Array:
-    """Without delay: the filter runs forwards, then backwards."""
+def smooth(values: Array, rate: float, dt: float) -> Array:
+    """Values (N, ...) through a filter of ``rate`` [rad/s] forwards, then backwards: no delay."""
     for _ in range(2):
         start = values[:1]
-        values = (start + filter_samples(values - start, SMOOTHING, dt))[::-1]
+        values = (start + filter_samples(values - start, rate, dt))[::-1]
     return values
+
+
+@dataclass(frozen=True)
+class RowReduction:
+    """From samples (N, ...) at ``dt`` [s] to rows (n, ...): the filter, then means of blocks.
+
+    rate: of the filter [rad/s]; settling: its time constants until its start is forgotten; size:
+    samples in a row.
+    """
+
+    rate: float
+    settling: float
+    dt: float
+    size: int
+
+    @property
+    def step(self) -> float:
+        """From one row to the next [s]."""
+        return self.size * self.dt
+
+    def __call__(self, signal: Array) -> Array:
+        return self._averaged(filter_samples(signal, self.rate, self.dt))
+
+    def of_interval_ends(self, ends: Array) -> Array:
+        """The same of a signal given at both ends of each interval (2, N - 1, ...)."""
+        return self._averaged(first_order(ends[0], ends[1], self.rate, self.dt))
+
+    def _averaged(self, filtered: Array) -> Array:
+        return block_mean(filtered[settled(self.rate, self.dt, self.settling) :], self.size)

@@ -27,9 +27,6 @@ if TYPE_CHECKING:
 Found = Mapping[str, Any]
 Errors = Mapping[str, float]
 
-FITS = 1.25
-"""Force error over the noise floor up to which a model is said to fit: as `diagnose` has it."""
-
 ADEQUATE = "The residual depends on no variable more than chance would have it."
 TOO_SHORT = "The logs are too short to tell."
 
@@ -39,9 +36,11 @@ TOO_SHORT = "The logs are too short to tell."
 
 def verdict(error: float, floor: float) -> str:
     """A model's force error beside its noise floor, in words."""
+    from identification.diagnosis.settings import DiagnosisSettings
+
     left = f"The model leaves {percent(error)} of the forces unexplained"
     noise = f"measurement noise alone would leave {percent(floor)}"
-    if error <= FITS * floor:
+    if error <= DiagnosisSettings.max_error_over_floor * floor:
         return f"{left}; {noise}: it fits."
     return (
         f"{left}; {noise}: it does not fit. `youbot diagnose` names what is missing, or says that "

@@ -9,6 +9,7 @@ import identification
 from controllers.recording import record
 from identification.diagnosis.add_effect import add_effect
 from identification.diagnosis.diagnose import diagnose
+from identification.diagnosis.settings import DiagnosisSettings
 from identification.logs.reading import read_log
 from tests.identification.shared_data import DATA, needs_data
 from youbot_env.errors import InputError
@@ -33,6 +34,7 @@ def test_nothing_missing_is_adequate_and_the_numbers_repeat_to_the_bit():
     first, second = (diagnose(PAPER, logs, seed=3).to_dict() for _ in range(2))
     assert first["verdict"] == "adequate" and first["missing"] == []
     assert json.dumps(first) == json.dumps(second)
+    assert first["settings"] == DiagnosisSettings().to_dict()
     floor = first["noise_floor"]
     assert first["steps"][0]["force_error"] == pytest.approx(floor["force_error"], rel=0.1)
 

@@ -1,7 +1,8 @@
 import numpy as np
 import pytest
 
-from identification.diagnosis.significance import family_p_values, score_blocks
+from identification.diagnosis.settings import DiagnosisSettings
+from identification.diagnosis.significance import candidate_p_values, score_blocks
 from identification.fitting.cross_validation import held_out, make_folds
 from identification.fitting.regression_rows import Rows
 
@@ -56,7 +57,10 @@ def test_false_alarms_stay_at_their_level_on_correlated_residuals():
             f"c{k}": score_blocks(residual, base, [coloured(rng, 1200, 0.95)[..., None]], 0.05)
             for k in range(6)
         }
-        alarms += min(family_p_values(scores, rng, draws=199).values()) <= 0.05
+        alarms += (
+            min(candidate_p_values(scores, rng, DiagnosisSettings(bootstrap_draws=199)).values())
+            <= 0.05
+        )
     assert 0.01 <= alarms / trials <= 0.10
 
 
@@ -66,7 +70,7 @@ def test_a_true_candidate_is_found_and_the_others_are_not():
     columns = {name: [coloured(rng, 2400, 0.95)[..., None]] for name in "abcd"}
     residual = [coloured(rng, 2400, 0.8) + 0.3 * columns["b"][0][..., 0]]
     scores = {name: score_blocks(residual, base, c, 0.05) for name, c in columns.items()}
-    p_values = family_p_values(scores, rng)
+    p_values = candidate_p_values(scores, rng)
     assert p_values["b"] == pytest.approx(0.001)
     assert min(p_values[name] for name in "acd") > 0.05
 

@@ -8,7 +8,8 @@ from __future__ import annotations
 
 import pytest
 
-from identification.diagnosis.diagnose import Diagnosis, diagnose
+from identification.diagnosis.diagnose import diagnose
+from identification.diagnosis.report import Diagnosis
 from tests.identification.recordings import recording
 from youbot_env.errors import InputError
 from youbot_env.model.model_file import load_model

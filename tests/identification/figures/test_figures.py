@@ -17,7 +17,7 @@ from matplotlib.patches import Rectangle
 from PIL import Image
 
 from controllers.recording import record
-from identification.comparison import Comparison, compare, stretches_of
+from identification.comparison import Comparison, compare
 from identification.figures import (
     failures,
     figures,
@@ -244,10 +244,11 @@ class TestEstimatesFigure:
 def test_stretches_show_the_comparison_s_numbers(compared: Comparison):
     (item,) = compared.logs
     worst = compared.worst()
-    figure = failures.stretch_figure(stretches_of(item), worst, item.force_floor, name="run")
+    stretches = compared.stretches(item)
+    figure = failures.stretch_figure(stretches, worst, item.force_floor, name="run")
     for k, axis in enumerate(("VX", "VY", "W")):
         axes = figure.axes[k]
-        rows = [row for row in stretches_of(item) if row["axis"] == axis]
+        rows = [row for row in stretches if row["axis"] == axis]
         bars = [patch for patch in axes.patches if isinstance(patch, Rectangle)]
         assert [bar.get_height() for bar in bars] == pytest.approx(
             [100 * row["force_error"] for row in rows]

@@ -20,7 +20,9 @@ from identification.logs.wheel_checks import slip_of
 from identification.mechanisms.calibration_parts import cut
 from identification.mechanisms.mecanum import Mecanum
 from identification.mechanisms.mecanum_samples import MecanumSamples
-from identification.residual_map.residual_map import LEAST, ResidualMap, residual_map
+from identification.residual_map.residual_map import residual_map
+from identification.residual_map.settings import ResidualMapSettings
+from identification.residual_map.shares import ResidualMap
 from tests.identification.recordings import recording
 from tests.identification.shared_data import DATA, needs_data
 from youbot_env.model.model_file import load_model
@@ -203,7 +205,8 @@ def test_list_is_as_the_design_fixes_it():
     }  # fmt: skip
     shares = [row["share"] for row in rows]
     assert shares == sorted(shares, reverse=True)
-    assert all(share == 0 or LEAST < share <= 1 for share in shares)
+    least = ResidualMapSettings().min_share_of_residual
+    assert all(share == 0 or least < share <= 1 for share in shares)
     assert all(0 < row["p_value"] <= 1 for row in rows)
 
 

@@ -1,0 +1,224 @@
+"""The result of a diagnosis: verdict, errors as they fall, candidates, and sentences on them."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+
+from identification.diagnosis.sentences import describe
+from identification.diagnosis.settings import DiagnosisSettings
+from identification.diagnosis.structures import Candidate, Ranking, Step
+from identification.logs.log import Log
+from identification.mechanisms.mechanism import Mechanism
+from identification.residual_map.shares import ResidualMap
+from youbot_env.errors import InputError
+
+
+@dataclass(frozen=True)
+class Diagnosis:
+    """Result of :func:`diagnose`; :meth:`to_dict` is its JSON form.
+
+    Attributes
+    ----------
+    verdict : "adequate", "effect", "ambiguous" or "unknown"
+    missing : accepted effects, in order; of an ambiguous set its best member
+    ambiguous_with : what the data cannot tell apart from an accepted effect
+    partial : accepted effects that explain their share, while something else remains
+    steps : held-out errors as they fall; the first is the refitted base
+    rankings : all candidates, on top of each step
+    fitted_model : the refitted model with the accepted effects; None where its parameters are not
+        physical, and ``unphysical`` says why
+    maps : what the residual depends on, before and after the accepted effects
+    sentences : the verdict in words
+    settings : all numbers that the verdict depends on
+    """
+
+    verdict: str
+    missing: tuple[str, ...]
+    ambiguous_with: dict[str, list[str]]
+    partial: tuple[str, ...]
+    steps: tuple[Step, ...]
+    rankings: tuple[Ranking, ...]
+    fitted_model: Any | None
+    mechanism: Mechanism
+    samples: tuple[Any, ...]
+    given_model: dict[str, float]
+    noise_floor: dict[str, float]
+    maps: tuple[ResidualMap, ...]
+    next_experiment: dict[str, Any] | None
+    warnings: tuple[str, ...]
+    sentences: tuple[str, ...] = ()
+    candidates: list[dict[str, Any]] = field(default_factory=list)
+    unphysical: str = ""
+    settings: DiagnosisSettings = field(default_factory=DiagnosisSettings)
+
+    @property
+    def model(self) -> Any:
+        """The refitted model with the accepted effects.
+
+        Raises
+        ------
+        InputError
+            If the logs do not show its parameters: what the fit found is not physical.
+        """
+        if self.fitted_model is None:
+            raise InputError(
+                f"no model: these logs do not show the base parameters ({self.unphysical}); "
+                "`youbot doctor` names the motions that would"
+            )
+        return self.fitted_model
+
+    @property
+    def where(self) -> list[dict[str, Any]]:
+        """Shares of the base model's residual by variable."""
+        return self.maps[0].to_list()
+
+    @property
+    def remaining(self) -> list[dict[str, Any]]:
+        """The same after the last accepted effect."""
+        return self.maps[1].to_list() if len(self.maps) > 1 else []
+
+    def to_dict(self) -> dict[str, Any]:
+        """JSON form, as the design fixes it."""
+        return {
+            "verdict": self.verdict,
+            "missing": list(self.missing),
+            "ambiguous_with": self.ambiguous_with,
+            "partial": list(self.partial),
+            "steps": [step.to_dict() for step in self.steps],
+            "given_model": self.given_model,
+            "noise_floor": self.noise_floor,
+            "candidates": self.candidates,
+            "where": self.where,
+            "remaining": self.remaining,
+            "next_experiment": self.next_experiment,
+            "words": list(self.sentences),
+            "warnings": list(self.warnings),
+            "settings": self.settings.to_dict(),
+        }
+
+
+def verdict_of(unexplained: bool, tied: bool, accepted: bool) -> str:
+    """One word for what was found.
+
+    Parameters
+    ----------
+    unexplained : whether more is left than noise would leave
+    tied : whether the data cannot tell an accepted effect from another
+    """
+    if unexplained:
+        return "unknown"
+    if tied:
+        return "ambiguous"
+    return "effect" if accepted else "adequate"
+
+
+def sentences_of(
+    model: Any,
+    steps: Sequence[Step],
+    verdict: str,
+    ties: Mapping[str, Sequence[str]],
+    floor: Mapping[str, float],
+) -> list[str]:
+    """The verdict in words; the effects have the sizes that they have in ``model``."""
+    found = []
+    for step in steps[1:]:
+        assert step.effect is not None
+        sentence = describe_in(model, step.fitted.mechanism.catalogue[step.effect])
+        others = ties.get(step.effect)
+        if others:
+            sentence += f"; these logs cannot tell it from {' or '.join(others)}"
+        found.append(sentence)
+    last, level = steps[-1].force_error, floor["force_error"]
+    if verdict == "adequate":
+        found.append(
+            f"the model is adequate: what it leaves ({last:.2%}) is noise (floor {level:.2%})"
+        )
+    elif verdict == "unknown":
+        part = "explains a part, but something" if len(steps) > 1 else "something"
+        found.append(
+            f"{part} is missing that no effect of the catalogue explains: {last:.2%} remains "
+            f"where noise would leave {level:.2%}"
+        )
+    return found
+
+
+def describe_in(model: Any, effect: Any) -> str:
+    """One sentence on an effect of the catalogue, at the size that it has in a model."""
+    values = {name: entry.value for name, entry in model.effects[effect.name].items()}
+    base = {name: entry.value for name, entry in model.parameters.items()}
+    return describe(effect, values, base)
+
+
+def warnings_of(
+    logs: Sequence[Log],
+    given: Mapping[str, float],
+    refitted: Step,
+    unphysical: str,
+    settings: DiagnosisSettings,
+) -> list[str]:
+    """What to know before the verdict is believed: the logs' warnings first.
+
+    Parameters
+    ----------
+    given, refitted : errors of the model as it was given, and refitted
+    unphysical : why the refitted model is none, if so
+    """
+    found = [line for log in logs for line in log.warnings]
+    if given["force_error"] > settings.min_changed_error_ratio * refitted.force_error:
+        found.append(
+            f"the given model's own parameters no longer fit (force error "
+            f"{given['force_error']:.1%}, refitted {refitted.force_error:.1%}): they have changed"
+        )
+    if unphysical:
+        found.append(
+            f"these logs do not show the base parameters ({unphysical}): there is no model to "
+            "write, and sizes are those beside the given model's parameters"
+        )
+    return found
+
+
+def candidate_rows(ranking: Ranking, base: Step, model: Any) -> list[dict[str, Any]]:
+    """First-step candidates, best first; an accepted one with its parameters in the final fit.
+
+    Their errors are at the base's own noise and folds, by which they are ranked.
+    """
+    found = []
+    for item in ranking.candidates:
+        ratio = np.sqrt(max(item.square, 0.0) / max(ranking.square, 1e-300))
+        found.append(
+            {
+                "effect": item.name,
+                "force_error": float(base.force_error * ratio),
+                "p_value": ranking.p_values[item.name],
+                "parameters": _parameters(item, model),
+            }
+        )
+    return found
+
+
+def estimates(entries: Mapping[str, Any]) -> dict[str, Any]:
+    """JSON form of an effect's entries in a model: value, unit and standard deviation."""
+    return {
+        name: {"value": entry.value, "unit": entry.unit, "std": entry.std}
+        for name, entry in entries.items()
+    }
+
+
+def _parameters(item: Candidate, model: Any) -> dict[str, Any]:
+    if item.name in model.effects:
+        return estimates(model.effects[item.name])
+    theta = item.theta.copy()
+    if item.fitted is None:
+        theta[item.free] += item.held_out.step
+    effect = item.mechanism.catalogue[item.name]
+    # The candidate's parameters are the last ones: it was put on top of the fitted structure.
+    own = theta[len(theta) - len(effect.parameter_names) :]
+    public = effect.to_public(getattr(item.mechanism, "geometry", None), own)
+    return {
+        name: {"value": value, "unit": effect.public_parameter(name).unit, "std": None}
+        for name, value in zip(effect.public_names, public, strict=True)
+    }

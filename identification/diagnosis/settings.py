@@ -1,0 +1,233 @@
+"""All numbers that somebody chose for a diagnosis, each with its reason."""
+
+from __future__ import annotations
+
+from dataclasses import asdict, dataclass, field, replace
+from typing import Any
+
+from identification.fitting.settings import FitSettings, check_settings
+from identification.residual_map.settings import ResidualMapSettings
+
+
+@dataclass(frozen=True)
+class DiagnosisSettings:
+    """What a verdict depends on.
+
+    Each field's ``metadata`` holds its unit and the reason for its default.
+
+    Raises
+    ------
+    InputError
+        If a number is not finite and positive.
+    """
+
+    # Settings of what the diagnosis is made of
+    fit: FitSettings = field(default_factory=FitSettings)
+    residual_map: ResidualMapSettings = field(default_factory=ResidualMapSettings)
+
+    # Verdict
+    max_error_over_floor: float = field(
+        default=1.25,
+        metadata={
+            "unit": "force error over the noise floor",
+            "reason": "held out; above it something is left to explain, and the verdict is unknown",
+        },
+    )
+    min_dominant_share_of_excess: float = field(
+        default=0.5,
+        metadata={
+            "unit": "share of the squares above the noise floor",
+            "reason": "beside an unknown rest, the first effect is named only if it takes most of "
+            "the excess",
+        },
+    )
+    min_changed_error_ratio: float = field(
+        default=1.5,
+        metadata={
+            "unit": "given over refitted force error",
+            "reason": "from here on the model's own parameters are said to have changed",
+        },
+    )
+
+    # Acceptance of an effect
+    max_effects: int = field(
+        default=4,
+        metadata={
+            "unit": "1",
+            "reason": "accepted at most",
+        },
+    )
+    max_p_value: float = field(
+        default=0.01,
+        metadata={
+            "unit": "1",
+            "reason": "family-wise, over all candidates",
+        },
+    )
+    min_share_of_residual: float = field(
+        default=0.05,
+        metadata={
+            "unit": "share of the held-out squares",
+            "reason": "an effect that takes less of them away is not material",
+        },
+    )
+    min_share_of_excess: float = field(
+        default=0.2,
+        metadata={
+            "unit": "share of the squares above the noise floor",
+            "reason": "an effect that takes less of them away is a small part of something else, "
+            "and nothing true is found by adding up such parts",
+        },
+    )
+    min_error_over_floor: float = field(
+        default=0.97,
+        metadata={
+            "unit": "force error of the fit over the noise floor",
+            "reason": "below it the floor itself is in doubt, and the search goes on",
+        },
+    )
+    max_final_error_over_floor: float = field(
+        default=1.02,
+        metadata={
+            "unit": "force error of the fit over the noise floor",
+            "reason": "up to here the search ends: a fall of the squares by 5 % would end below "
+            "the floor",
+        },
+    )
+    max_revision_rounds: int = field(
+        default=3,
+        metadata={
+            "unit": "1",
+            "reason": "times that all accepted effects are tried against their rivals again, a "
+            "bound on time",
+        },
+    )
+
+    # Candidates
+    row_rate: float = field(
+        default=50.0,
+        metadata={
+            "unit": "1/s",
+            "reason": "for the choice of effects: torque ripple lives above what a fit needs",
+        },
+    )
+    grid_halvings: int = field(
+        default=3,
+        metadata={
+            "unit": "1",
+            "reason": "of a grid's step around its best value: an eighth of a step",
+        },
+    )
+    max_refined_share: float = field(
+        default=0.98,
+        metadata={
+            "unit": "share of the structure's held-out squares",
+            "reason": "a candidate that leaves more is not worth a search between the values of "
+            "its grid",
+        },
+    )
+    min_imitated_share: float = field(
+        default=0.995,
+        metadata={
+            "unit": "share of a column's squares",
+            "reason": "explained by another effect's columns, from which on that effect contains "
+            "it",
+        },
+    )
+    min_seen_share: float = field(
+        default=1e-10,
+        metadata={
+            "unit": "share of the largest eigenvalue",
+            "reason": "rounding of normal equations: directions with less are not seen",
+        },
+    )
+
+    # Joint fits of the candidates in the lead
+    max_joint_fits: int = field(
+        default=5,
+        metadata={
+            "unit": "1",
+            "reason": "a bound on time",
+        },
+    )
+    min_share_of_needed_fall: float = field(
+        default=0.5,
+        metadata={
+            "unit": "share of the fall that acceptance needs",
+            "reason": "where the best candidate falls by less, no joint fit is worth its time",
+        },
+    )
+    min_share_of_best_fall_nonlinear: float = field(
+        default=0.2,
+        metadata={
+            "unit": "share of the best candidate's fall",
+            "reason": "in place of min_share_of_best_fall for an effect in whose parameters the "
+            "force is not linear: without strength a delay's column is the torque's noisy rate, "
+            "and shows less than half of what it can do",
+        },
+    )
+    min_kept_share_of_fall: float = field(
+        default=0.5,
+        metadata={
+            "unit": "share of the fall that held-out steps promise",
+            "reason": "where a joint fit keeps less, bounds forbid the rest, and the fall of the "
+            "joint fit counts",
+        },
+    )
+
+    # Which of two candidates
+    min_share_of_best_fall: float = field(
+        default=0.5,
+        metadata={
+            "unit": "share of the best candidate's fall",
+            "reason": "that a candidate must reach to be fitted jointly, to tie and to be tried "
+            "again",
+        },
+    )
+    max_tied_deviations: float = field(
+        default=2.0,
+        metadata={
+            "unit": "standard errors",
+            "reason": "within which two candidates cannot be told apart",
+        },
+    )
+    min_extension_gain: float = field(
+        default=0.05,
+        metadata={
+            "unit": "share of the simpler effect's squares",
+            "reason": "by which its extension must be better to take its place",
+        },
+    )
+    max_noise_gain: float = field(
+        default=0.5,
+        metadata={
+            "unit": "share of the simpler effect's squares",
+            "reason": "above it no noise alone can have made the extension better",
+        },
+    )
+    bootstrap_draws: int = field(
+        default=999,
+        metadata={
+            "unit": "1",
+            "reason": "the smallest p-value is then 1/1000",
+        },
+    )
+    min_score_share: float = field(
+        default=1e-12,
+        metadata={
+            "unit": "share of the largest eigenvalue",
+            "reason": "rounding: directions of a score with less are left out",
+        },
+    )
+
+    def __post_init__(self) -> None:
+        check_settings("diagnosis settings", self)
+
+    @property
+    def rows(self) -> FitSettings:
+        """Those of the rows on which effects are chosen."""
+        return replace(self.fit, row_rate=self.row_rate)
+
+    def to_dict(self) -> dict[str, Any]:
+        """JSON form: the numbers in force by name."""
+        return asdict(self)

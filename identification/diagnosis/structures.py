@@ -1,0 +1,312 @@
+"""What a diagnosis compares: structures fitted to the same logs, and candidates on top of them.
+
+A structure is a mechanism with given effects. Each is judged by its held-out squares: those of the
+force residual on what it was not fitted on.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from identification.diagnosis.settings import DiagnosisSettings
+from identification.fitting.cross_validation import Fold, HeldOut, held_out, make_folds
+from identification.fitting.errors import (
+    NoiseLevel,
+    Squares,
+    Traces,
+    add_up,
+    force_floor,
+    force_traces,
+    velocity_floor,
+    velocity_traces,
+)
+from identification.fitting.least_squares import gauge_basis
+from identification.fitting.regression_rows import Indices, Rows, regression_rows, residual_of
+from identification.logs.log import Log
+from identification.mechanisms.calibration_parts import cut
+from identification.mechanisms.mechanism import DemandedForce, Mechanism
+from youbot_env.errors import InputError
+
+Array = NDArray[np.float64]
+
+
+def visible_directions(mechanism: Any, free: Indices) -> Array:
+    """(F, Q) directions of the parameters ``free`` that data can see, in their own units."""
+    return gauge_basis(mechanism, free) / mechanism.scale[free][:, None]
+
+
+@dataclass(frozen=True)
+class FittedStructure:
+    """A structure at fitted parameters theta, with its rows: what candidates are added to.
+
+    free : (F,) indices of the parameters that were fitted; basis : (F, Q) their directions that
+        data can see
+    """
+
+    mechanism: Any
+    theta: Array
+    rows: tuple[Rows, ...]
+    free: Indices
+    basis: Array
+    samples: tuple[Any, ...]
+    settings: DiagnosisSettings
+
+    @classmethod
+    def at(
+        cls,
+        mechanism: Any,
+        theta: Array,
+        samples: Sequence[Any],
+        free: Indices,
+        settings: DiagnosisSettings,
+    ) -> FittedStructure:
+        """Rows of all logs at theta."""
+        rows = [regression_rows(mechanism, theta, item, free, settings.rows) for item in samples]
+        basis = visible_directions(mechanism, free)
+        return cls(mechanism, theta, tuple(rows), free, basis, tuple(samples), settings)
+
+    @cached_property
+    def demands(self) -> tuple[DemandedForce, ...]:
+        """Of each log: what candidates on top of the structure need not find out again."""
+        return tuple(self.mechanism.demand(self.theta, item) for item in self.samples)
+
+    @property
+    def residual(self) -> list[Array]:
+        """Per log (n, A)."""
+        return [row.residual for row in self.rows]
+
+    @property
+    def columns(self) -> list[Array]:
+        """Per log (n, A, F)."""
+        return [row.columns for row in self.rows]
+
+    @property
+    def square(self) -> float:
+        """Sum of the squared residuals of all rows."""
+        return sum(float((row.residual**2).sum()) for row in self.rows)
+
+    @cached_property
+    def held_out(self) -> HeldOut:
+        """Judged on what it was not fitted on."""
+        return self.judged(make_folds(self.rows, self.columns, self.settings.fit))
+
+    def judged(self, folds: Sequence[Fold]) -> HeldOut:
+        """The same with other folds."""
+        return held_out(self.residual, self.columns, folds, self.basis, self.settings.fit)
+
+    def fold_ratio(self, folds: Sequence[Fold]) -> float:
+        """Its held-out squares over those with other folds."""
+        own = self.held_out
+        return 1.0 if tuple(folds) == own.folds else own.square / self.judged(folds).square
+
+    def noise_square(self, noise: Sequence[NoiseLevel], seed: int) -> float:
+        """Squares that noise on the speeds leaves in the residual, by putting it on once more."""
+        rng = np.random.default_rng(seed)
+        total = 0.0
+        for item, level, row in zip(self.samples, noise, self.rows, strict=True):
+            noisy = self.mechanism.noisy(item, level.speed, 0.0 * level.torque, rng)
+            again = residual_of(self.mechanism, self.theta, noisy, self.settings.rows)
+            total += float(((again - row.residual) ** 2).sum())
+        return total
+
+
+@dataclass(frozen=True, eq=False)
+class Candidate:
+    """One effect, at one choice of its shape constants, on top of a fitted structure.
+
+    Attributes
+    ----------
+    free : indices of its own linear parameters and the structure's
+    columns : per log (n, A, F) of its own linear parameters
+    held_out : judged by the linear step from the structure, or by its joint fit
+    directions : that data can see of its own linear parameters
+    fitted : its joint fit, if it was in the lead
+    added_noise : squares that noise on the speeds adds to the residual beyond what it adds to the
+        structure's
+    fold_ratio : the structure's held-out squares over those with the candidate's folds
+    lost_fall : squares whose fall the held-out steps promise and the joint fit does not keep
+    """
+
+    name: str
+    mechanism: Any
+    theta: Array
+    free: Indices
+    columns: tuple[Array, ...]
+    held_out: HeldOut
+    shapes: dict[str, float] = field(default_factory=dict)
+    directions: int = 0
+    fitted: FittedStructure | None = None
+    # A drive's lag differentiates the noise, and must not lose by that alone.
+    added_noise: float = 0.0
+    # Finer folds hold less out at a time, which is no merit of the candidate.
+    fold_ratio: float = 1.0
+    # Held-out steps know no bounds, and may well need a negative inertia.
+    lost_fall: float = 0.0
+
+    @property
+    def square(self) -> float:
+        """Sum of squared held-out residuals, at the structure's own noise and folds."""
+        return self.square_with_noise - self.added_noise + self.lost_fall
+
+    @property
+    def square_with_noise(self) -> float:
+        """The same at its own noise, as it was measured."""
+        return self.fold_ratio * self.held_out.square
+
+    @property
+    def parameters(self) -> int:
+        """How many numbers it adds, searched shapes included: the price of its flexibility."""
+        return self.directions + len(self.shapes)
+
+
+@dataclass(frozen=True)
+class Ranking:
+    """All candidates on top of one structure, best first, with those that tie with the best.
+
+    square : held-out squares of the structure itself
+    needed : least share of them that an effect must take away to be accepted
+    """
+
+    candidates: tuple[Candidate, ...]
+    p_values: dict[str, float]
+    tied: tuple[str, ...]
+    best: Candidate | None
+    square: float
+    needed: float
+
+    @property
+    def is_material(self) -> bool:
+        """Whether the best candidate takes away what is needed."""
+        return self.fall >= self.needed
+
+    @property
+    def fall(self) -> float:
+        """Share of the held-out squares that the best candidate takes away."""
+        return 0.0 if self.best is None else self.fall_of(self.best)
+
+    def fall_of(self, item: Candidate) -> float:
+        """The same for any candidate."""
+        return 1.0 - item.square / self.square
+
+
+@dataclass(frozen=True)
+class Step:
+    """One structure on the way: the effect accepted last, and held-out errors.
+
+    fold_thetas : (folds, P) parameters that were fitted without each fold
+    """
+
+    effect: str | None
+    force_error: float
+    velocity_error: float
+    fitted: FittedStructure
+    fold_thetas: Array
+
+    @property
+    def errors(self) -> dict[str, float]:
+        """Both errors by name."""
+        return {"force_error": self.force_error, "velocity_error": self.velocity_error}
+
+    def to_dict(self) -> dict[str, Any]:
+        """JSON form."""
+        return {"effect": self.effect, **self.errors}
+
+
+class LoggedData:
+    """The logs of a diagnosis: samples, the noise on them, and errors of structures on them.
+
+    Parameters
+    ----------
+    seed : of the noise that is put on once more, for noise floors
+    progress : called after each piece of work
+    """
+
+    def __init__(
+        self,
+        mechanism: Mechanism,
+        logs: Sequence[Log],
+        seed: int = 0,
+        progress: Callable[[], None] = lambda: None,
+        settings: DiagnosisSettings = DiagnosisSettings(),
+    ) -> None:
+        self.samples = [mechanism.samples(log) for log in logs]
+        self.noise = [NoiseLevel.of(samples, settings.fit) for samples in self.samples]
+        self.seed, self.progress, self.settings = seed, progress, settings
+
+    def step(
+        self, fitted: FittedStructure, effect: str | None, folds: Sequence[Fold] | None = None
+    ) -> Step:
+        """Held-out force and velocity error of a structure; its own folds by default."""
+        judged = fitted.judged(folds) if folds else fitted.held_out
+        folds = judged.folds
+        thetas = np.tile(fitted.theta, (len(folds), 1))
+        thetas[:, fitted.free] += judged.steps
+        # What a fold cannot see well may leave its bounds, and some free runs with them.
+        thetas = np.clip(thetas, *fitted.mechanism.bounds)
+        force, velocity = [], []
+        for fold, theta in zip(folds, thetas, strict=True):
+            part = self._part(fold)
+            force.append(self._force(fitted.mechanism, theta, part)[1])
+            velocity.append(Squares.of(_free_run(fitted.mechanism, theta, part)))
+            self.progress()
+        return Step(effect, add_up(force).ratio, add_up(velocity).ratio, fitted, thetas)
+
+    def _part(self, fold: Fold) -> Any:
+        """The samples of a fold."""
+        samples = self.samples[fold.log]
+        if fold.whole:
+            return samples
+        first, last = np.searchsorted(samples.time, [fold.start, fold.end])
+        return cut(samples, int(first), int(last) + 1)
+
+    def _force(self, mechanism: Mechanism, theta: Array, samples: Any) -> tuple[Traces, Squares]:
+        traces = force_traces(mechanism, theta, samples, self.settings.fit)
+        return traces, Squares.of(traces)
+
+    def given_errors(self, mechanism: Mechanism, theta: Array) -> dict[str, float]:
+        """Errors of a model as it stands, nothing fitted."""
+        force = [self._force(mechanism, theta, item)[1] for item in self.samples]
+        velocity = [Squares.of(velocity_traces(mechanism, theta, item)) for item in self.samples]
+        return {"force_error": add_up(force).ratio, "velocity_error": add_up(velocity).ratio}
+
+    def floor(self, fitted: FittedStructure) -> dict[str, float]:
+        """What measurement noise alone would leave, at the fitted structure."""
+        velocity = []
+        for samples, noise in zip(self.samples, self.noise, strict=True):
+            args = (fitted.mechanism, fitted.theta, samples)
+            run = _free_run(*args)
+            if np.isfinite(run.predicted).all():
+                velocity.append(velocity_floor(*args, run, noise, self.seed))
+            else:
+                velocity.append(Squares.of(run))
+        _, force = self._force_and_floor(fitted)
+        return {"force_error": force.ratio, "velocity_error": add_up(velocity).ratio}
+
+    def above_floor(self, fitted: FittedStructure) -> float:
+        """Force error of the fit on its own logs, over what noise alone would leave."""
+        left, floor = self._force_and_floor(fitted)
+        return left.ratio / floor.ratio
+
+    def _force_and_floor(self, fitted: FittedStructure) -> tuple[Squares, Squares]:
+        left, floor = [], []
+        for samples, noise in zip(self.samples, self.noise, strict=True):
+            traces, squares = self._force(fitted.mechanism, fitted.theta, samples)
+            left.append(squares)
+            args = (fitted.mechanism, fitted.theta, samples, traces, noise)
+            floor.append(force_floor(*args, self.seed, self.settings.fit))
+        return add_up(left), add_up(floor)
+
+
+def _free_run(mechanism: Any, theta: Array, samples: Any) -> Traces:
+    """Velocity traces, with NaN predicted where the parameters are too stiff to simulate."""
+    try:
+        return velocity_traces(mechanism, theta, samples)
+    except InputError:
+        measured = mechanism.measured_speed(samples)
+        return Traces(samples.time, measured, np.full_like(measured, np.nan))

@@ -1,0 +1,372 @@
+"""What a group of features explains of a residual that is held out, for many residuals at once.
+
+All work is on normal equations: features are the same on every axis of force, each axis has its
+own coefficients, and the model's own columns are fitted along. Ridge regressions of all strengths
+come from one eigendecomposition, and those of all bootstrap draws from the same one.
+
+Sizes: P columns of the model, Q features in all, A axes of force, D residuals (the real one first,
+draws of the null hypothesis behind it).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, fields
+from functools import cached_property
+from typing import Self, TypeVar
+
+import numpy as np
+from numpy.typing import NDArray
+
+Array = NDArray[np.float64]
+Indices = NDArray[np.intp]
+
+
+@dataclass(frozen=True)
+class FoldRows:
+    """Rows that are held out together.
+
+    Attributes
+    ----------
+    features : (n, Q); columns : (n, A, P) of the model; residual : (n, A)
+    block : rows whose signs are drawn together
+    """
+
+    features: Array
+    columns: Array
+    residual: Array
+    block: int
+
+    @cached_property
+    def matrices(self) -> NormalMatrices:
+        """Left-hand sides of the normal equations."""
+        by_axis = np.moveaxis(self.columns, 1, 0)
+        return NormalMatrices(
+            len(self.residual),
+            sum((c.T @ c for c in by_axis), start=np.zeros((self.columns.shape[2],) * 2)),
+            np.stack([c.T @ self.features for c in by_axis]),
+            self.features.T @ self.features,
+        )
+
+    def split(self, count: int) -> list[FoldRows]:
+        """As many contiguous parts."""
+        edges = np.linspace(0, len(self.residual), count + 1).astype(int)
+        return [
+            FoldRows(self.features[a:b], self.columns[a:b], self.residual[a:b], self.block)
+            for a, b in zip(edges, edges[1:], strict=False)
+        ]
+
+    def scores(self, residual: Array) -> tuple[Array, Array]:
+        """Sums of columns (blocks, P) and features (blocks, A, Q) times a residual, by block."""
+        starts = np.arange(0, len(residual), self.block)
+        model = np.add.reduceat(np.einsum("na,nap->np", residual, self.columns), starts)
+        blocks = [slice(a, a + self.block) for a in starts]
+        return model, np.stack([residual[rows].T @ self.features[rows] for rows in blocks])
+
+
+@dataclass(frozen=True)
+class _Additive:
+    """Sums over rows: those of two sets of rows add up, field by field."""
+
+    def __add__(self, other: Self) -> Self:
+        return type(self)(*(getattr(self, f.name) + getattr(other, f.name) for f in fields(self)))
+
+    def __sub__(self, other: Self) -> Self:
+        return type(self)(*(getattr(self, f.name) - getattr(other, f.name) for f in fields(self)))
+
+
+@dataclass(frozen=True)
+class NormalMatrices(_Additive):
+    """Products of model columns (P, P), of these with features (A, P, Q), of features (Q, Q)."""
+
+    rows: int
+    model: Array
+    cross: Array
+    features: Array
+
+    def nuisance(self, chosen: Indices) -> Array:
+        """Model columns and q chosen features on all axes: (P + A q, P + A q)."""
+        across = self._across(chosen)
+        return np.block([[self.model, across], [across.T, self.block(chosen, chosen)]])
+
+    def nuisance_with(self, chosen: Indices, group: Indices) -> Array:
+        """These with the g features of a group: (P + A q, A g)."""
+        return np.concatenate([self._across(group), self.block(chosen, group)])
+
+    def block(self, left: Indices, right: Indices) -> Array:
+        """Features with features on all axes, block-diagonal: (A q, A g)."""
+        axes, block = len(self.cross), self.features[np.ix_(left, right)]
+        found = np.zeros((axes, len(left), axes, len(right)))
+        found[range(axes), :, range(axes)] = block
+        return found.reshape(axes * len(left), axes * len(right))
+
+    def _across(self, chosen: Indices) -> Array:
+        return np.concatenate(list(self.cross[:, :, chosen]), axis=1)
+
+
+@dataclass(frozen=True)
+class RightHandSides(_Additive):
+    """Right-hand sides for D residuals: of model columns (P, D) and of features (A, Q, D)."""
+
+    model: Array
+    features: Array
+
+    def of(self, group: Indices) -> Array:
+        """(A g, D)."""
+        return np.concatenate(list(self.features[:, group]))
+
+    def nuisance(self, chosen: Indices) -> Array:
+        """(P + A q, D)."""
+        return np.concatenate([self.model, self.of(chosen)])
+
+
+def blocks_of(folds: Sequence[FoldRows]) -> int:
+    """Blocks of all folds."""
+    return sum(-(-len(fold.residual) // fold.block) for fold in folds)
+
+
+def right_hand_sides(
+    folds: Sequence[FoldRows], null: Sequence[Array], signs: Array
+) -> list[RightHandSides]:
+    """Of each fold: for its residual and, behind it, for ``null`` residuals with random signs.
+
+    Parameters
+    ----------
+    null : per fold (n, A), what the null hypothesis leaves
+    signs : (draws, blocks of all folds)
+    """
+    found, start = [], 0
+    for fold, residual in zip(folds, null, strict=True):
+        model, features = fold.scores(residual)
+        chosen = signs[:, start : start + len(model)].T
+        start += len(model)
+        real_model, real = (block.sum(axis=0) for block in fold.scores(fold.residual))
+        drawn = np.moveaxis(np.tensordot(chosen, features, (0, 0)), 0, -1)
+        found.append(
+            RightHandSides(
+                np.column_stack([real_model, model.T @ chosen]),
+                np.concatenate([real[..., None], drawn], axis=-1),
+            )
+        )
+    return found
+
+
+@dataclass(frozen=True)
+class NuisanceRegressors:
+    """What is fitted along: the model's columns, and features under a ridge of given strength."""
+
+    features: Indices
+    ridge: float
+
+    def inverse(self, matrices: NormalMatrices) -> Array:
+        """Of the penalised normal matrix (M, M)."""
+        matrix = matrices.nuisance(self.features)
+        penalty = np.full(len(matrix), self.ridge * matrices.rows)
+        penalty[: len(matrices.model)] = 0.0
+        matrix = matrix + np.diag(penalty)
+        size = np.sqrt(np.diag(matrix))
+        size = np.where(size > 0, size, 1.0)
+        # The model's own columns may depend on each other: a trifle on the diagonal of the scaled
+        # matrix keeps it regular, far above rounding and far below what data can tell.
+        scaled = matrix / np.outer(size, size) + 1e-8 * np.eye(len(matrix))
+        return np.linalg.inv(scaled) / np.outer(size, size)
+
+
+@dataclass(frozen=True)
+class HeldOutGain:
+    """Squares that a group explains on what is held out, beyond the nuisance.
+
+    by_ridge (R, K, D): for each ridge strength, fold and residual.
+    """
+
+    ridges: tuple[float, ...]
+    by_ridge: Array
+
+    # One ridge for all folds: one choice out of few, which the draws of the null have too. Chosen
+    # without the fold that is judged, it would often be too weak for it, where the other folds are
+    # alike and that one is not.
+
+    @property
+    def total(self) -> Array:
+        """(D,) over all folds, with the ridge that does best for each residual."""
+        return self.by_ridge.sum(axis=1).max(axis=0)
+
+    @property
+    def best(self) -> tuple[float, float]:
+        """The ridge that does best for the real residual, and its gain."""
+        real = self.by_ridge[..., 0].sum(axis=1)
+        return self.ridges[int(real.argmax())], float(real.max())
+
+
+def held_out_gains(
+    folds: Sequence[FoldRows],
+    sides: Sequence[RightHandSides],
+    nuisance: NuisanceRegressors,
+    groups: Sequence[tuple[Indices, int | None]],
+    ridges: tuple[float, ...],
+) -> list[HeldOutGain]:
+    """What each group of features explains of each fold when it is held out.
+
+    Parameters
+    ----------
+    sides : of each fold
+    groups : indices of each group's features; of a group in pairs, how many orders are fitted
+    """
+    matrices, side = _total([fold.matrices for fold in folds]), _total(sides)
+    found: list[list[Array]] = [[] for _ in groups]
+    for fold, held in zip(folds, sides, strict=True):
+        split = HeldOutSplit(nuisance, matrices - fold.matrices, side - held, fold.matrices, held)
+        for gained, (group, orders) in zip(found, groups, strict=True):
+            gained.append(split.partial_regression(group).gain(ridges, orders))
+    return [HeldOutGain(ridges, np.stack(by_fold, axis=1)) for by_fold in found]
+
+
+@dataclass(frozen=True)
+class HeldOutSplit:
+    """Normal equations of one fold and of all others, to which the nuisance is fitted."""
+
+    nuisance: NuisanceRegressors
+    training: NormalMatrices
+    training_sides: RightHandSides
+    held: NormalMatrices
+    held_sides: RightHandSides
+
+    @cached_property
+    def _inverse(self) -> Array:
+        return self.nuisance.inverse(self.training)
+
+    @cached_property
+    def _coefficients(self) -> Array:
+        """(M, D) of the nuisance without any group."""
+        return self._inverse @ self.training_sides.nuisance(self.nuisance.features)
+
+    @cached_property
+    def _held_matrix(self) -> Array:
+        """(M, M) held-out normal matrix of the nuisance."""
+        return self.held.nuisance(self.nuisance.features)
+
+    @cached_property
+    def _held_remainder(self) -> Array:
+        """(M, D) held-out sides of the nuisance less its prediction."""
+        sides = self.held_sides.nuisance(self.nuisance.features)
+        return sides - self._held_matrix @ self._coefficients
+
+    def partial_regression(self, group: Indices) -> PartialRegression:
+        """A group's equations with the nuisance fitted along (Frisch, Waugh and Lovell)."""
+        chosen = self.nuisance.features
+        training_cross = self.training.nuisance_with(chosen, group)
+        absorbed = self._inverse @ training_cross
+        held_cross = self.held.nuisance_with(chosen, group)
+        mixed = held_cross.T @ absorbed
+        return PartialRegression(
+            rows=self.training.rows,
+            axes=len(self.training.cross),
+            matrix=self.training.block(group, group) - training_cross.T @ absorbed,
+            side=self.training_sides.of(group) - training_cross.T @ self._coefficients,
+            held_matrix=self.held.block(group, group)
+            - mixed
+            - mixed.T
+            + absorbed.T @ (self._held_matrix @ absorbed),
+            held_side=self.held_sides.of(group)
+            - held_cross.T @ self._coefficients
+            - absorbed.T @ self._held_remainder,
+        )
+
+
+@dataclass(frozen=True)
+class PartialRegression:
+    """Equations of a group's A g coefficients b, for D residuals, the nuisance taken out.
+
+    Fitted by (matrix + ridge) b = side; held-out squares fall by 2 b' held_side - b' held_matrix b.
+    """
+
+    rows: int
+    axes: int
+    matrix: Array
+    side: Array
+    held_matrix: Array
+    held_side: Array
+
+    def gain(self, ridges: tuple[float, ...], orders: int | None) -> Array:
+        """(R, D) for each ridge; orders: how many orders of a group in pairs are fitted."""
+        return self._of_all(ridges) if orders is None else self._of_strongest(ridges, orders)
+
+    def _of_all(self, ridges: tuple[float, ...]) -> Array:
+        values, vectors = np.linalg.eigh(self.matrix)
+        side, held_side = vectors.T @ self.side, vectors.T @ self.held_side
+        held_matrix = vectors.T @ self.held_matrix @ vectors
+        found = []
+        for ridge in ridges:
+            solution = side / (np.maximum(values, 0.0) + ridge * self.rows)[:, None]
+            found.append((solution * (2 * held_side - held_matrix @ solution)).sum(axis=0))
+        return np.stack(found)
+
+    def _of_strongest(self, ridges: tuple[float, ...], orders: int) -> Array:
+        """Orders are all but orthogonal to each other: each is fitted alone."""
+        size = np.maximum(np.diag(self.matrix), 1e-9 * self.rows)[:, None]
+        scores = (self.side**2 / size).reshape(self.axes, -1, 2, self.side.shape[1])
+        by_order = scores.sum(axis=(0, 2))
+        least = np.partition(by_order, -orders, axis=0)[-orders]
+        mask = np.tile(np.repeat(by_order >= least, 2, axis=0), (self.axes, 1))
+        found = []
+        for ridge in ridges:
+            solution = mask * self.side / (size + ridge * self.rows)
+            found.append(
+                (solution * (2 * self.held_side - self.held_matrix @ solution)).sum(axis=0)
+            )
+        return np.stack(found)
+
+
+Sums = TypeVar("Sums", bound=_Additive)
+
+
+def _total(items: Sequence[Sums]) -> Sums:
+    first, *rest = items
+    return sum(rest, start=first)
+
+
+def model_held_out_square(folds: Sequence[FoldRows], sides: Sequence[RightHandSides]) -> float:
+    """Held-out squares of the residual with the model's own parameters fitted without each fold."""
+    model_alone = NuisanceRegressors(np.zeros(0, np.intp), 0.0)
+    matrices, side = _total([fold.matrices for fold in folds]), _total(sides)
+    total = 0.0
+    for fold, held in zip(folds, sides, strict=True):
+        fitted = model_alone.inverse(matrices - fold.matrices) @ (side - held).model[:, 0]
+        total += float(((fold.residual - fold.columns @ fitted) ** 2).sum())
+    return total
+
+
+def residuals_after(folds: Sequence[FoldRows], nuisance: NuisanceRegressors) -> list[Array]:
+    """Residuals (n, A) of each fold after a fit of the nuisance to all of them."""
+    matrices = _total([fold.matrices for fold in folds])
+    model = sum(np.einsum("na,nap->p", fold.residual, fold.columns) for fold in folds)
+    flexible = sum(fold.residual.T @ fold.features[:, nuisance.features] for fold in folds)
+    fitted = nuisance.inverse(matrices) @ np.concatenate([model, np.ravel(flexible)])
+    size = len(matrices.model)
+    weights = fitted[size:].reshape(len(matrices.cross), -1).T
+    return [
+        fold.residual - fold.columns @ fitted[:size] - fold.features[:, nuisance.features] @ weights
+        for fold in folds
+    ]
+
+
+def strongest_order(folds: Sequence[FoldRows], residual: Sequence[Array], group: Indices) -> int:
+    """Which of a group's orders (from 0) explains most of a residual."""
+    score = sum(e.T @ fold.features[:, group] for fold, e in zip(folds, residual, strict=True))
+    return int((np.asarray(score) ** 2).reshape(-1, len(group) // 2, 2).sum(axis=(0, 2)).argmax())
+
+
+def standardised_gains(gains: Array, total: float, tail_share: float, min_unit: float) -> Array:
+    """Gains (G, D) of G groups, comparable across groups of any size.
+
+    Each is measured from the median of its own null, in units of the mean of its null's highest
+    ``tail_share`` above that.
+
+    Parameters
+    ----------
+    total : squares of the residual; min_unit : share of them that a unit is at least
+    """
+    null = np.sort(gains[:, 1:], axis=1)
+    middle = np.median(null, axis=1, keepdims=True)
+    tail = null[:, -max(1, int(null.shape[1] * tail_share)) :].mean(axis=1, keepdims=True)
+    return (gains - middle) / np.maximum(tail - middle, min_unit * total + 1e-300)

@@ -1,0 +1,68 @@
+"""Shares of a residual by variable: the result of a residual map."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from typing import Any
+
+from identification.residual_map.curves import Curve
+
+
+@dataclass(frozen=True)
+class Share:
+    """Held-out share of the residual's variance that a variable explains.
+
+    share : beyond the twist, of the twist alone; 0 where chance could have made it
+    p_value : family-wise, over all variables
+    cycles : per turn, of a wheel's angle that has a share
+    """
+
+    variable: str
+    share: float
+    p_value: float
+    cycles: int | None = None
+
+    def to_dict(self) -> dict[str, Any]:
+        """JSON form."""
+        found = {"variable": self.variable, "share": self.share, "p_value": self.p_value}
+        return found if self.cycles is None else {**found, "cycles": self.cycles}
+
+
+@dataclass(frozen=True)
+class ResidualMap:
+    """Result of :func:`residual_map`: shares, the largest first.
+
+    refit : share of the given parameters' residual that disappears when they are fitted again,
+        held out; it may be negative
+    _curves : of a variable, at some cycles per turn; None where the logs were too short
+    """
+
+    shares: tuple[Share, ...]
+    refit: float = 0.0
+    _curves: Callable[[str, int], list[Curve]] | None = field(
+        default=None, repr=False, compare=False
+    )
+
+    def to_list(self) -> list[dict[str, Any]]:
+        """JSON form, as the design fixes it."""
+        return [share.to_dict() for share in self.shares]
+
+    @property
+    def leading(self) -> tuple[str, ...]:
+        """Variables with a share, the largest first."""
+        return tuple(share.variable for share in self.shares if share.share > 0)
+
+    def curve(self, variable: str) -> list[Curve]:
+        """The residual over a variable, for a plot: one curve, or one for each component of twist.
+
+        Of what the model's parameters leave, and for other variables than the twist of what any
+        function of the twist leaves; none where the logs were too short for a map.
+
+        Raises
+        ------
+        KeyError
+            If the logs have no such variable.
+        """
+        cycles = {share.variable: share.cycles for share in self.shares}[variable]
+        return [] if self._curves is None else self._curves(variable, cycles or 1)

@@ -1,0 +1,150 @@
+"""Numbers that somebody chose are settings: fields of frozen dataclasses, each with its reason."""
+
+from __future__ import annotations
+
+import ast
+from collections.abc import Iterator
+from dataclasses import MISSING, fields, is_dataclass
+from pathlib import Path
+
+import pytest
+
+from tests.structure.settings_page import SETTINGS, page
+
+ROOT = Path(__file__).parents[2]
+
+FILES = sorted((ROOT / "identification").rglob("*.py"))
+
+HOMES = ("settings.py", "style.py")
+"""Files that may hold numbers: settings, and what figures look like."""
+
+NO_SETTING = {
+    "diagnosis": {"MOST": "threads by default; no result depends on it"},
+    "logs": {
+        "_UNITS": "units that a time column is recognised in",
+        "NO_SLIP": "geometry: wheel speeds that no rigid motion makes",
+        "_DEGREES": "degrees in a radian",
+        "DECIMALS": "of a written file",
+    },
+    "mechanisms": {
+        "SYSTEM": "a function of the physics, made once",
+        "UNITS": "physical units by name",
+        "_MOTION": "names of a formula's arguments",
+        "PAPER_ORDER": "the paper's order of parameters",
+        "INTERNAL": "geometry: wheel speeds that no rigid motion makes",
+        "MAX_SUBSTEPS": "a bound on time, refused with one line where it is reached",
+        "DT": "sample time of simulated motions, of which one is proposed",
+        "LOAD_STEP": "width of a rounded absolute value, against division by zero",
+    },
+}
+"""Numbers by room that are no settings, and why: units, formats, geometry, bounds on resources."""
+
+TO_BECOME_SETTINGS = {
+    "fitting": {"IDEAL_BLIND", "BLIND", "SHORT", "COUPLED"},
+    "mechanisms": {
+        "STEP", "BARELY", "BANDS", "ATTENUATION", "_ACCELERATION_TIME", "WINDOW", "SHORTEST",
+        "STILL", "ARM", "INTERNAL_SMOOTHING", "SLIPPING", "ROUGH",
+    },
+    "signals": {"RATE_SMOOTHING", "_BLOCK"},
+}  # fmt: skip
+"""Numbers that still stand beside the code that reads them. No name is added here."""
+
+DEFAULTS = {
+    "seed": "of random numbers: any is as good",
+    "cycles": "one curve over a whole turn",
+    "dt": "sample time of ideal motions",
+    "cutoff": "of words that describe a direction",
+}
+"""Arguments whose default may be a number, and why."""
+
+
+def room_of(path: Path) -> str:
+    """The folder below ``identification``, or the file's name for what stands beside them."""
+    parts = path.relative_to(ROOT / "identification").parts
+    return parts[0] if len(parts) > 1 else path.stem
+
+
+def holds_number(node: ast.expr) -> bool:
+    """Whether an expression has a number in it; code inside of a function does not count."""
+    if isinstance(node, ast.Lambda):
+        return False
+    if isinstance(node, ast.Constant):
+        return type(node.value) in (int, float)
+    return any(holds_number(child) for child in _children(node))
+
+
+def _children(node: ast.AST) -> Iterator[ast.expr]:
+    for child in ast.iter_child_nodes(node):
+        if isinstance(child, ast.expr):
+            yield child
+        elif isinstance(child, ast.keyword):
+            yield child.value
+
+
+def named_numbers(tree: ast.Module) -> Iterator[str]:
+    """Names at the top of a file that stand for numbers, alone or in a table."""
+    for node in tree.body:
+        if isinstance(node, ast.Assign) and holds_number(node.value):
+            yield from (target.id for target in node.targets if isinstance(target, ast.Name))
+        elif isinstance(node, ast.AnnAssign) and node.value and holds_number(node.value):
+            assert isinstance(node.target, ast.Name)
+            yield node.target.id
+
+
+def numbers_by_default(tree: ast.Module) -> Iterator[str]:
+    """Arguments of functions whose default holds a number."""
+    for node in ast.walk(tree):
+        if isinstance(node, ast.FunctionDef):
+            given, named = node.args.posonlyargs + node.args.args, node.args.kwonlyargs
+            defaults = node.args.defaults
+            pairs = [*zip(given[len(given) - len(defaults) :], defaults, strict=True)]
+            pairs += [(a, d) for a, d in zip(named, node.args.kw_defaults, strict=True) if d]
+            yield from (argument.arg for argument, default in pairs if holds_number(default))
+
+
+def test_numbers_are_seen_where_they_stand():
+    tree = ast.parse("A = 3\nB: float = -0.5\nC = f(x=(1, 2))\nD = 'x'\nE = lambda: 3\n")
+    assert list(named_numbers(tree)) == ["A", "B", "C"]
+    tree = ast.parse("def f(a, b=2, *, c=None, d=-1.0, e='x'): pass")
+    assert list(numbers_by_default(tree)) == ["b", "d"]
+
+
+def test_numbers_that_somebody_chose_are_settings():
+    for path in FILES:
+        if path.name in HOMES:
+            continue
+        room, tree = room_of(path), ast.parse(path.read_text("utf-8"))
+        known = {*NO_SETTING.get(room, {}), *TO_BECOME_SETTINGS.get(room, ())}
+        strangers = set(named_numbers(tree)) - known
+        assert not strangers, f"{path.relative_to(ROOT)}: {sorted(strangers)} belong in settings"
+
+
+def test_nor_do_they_hide_in_default_arguments():
+    for path in FILES:
+        strangers = set(numbers_by_default(ast.parse(path.read_text("utf-8")))) - {*DEFAULTS}
+        assert not strangers, f"{path.relative_to(ROOT)}: {sorted(strangers)} belong in settings"
+
+
+def test_every_class_of_settings_is_on_the_page():
+    found = {
+        node.name
+        for path in FILES
+        for node in ast.parse(path.read_text("utf-8")).body
+        if isinstance(node, ast.ClassDef) and node.name.endswith("Settings")
+    }
+    assert found == {made.__name__ for made in SETTINGS}
+
+
+@pytest.mark.parametrize("made", SETTINGS)
+def test_every_setting_has_a_unit_and_a_reason(made: type):
+    assert made.__dataclass_params__.frozen  # type: ignore[attr-defined]
+    for item in fields(made):
+        if item.default is MISSING:
+            assert is_dataclass(getattr(made(), item.name)), item.name
+        else:
+            assert item.metadata["unit"] and len(item.metadata["reason"]) > 5, item.name
+
+
+def test_the_page_is_what_the_command_prints():
+    written = (ROOT / "docs" / "settings.md").read_text("utf-8")
+    assert written == page(), "run python -m tests.structure.settings_page > docs/settings.md"
