@@ -14,15 +14,15 @@ from youbot_env.physics.geometry import Geometry
 
 Array = NDArray[np.float64]
 
-IDLE = (1.0, 1.0, -1.0, -1.0)
+NULL_SPACE = (1.0, 1.0, -1.0, -1.0)
 """Torques that exert no force: F_X, F_Y and M_W of (1, 1, -1, -1) are zero."""
 
 
 def allocate(geometry: Geometry, force: ArrayLike, limit: ArrayLike) -> tuple[Array, float]:
     """Wheel torques for a force, and the share of it that they exert.
 
-    Least norm where that is within the limits; else shifted along ``IDLE`` by as little as needed;
-    else the largest force of the same direction.
+    Least norm where that is within the limits; else shifted along ``NULL_SPACE`` by as little as
+    needed; else the largest force of the same direction.
 
     Parameters
     ----------
@@ -43,24 +43,26 @@ def allocate(geometry: Geometry, force: ArrayLike, limit: ArrayLike) -> tuple[Ar
 @njit(cache=True, error_model="numpy")
 def within_limits(torque, limit, out):
     """Fill ``out`` (4,) with torques within +-``limit`` (4,) that exert ``share`` of the force of
-    ``torque`` (4,), and return the share: 1 where a shift along ``IDLE`` is enough.
+    ``torque`` (4,), and return the share: 1 where a shift along ``NULL_SPACE`` is enough.
 
-    In w = IDLE * torque the shift adds one number to all four, so the limits leave an interval for
-    it; where that is empty, the two wheels furthest apart say how much the force must shrink.
+    In w = NULL_SPACE * torque the shift adds one number to all four, so the limits leave an
+    interval for it. Where that is empty, the two wheels that are furthest apart say by how much the
+    force must shrink.
     """
     low, high, share = -np.inf, np.inf, 1.0
     for i in range(4):
         for j in range(4):
-            apart = IDLE[i] * torque[i] - IDLE[j] * torque[j]
+            apart = NULL_SPACE[i] * torque[i] - NULL_SPACE[j] * torque[j]
             if share * apart > limit[i] + limit[j]:
                 share = (limit[i] + limit[j]) / apart
     for i in range(4):
-        value = share * IDLE[i] * torque[i]
+        value = share * NULL_SPACE[i] * torque[i]
         low = max(low, -limit[i] - value)
         high = min(high, limit[i] - value)
     if share < 1.0:
+        # The interval is a point, whose two ends rounding may have swapped.
         low = high = 0.5 * (low + high)
     shift = min(max(0.0, low), high)
     for i in range(4):
-        out[i] = min(max(share * torque[i] + IDLE[i] * shift, -limit[i]), limit[i])
+        out[i] = min(max(share * torque[i] + NULL_SPACE[i] * shift, -limit[i]), limit[i])
     return share

@@ -75,6 +75,7 @@ class KinematicControl:
         self._integral_step = self.gains.integral * self.sample_time
         self._to_wheels = self.geometry.wheel_jacobian
         ahead = self.gains.lead / self.sample_time
+        # A lead of whole samples, up to rounding, needs no sample beyond.
         self.preview_needed = math.ceil(ahead - 1e-9)
         self._share = 1.0 + ahead - self.preview_needed  # between the last two samples needed
         self.reset()
@@ -113,6 +114,7 @@ class KinematicControl:
         step = self._integral_step * error
         wanted = self.gains.proportional * error + self._integral[wheel] + step
         torque = min(max(wanted, -self.torque_limit), self.torque_limit)
+        # Conditional integration: not while the limit holds and the error would push further.
         if (wanted - torque) * error <= 0.0:
             self._integral[wheel] += step
         return torque

@@ -13,7 +13,7 @@ from itertools import chain
 from typing import Any
 
 from controllers.interface import Controller, Loop
-from controllers.policy.policy import RATE_TOLERANCE, Policy
+from controllers.policy.policy import Policy, PolicySettings
 from controllers.policy.policy_file import load_policy, shipped_policies
 from controllers.tuning.gains_file import is_gains_file, load_gains
 from youbot_env.errors import InputError
@@ -48,21 +48,26 @@ def _kinematic(model: Model, loop: Loop, **settings: Any) -> Controller:
     return KinematicControl(model.geometry, Gains(**settings), loop.torque_limit, loop.sample_time)
 
 
-def _gains(model: Model, loop: Loop) -> Settings:
+def _kinematic_gains(model: Model, loop: Loop) -> Settings:
     """The best gains within the margins and the torque rate that ``tuning`` asks for."""
-    from controllers.tuning.tuning import tuned_kinematic
+    from controllers.kinematic import Gains
+    from controllers.tuning.trials import TuningTrial, references
+    from controllers.tuning.tunable_laws import TunableKinematic
+    from controllers.tuning.tuning import GainSearch, Requirements, allowed_torque_rate
 
-    return asdict(tuned_kinematic(model, loop))
+    trial = TuningTrial(model, loop, references(model))
+    wanted = Requirements(torque_rate=allowed_torque_rate(model, loop, trial))
+    return asdict(Gains(**GainSearch(TunableKinematic(model, loop), trial).best(wanted).point))
 
 
-def _free_gains(model: Model, loop: Loop) -> Settings:
+def _unconstrained_gains(model: Model, loop: Loop) -> Settings:
     """The best gains that are stable at all."""
     from controllers.tuning.trials import TuningTrial, references
     from controllers.tuning.tunable_laws import TunableKinematic
-    from controllers.tuning.tuning import Bench
+    from controllers.tuning.tuning import GainSearch
 
-    bench = Bench(TunableKinematic(model, loop), TuningTrial(model, loop, references(model)))
-    return bench.best(None).point
+    trial = TuningTrial(model, loop, references(model))
+    return GainSearch(TunableKinematic(model, loop), trial).best(None).point
 
 
 def _computed_torque(model: Model, loop: Loop, **settings: Any) -> Controller:
@@ -77,11 +82,11 @@ def _adaptive(model: Model, loop: Loop, **settings: Any) -> Controller:
     return AdaptiveComputedTorque(model, loop, **settings)
 
 
-def _poles(model: Model, loop: Loop) -> Settings:
-    """The fastest poles within the margins that ``pid_design`` asks for."""
+def _pid_gains(model: Model, loop: Loop, **options: Any) -> Settings:
+    """The fastest poles within the margins that :func:`controllers.pid.design.design` asks for."""
     from controllers.pid.design import design
 
-    return asdict(design(model, loop))
+    return asdict(design(model, loop, **options))
 
 
 def _pid(model: Model, loop: Loop, **settings: Any) -> Controller:
@@ -91,11 +96,11 @@ def _pid(model: Model, loop: Loop, **settings: Any) -> Controller:
     return PID(model, loop, PIDGains(**settings))
 
 
-def _weights(model: Model, loop: Loop) -> Settings:
-    """The fastest weights within the margins that ``lqi_design`` asks for."""
+def _lqi_weights(model: Model, loop: Loop, **options: Any) -> Settings:
+    """The fastest weights within the margins that ``lqi.design.fastest`` asks for."""
     from controllers.lqi.design import fastest
 
-    return asdict(fastest(model, loop))
+    return asdict(fastest(model, loop, **options))
 
 
 def _lqi(model: Model, loop: Loop, **settings: Any) -> Controller:
@@ -118,16 +123,16 @@ def _of_gains_file(path: str, model: Model, loop: Loop) -> Controller:
 CONTROLLERS: dict[str, Entry] = {
     "kinematic": Entry(_kinematic, "wheel-speed PI, gains like the stock ones"),
     "kinematic_tuned": Entry(
-        _kinematic, "the same, tuned for model and loop within stability margins", _gains
+        _kinematic, "the same, tuned for model and loop within stability margins", _kinematic_gains
     ),
     "kinematic_free": Entry(
-        _kinematic, "the same, its unconstrained best: hardly any margin", _free_gains
+        _kinematic, "the same, its unconstrained best: hardly any margin", _unconstrained_gains
     ),
-    "pid": Entry(_pid, "PID on the body twist, gains from the model's masses", _poles),
+    "pid": Entry(_pid, "PID on the body twist, gains from the model's masses", _pid_gains),
     "lqi": Entry(
         _lqi,
         "linear quadratic control with integrals, the delays in its state",
-        _weights,
+        _lqi_weights,
         extra="control",
     ),
     "computed_torque": Entry(
@@ -221,7 +226,7 @@ def build_policy(source: str | os.PathLike[str], model: Model, loop: Loop) -> Po
 
     Parameters
     ----------
-    model : what the controller beneath believes; a policy that drives alone knows no model
+    model : what the base controller believes; a policy that drives alone knows no model
     loop : must have the control rate that the policy was trained at
 
     Raises
@@ -230,7 +235,8 @@ def build_policy(source: str | os.PathLike[str], model: Model, loop: Loop) -> Po
         If the file is no valid policy, or the loop is not what it was trained for.
     """
     network, description = load_policy(source)
-    if abs(loop.sample_time * description.control_rate - 1.0) > RATE_TOLERANCE:
+    difference = abs(loop.sample_time * description.control_rate - 1.0)
+    if difference > PolicySettings.max_rate_difference_share:
         raise InputError(
             f"policy {description.name}: was trained at {description.control_rate:g} Hz, the loop "
             f"runs at {1.0 / loop.sample_time:g} Hz; train one for it"

@@ -20,7 +20,7 @@ from controllers.tuning.controller_tuning import (
     tune_pid,
 )
 from controllers.tuning.gains_file import save_gains
-from controllers.tuning.tuning import TORQUE_RATE_SHARE
+from controllers.tuning.tuning import SearchSettings
 from youbot_env.errors import InputError, finite
 from youbot_env.model.model_file import load_model
 from youbot_env.physics.hardware import MAX_WHEEL_TORQUE
@@ -137,7 +137,7 @@ def _print(out: Console, title: str, found: TunedController) -> None:
     others = found.python_control_margins().to_dict() if find_spec("control") else None
     show(out, tuning_tables.tables(title, result, others))
     out.print(tuning_tables.poles(result), soft_wrap=True)
-    times = f" ({TORQUE_RATE_SHARE:g} times computed torque's)"
+    times = f" ({SearchSettings.torque_rate_share:g} times computed torque's)"
     out.print(
         f"Kept: gain margin >= {kept.gain_margin:g} dB, "
         f"phase margin >= {kept.phase_margin:g} degrees, "

@@ -1,8 +1,10 @@
-"""The one exception that a user's mistake raises, and checks of a user's numbers that raise it."""
+"""The one exception that a user's mistake raises, and the checks that raise it."""
 
 from __future__ import annotations
 
 import math
+from dataclasses import fields
+from importlib import import_module
 from numbers import Integral, Real
 from typing import Any
 
@@ -47,3 +49,44 @@ def count(what: str, value: Any) -> int:
     if isinstance(value, bool) or not isinstance(value, Integral) or value < 1:
         raise InputError(f"{what}: {value!r} is not a whole number of at least 1")
     return int(value)
+
+
+def check_settings(settings: Any) -> None:
+    """Checks the numbers of a dataclass of settings: whole ones at least 1, others at least 0.
+
+    Raises
+    ------
+    InputError
+        If one cannot be: names the class and the field.
+    """
+    for item in fields(settings):
+        value, what = getattr(settings, item.name), f"{type(settings).__name__} {item.name}"
+        wanted = item.default if isinstance(item.default, tuple) else (item.default,)
+        given = value if isinstance(value, (tuple, list)) else (value,)
+        for one, default in zip(given, wanted, strict=False):
+            if isinstance(default, bool):
+                continue
+            if isinstance(default, int):
+                count(what, one)
+            elif isinstance(default, float):
+                finite(what, one, least=0.0)
+
+
+def optional_library(name: str, extra: str, need: str) -> Any:
+    """A library that only an extra of this package brings.
+
+    Parameters
+    ----------
+    name : of the module, such as ``control``
+    extra : of this package that installs it
+    need : the first half of the error, such as "this export needs torch"
+
+    Raises
+    ------
+    InputError
+        If it is not installed: says what needs it and how to install it.
+    """
+    try:
+        return import_module(name)
+    except ImportError:
+        raise InputError(f"{need}: pip install 'youbot[{extra}]'") from None

@@ -4,22 +4,21 @@ from __future__ import annotations
 
 import warnings
 from math import ceil
-from typing import TYPE_CHECKING
 
 import numpy as np
 
 from controllers.computed_torque.feedback import PLANNED, WIDTH, act
-from controllers.computed_torque.feedback_design import ROUNDING, acting_delay, design
-from controllers.computed_torque.prediction import POSE, TIME, TORQUE, TWIST, predict, reference_at
+from controllers.computed_torque.feedback_design import FeedbackSettings, design, feedback_margins
+from controllers.computed_torque.prediction import POSE, TIME, TORQUE, TWIST, predict
 from controllers.interface import Array, Loop, Observation, Reference
+from controllers.linear.linear_system import ROUNDING, acting_delay
+from controllers.linear.margins import Margins
+from controllers.linear.reference_window import reference_at
 from youbot_env.errors import finite
 from youbot_env.model.model import Model
 from youbot_env.physics.effect import WORLD
 from youbot_env.simulation.compiled import inverse_kernel
 from youbot_env.simulation.generated_code import MOTION
-
-if TYPE_CHECKING:
-    from controllers.linear.margins import Margins
 
 LOAD_TOLERANCE = 1e-6
 """[N m] to which torques are found where friction depends on them."""
@@ -42,6 +41,7 @@ class ComputedTorque:
     model : what the controller believes, with all its effects
     loop : times, limit and noise of the loop that it runs in
     bandwidth : [rad/s] of the feedback; None chooses by noise and delay
+    settings : by what it chooses, and what the feedback believes
 
     Attributes
     ----------
@@ -55,13 +55,21 @@ class ComputedTorque:
         If the bandwidth is not positive.
     """
 
-    def __init__(self, model: Model, loop: Loop | None = None, bandwidth: float | None = None):
+    def __init__(
+        self,
+        model: Model,
+        loop: Loop | None = None,
+        bandwidth: float | None = None,
+        settings: FeedbackSettings | None = None,
+    ) -> None:
         self.model, self.loop = model, loop or Loop()
         if bandwidth is not None:
             bandwidth = finite("bandwidth [rad/s]", bandwidth, positive=True)
-        self.design = design(model, self.loop, bandwidth)
+        self.design = design(model, self.loop, bandwidth, settings or FeedbackSettings())
+        # In samples: a command is read ``_lead`` ahead of now, at the start of its hold.
         self._lead = acting_delay(model, self.loop) / self.loop.sample_time
         self.preview_needed = ceil(self._lead - ROUNDING) + 1
+        # Only forces that read pose or wheel angles need them moved on along the reference.
         self._follows = bool(model.structure.at(WORLD)) or model.structure.depends_on_angle
         self._kernel = inverse_kernel(model.structure)
         self._lengths, self._theta = model.lengths, model.theta.copy()
@@ -146,9 +154,7 @@ class ComputedTorque:
 
     def margins(self, plant: Model | None = None) -> Margins:
         """Gain and phase margins of the feedback at each axis' force, on its own model or another
-        plant; see :mod:`controllers.computed_torque.feedback_margins`."""
-        from controllers.computed_torque.feedback_margins import feedback_margins
-
+        plant; see :func:`controllers.computed_torque.feedback_design.feedback_margins`."""
         return feedback_margins(self.design, plant or self.model, self.loop)
 
     def _begin(self) -> None:
@@ -164,6 +170,7 @@ class ComputedTorque:
             reference_at(
                 self._nodes, self.design.past + self._lead - age, self.loop.sample_time, at
             )
+        # Row k of the queue was commanded k + 1 samples ago, for the hold between two of the ends.
         self._queue[:, PLANNED] = ends[:-1, :3] - ends[1:, :3]
         self._begun = True
 

@@ -18,10 +18,10 @@ from numba import njit
 from controllers.allocation import within_limits
 
 PERIOD, SLOTS, SHARE, STAYS, MEAN, STAYS_PART, AGE, CONTRADICTION = range(8)
-"""Places in ``feedback_design.Design.timing``."""
+"""Places in ``feedback_design.FeedbackDesign.timing``."""
 
 KEEP, GAIN, KEEP_PART, GAIN_PART, SEE_ERROR, SEE_LOAD, ON_ERROR, ON_DRIVE, MOST, JUMP = range(10)
-"""Columns of ``feedback_design.Design.axes``."""
+"""Columns of ``feedback_design.FeedbackDesign.axes``."""
 
 CORRECTION, TORQUE, DEMAND, COMMAND = slice(0, 3), slice(3, 7), slice(7, 10), slice(10, 14)
 PLANNED = slice(14, 17)

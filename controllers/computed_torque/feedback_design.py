@@ -1,39 +1,93 @@
-"""Gains of the feedback on the twist's error, from the model's inertia and the loop's times."""
+"""Gains of the feedback on the twist's error, from the model's inertia and the loop's times, and
+the stability margins that they leave.
+
+The margins are those of the code that runs, on the exact sampled plant: estimator and regulator of
+:mod:`controllers.computed_torque.feedback` are linear as long as nothing saturates, so unit vectors
+through them give their matrices; nothing is written down twice.
+"""
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
+from scipy.linalg import expm, solve_discrete_are
 
+from controllers.computed_torque.feedback import (
+    CORRECTION,
+    MOST,
+    PERIOD,
+    WIDTH,
+    correction,
+    estimate,
+)
 from controllers.interface import Array, Loop
-from youbot_env.errors import InputError
+from controllers.linear.linear_system import (
+    DriveSettings,
+    LinearSystem,
+    acting_delay,
+    closed,
+    drive_lag,
+    sampled_platform,
+    split_delay,
+)
+from controllers.linear.margins import Margins, frequency_grid, margins
+from youbot_env.errors import InputError, check_settings
 from youbot_env.model.model import Model
 from youbot_env.physics import inverse_dynamics as dynamics
-from youbot_env.physics.points import Instant
 
-TRUSTED = 0.7
-"""Largest disturbance that is believed, as a share of the acceleration that the limit allows."""
 
-SURPRISE = 8.0
-"""Deviations of the measured speed beyond which the first error is taken as it is measured."""
+@dataclass(frozen=True)
+class FeedbackSettings:
+    """What the bandwidth of the feedback is chosen by, and what its estimator believes."""
 
-NOISE_SHARE = 0.1
-"""Bandwidth times sample time: about sqrt(0.1), a third, of the speeds' noise gets into the twist
-at any rate."""
+    max_bandwidth: float = field(
+        default=15.0,
+        metadata={
+            "unit": "rad/s",
+            "reason": "faster, wheels that slip and bend are no part of the model",
+        },
+    )
+    max_bandwidth_times_period: float = field(
+        default=0.1,
+        metadata={
+            "unit": "1",
+            "reason": "about sqrt(0.1), a third, of the speeds' noise gets into the twist at any "
+            "rate",
+        },
+    )
+    max_bandwidth_times_delay: float = field(
+        default=0.7,
+        metadata={
+            "unit": "1",
+            "reason": "with it and max_bandwidth the paper's platform keeps a gain margin of 10 "
+            "dB and a phase margin of 45 degrees at 20 Hz to 1 kHz with delays up to "
+            "0.1 s",
+        },
+    )
+    max_disturbance_share: float = field(
+        default=0.7,
+        metadata={
+            "unit": "of the acceleration that the torque limit allows",
+            "reason": "a larger disturbance is not believed: it would leave too little torque to "
+            "drive with",
+        },
+    )
+    first_error_deviations: float = field(
+        default=8.0,
+        metadata={
+            "unit": "standard deviations of a measured speed",
+            "reason": "beyond them the first error is no noise: it is taken as it is measured, "
+            "for a loop that begins while the platform moves",
+        },
+    )
+    contradiction_share: float = field(
+        default=DriveSettings.contradiction_share,
+        metadata={"unit": "of the torque limit", "reason": "see DriveSettings"},
+    )
 
-DELAY_SHARE = 0.7
-"""Bandwidth times total delay. With it and ``FASTEST`` the paper's platform keeps a gain margin of
-10 dB and a phase margin of 45 degrees at 20 Hz to 1 kHz with delays up to 0.1 s."""
-
-FASTEST = 15.0
-"""Bandwidth [rad/s] beyond which wheels that slip and bend are no part of the model."""
-
-CONTRADICTION = 0.05
-"""Share of the torque limit by which a measured torque may differ from the one expected."""
-
-ROUNDING = 1e-9
-"""Share of a sample below which a part of a delay is rounding."""
+    def __post_init__(self) -> None:
+        check_settings(self)
 
 
 @dataclass(frozen=True, eq=False)
@@ -43,8 +97,8 @@ class FeedbackDesign:
     Attributes
     ----------
     bandwidth : [rad/s] of the estimator and of the regulator
-    axes : (3, 10) transitions and gains of VX, VY, W in the order of ``error_feedback.KEEP`` ...
-    timing : (8,) in the order of ``error_feedback.PERIOD`` ...
+    axes : (3, 10) transitions and gains of VX, VY, W in the order of ``feedback.KEEP`` ...
+    timing : (8,) in the order of ``feedback.PERIOD`` ...
     slots : commands that are kept: those on their way, and two for a part of a sample
     past : past samples that are kept, so that the measurement's instant lies among them
     slope : (4,) true torque per commanded one
@@ -64,24 +118,37 @@ class FeedbackDesign:
     mass: Array
 
 
-def design(model: Model, loop: Loop, bandwidth: float | None = None) -> FeedbackDesign:
+def design(
+    model: Model,
+    loop: Loop,
+    bandwidth: float | None = None,
+    settings: FeedbackSettings = FeedbackSettings(),
+) -> FeedbackDesign:
     """Gains for a model in a loop.
 
     The estimator is the Kalman filter, the regulator the linear quadratic one, of the sampled
     model of :mod:`controllers.computed_torque.feedback`; both with weights that give an axis
     without friction the poles of a Butterworth filter (of a first-order lag) of ``bandwidth``
-    [rad/s]. None is the largest that noise, delay and ``FASTEST`` allow.
+    [rad/s]. None is the largest that noise, delay and ``settings`` allow.
     """
     period, age, lag = loop.sample_time, loop.measurement_delay, drive_lag(model)
     if bandwidth is None:
         total = acting_delay(model, loop) + lag + age + 0.5 * period
-        bandwidth = min(FASTEST, NOISE_SHARE / period, DELAY_SHARE / total)
-    slots, part = _whole_and_part(acting_delay(model, loop), period)
+        bandwidth = min(
+            settings.max_bandwidth,
+            settings.max_bandwidth_times_period / period,
+            settings.max_bandwidth_times_delay / total,
+        )
+    # The estimator steps by whole samples of the delay, then by the part that is left.
+    slots, part = split_delay(acting_delay(model, loop), period)
     to_acceleration, to_torque = force_maps(model)
-    most = TRUSTED * loop.torque_limit * np.abs(to_acceleration).sum(axis=1)
+    most = settings.max_disturbance_share * loop.torque_limit * np.abs(to_acceleration).sum(axis=1)
+    # A twist is a weighted sum of four wheels' speeds, each with its own noise.
     per_wheel = np.sqrt((model.geometry.body_twist(np.eye(4)) ** 2).sum(axis=0))
-    jump = SURPRISE * loop.speed_noise * per_wheel
+    jump = settings.first_error_deviations * loop.speed_noise * per_wheel
+    tolerance = settings.contradiction_share * loop.torque_limit
     axes = np.empty((3, 10))
+    # Never zero: (1 - exp(-rate T)) / rate is 0 / 0 for a platform without friction.
     for axis, rate in enumerate(np.maximum(decay_rates(model), 1e-6)):
         keep, keep_part = np.exp(-rate * period), np.exp(-rate * part)
         gain, gain_part = (1.0 - keep) / rate, (1.0 - keep_part) / rate
@@ -91,7 +158,7 @@ def design(model: Model, loop: Loop, bandwidth: float | None = None) -> Feedback
     return FeedbackDesign(
         bandwidth=float(bandwidth),
         axes=axes,
-        timing=_timing(period, slots, part, lag, age, CONTRADICTION * loop.torque_limit),
+        timing=_timing(period, slots, part, lag, age, tolerance),
         slots=slots + 2,
         past=int(age / period) + 2,
         slope=channel_slope(model),
@@ -99,22 +166,6 @@ def design(model: Model, loop: Loop, bandwidth: float | None = None) -> Feedback
         to_torque=to_torque,
         mass=model.mass_matrix(),
     )
-
-
-def acting_delay(model: Model, loop: Loop) -> float:
-    """[s] from a command to the start of its hold at the drives.
-
-    A model's own delay may be negative, where it was fitted on a log whose torques are late; what
-    a loop commands never acts before.
-    """
-    return loop.delay + max(model.delay, 0.0)
-
-
-def _whole_and_part(delay: float, period: float) -> tuple[int, float]:
-    """Whole samples in a delay, and the rest [s]."""
-    whole = int(delay / period + ROUNDING)
-    part = delay - whole * period
-    return whole, part if part > ROUNDING * period else 0.0
 
 
 def _timing(
@@ -140,10 +191,9 @@ def force_maps(model: Model) -> tuple[Array, Array]:
 def _estimator(keep: float, gain: float, period: float, bandwidth: float) -> tuple[float, float]:
     """Kalman gains on error and disturbance. In continuous time, without decay, a disturbance of
     intensity bandwidth^4 times the noise's gives the poles of s^2 + sqrt(2) b s + b^2."""
-    from scipy.linalg import solve_discrete_are
-
     transition, seen = np.array([[keep, gain], [0.0, 1.0]]), np.array([[1.0, 0.0]])
     wander = np.diag([0.0, bandwidth**4 * period**2])
+    # The filter's Riccati equation is the regulator's of the transposed system.
     spread = solve_discrete_are(transition.T, seen.T, wander, np.eye(1))
     gains = spread[:, 0] / (spread[0, 0] + 1.0)
     return float(gains[0]), float(gains[1])
@@ -151,13 +201,12 @@ def _estimator(keep: float, gain: float, period: float, bandwidth: float) -> tup
 
 def _regulator(rate: float, lag: float, period: float, bandwidth: float) -> tuple[float, float]:
     """Gains on the error and on the drive's torque that minimise e^2 + (a / bandwidth)^2."""
-    from scipy.linalg import expm, solve_discrete_are
-
     size = 2 if lag > 0.0 else 1
     plant = np.zeros((size + 1, size + 1))
     plant[0, :2] = -rate, 1.0
     if lag > 0.0:
         plant[1, 1:] = -1.0 / lag, 1.0 / lag
+    # The last column is the held input, so one exponential gives transition and input together.
     moved = expm(plant * period)
     transition, drive = moved[:size, :size], moved[:size, size:]
     cost = np.zeros((size, size))
@@ -179,18 +228,6 @@ def decay_rates(model: Model) -> Array:
     return np.diag(force - opposite) / (2 * step) / np.diag(base.mass_matrix())
 
 
-def drive_lag(model: Model) -> float:
-    """Time constant [s] of the model's drives, 0 without any."""
-    if not model.structure.has_actuator:
-        return 0.0
-    rows = []
-    for torque, rate in ((0.0, 0.0), (1.0, 0.0), (0.0, 1.0)):
-        at = Instant((0.0, 0.0, 0.0), torque=(torque,) * 4, torque_rate=(rate,) * 4)
-        rows.append(dynamics.actuator_command(np, model.structure, model.theta, at)[0])
-    still, torque, rate = (float(value) for value in rows)
-    return max(0.0, (rate - still) / (torque - still))
-
-
 def channel_slope(model: Model) -> Array:
     """(4,) true torque per unit of the commanded one at each wheel.
 
@@ -207,3 +244,57 @@ def channel_slope(model: Model) -> Array:
     if not (np.isfinite(slope).all() and np.abs(slope).min() > 0.0):
         raise InputError(f"model {model.name}: a wheel's torque does not follow its command")
     return slope
+
+
+def feedback_system(design: FeedbackDesign) -> LinearSystem:
+    """Body force (3,) [N, N, N m] per error (3,), reference minus measured twist."""
+    # Without the bound on the disturbance the code is linear.
+    axes = design.axes.copy()
+    axes[:, MOST] = np.inf
+    shapes = ((2 + design.past, 3), (design.slots, 3), (1, 3))
+    sizes = [rows * columns for rows, columns in shapes]
+    ends = np.cumsum(sizes)[:-1]
+
+    def step(values: Array, error: Array) -> tuple[Array, Array]:
+        state, commands, drive = (
+            part.reshape(shape) for part, shape in zip(np.split(values, ends), shapes, strict=True)
+        )
+        state, out = state.copy(), np.empty(3)
+        queue, drives = np.zeros((design.slots, WIDTH)), np.zeros(WIDTH)
+        queue[:, CORRECTION], drives[CORRECTION] = commands, drive[0]
+        # A reference without surprises, and torques that are not measured.
+        smooth, unknown = np.zeros(3), np.full(4, np.nan)
+        maps = design.to_acceleration
+        estimate(
+            *(state, queue, drives, np.zeros(WIDTH), axes, design.timing, maps),
+            *(smooth, error, unknown),
+        )
+        correction(state, queue, drives, axes, design.timing, smooth, out)
+        queue[1:, CORRECTION] = queue[:-1, CORRECTION].copy()
+        queue[0, CORRECTION] = out
+        parts = (state, queue[:, CORRECTION], drives[CORRECTION])
+        return np.concatenate([np.ravel(part) for part in parts]), out
+
+    columns = [step(unit, np.zeros(3)) for unit in np.eye(sum(sizes))]
+    # The estimator takes measured minus reference; a controller's input is the opposite.
+    drives = [step(np.zeros(sum(sizes)), -unit) for unit in np.eye(3)]
+    (a, c), (b, d) = (
+        [np.stack(part, axis=1) for part in zip(*rows, strict=True)] for rows in (columns, drives)
+    )
+    period = float(design.timing[PERIOD])
+    return LinearSystem(a, b, design.mass @ c, design.mass @ d, period)
+
+
+def closed_loop(design: FeedbackDesign, plant: Model, loop: Loop) -> LinearSystem:
+    """The loop on a plant that need not be the controller's model.
+
+    From a change of the reference that the feed-forward does not know to the twist.
+    """
+    return closed(sampled_platform(plant, loop), feedback_system(design))
+
+
+def feedback_margins(design: FeedbackDesign, plant: Model, loop: Loop) -> Margins:
+    """Gain and phase margin at each axis' force command (the other axes closed)."""
+    frequency = frequency_grid(loop.sample_time)
+    platform = sampled_platform(plant, loop).response(frequency)
+    return margins(feedback_system(design).response(frequency) @ platform)

@@ -7,6 +7,8 @@ a_f (s - s_f) and nothing is ever differentiated.
 
 from __future__ import annotations
 
+from dataclasses import dataclass, field
+
 import numpy as np
 from numba import njit
 
@@ -14,19 +16,38 @@ from controllers.computed_torque.feedback import TORQUE
 from controllers.interface import Array, Loop
 from identification.mechanisms.mecanum import Mecanum
 from identification.signals.filters import FilterSettings, hold_weights
+from youbot_env.errors import check_settings
 from youbot_env.model.model import Model
 from youbot_env.physics.effect import BASE
 from youbot_env.simulation.compiled import inverse_kernel
 from youbot_env.simulation.generated_code import MOTION
 
-ROW_TIME = 0.05
-"""[s] over which filtered samples are averaged into one row: half the filter's time constant."""
-
-STEP = 1e-3
-"""Share of a parameter's size by which it is moved for its column; columns are linear."""
-
 BASE_COUNT = sum(len(item.parameter_names) for item in BASE)
 """Base parameters, which lead theta: those that are identified while driving."""
+
+
+@dataclass(frozen=True)
+class RowSettings:
+    """How filtered samples become rows of the regression."""
+
+    row_time: float = field(
+        default=0.05,
+        metadata={
+            "unit": "s",
+            "reason": "filtered samples are averaged into a row: half the filter's time constant",
+        },
+    )
+    column_step_share: float = field(
+        default=1e-3,
+        metadata={
+            "unit": "of a parameter's size",
+            "reason": "it is moved by so much for its column; columns are linear, so no step is "
+            "too large",
+        },
+    )
+
+    def __post_init__(self) -> None:
+        check_settings(self)
 
 
 class OnlineRows:
@@ -38,6 +59,7 @@ class OnlineRows:
     ----------
     model : structure and geometry; its parameters are the point at which columns are taken
     loop : sample time, age of the measured speeds
+    settings : length of a row, and the step of a column
 
     Attributes
     ----------
@@ -46,19 +68,20 @@ class OnlineRows:
     demand : (3,) [N m] the last row's force as measured, nothing taken off
     """
 
-    def __init__(self, model: Model, loop: Loop) -> None:
+    def __init__(self, model: Model, loop: Loop, settings: RowSettings = RowSettings()) -> None:
         self._kernel, self._lengths = inverse_kernel(model.structure), model.lengths
         mechanism = Mecanum(model.geometry, model.structure)
         self._jacobian = np.ascontiguousarray(model.geometry.wheel_jacobian)
         self._force_scale = mechanism.force_scale
         sizes = [abs(label.parameter.size) for label in mechanism.labels[:BASE_COUNT]]
-        self._steps = STEP * np.array(sizes)
+        self._steps = settings.column_step_share * np.array(sizes)
         self._weights = np.array(hold_weights(FilterSettings.rate, loop.sample_time))
+        # Signals are filtered before they are compared, so their ages must agree.
         self._age = loop.measurement_delay / loop.sample_time
         self._settled = int(
             np.ceil(FilterSettings.settling_time_constants / FilterSettings.rate / loop.sample_time)
         )
-        self._in_row = max(1, round(ROW_TIME / loop.sample_time))
+        self._in_row = max(1, round(settings.row_time / loop.sample_time))
         self.linearise(model.theta)
         self.reset()
 
@@ -85,9 +108,10 @@ class OnlineRows:
         ----------
         twist : (3,) as measured now; NaN starts the filters anew
         place : (8,) time, pose and wheel angles now
-        acted : (17,) means over the last sample, see ``error_feedback.estimate``
+        acted : (17,) means over the last sample, see ``feedback.estimate``
         """
         if not np.isfinite(twist).all():
+            # A filter that has seen a NaN keeps it for ever.
             self._count = 0
             return False
         move_on(self._motion, twist, place, period)
@@ -109,6 +133,7 @@ class OnlineRows:
             self._sums,
         )
         if self._count < self._settled:
+            # The filters started from zero, which the platform did not.
             self._sums[:] = 0.0
             return False
         self._gathered += 1
@@ -161,12 +186,14 @@ def filter_rows(torque, theta, steps, acted, maps, weights, age, filtered, sums)
                 unit = scale[axis] * jacobian[wheel, axis] / steps[i]
                 start += unit * (torque[1 + i, 0, wheel] - torque[0, 0, wheel])
                 end += unit * (torque[1 + i, 1, wheel] - torque[0, 1, wheel])
+            # What the base parameters demand is not "else": it stands in the columns.
             rest_start -= theta[i] * start
             rest_end -= theta[i] * end
             filtered[i, axis] = decay * filtered[i, axis] + at_start * start + at_end * end
             sums[i, axis] += filtered[i, axis]
         rest = decay * filtered[count, axis] + at_start * rest_start + at_end * rest_end
         filtered[count, axis] = rest
+        # The torque is held between samples, so its filter is that of a held signal.
         filtered[count + 1, axis] = decay * filtered[count + 2, axis] + (1.0 - decay) * force
         part = age - whole
         aligned = (1.0 - part) * filtered[count + 1 + whole, axis]

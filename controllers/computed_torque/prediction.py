@@ -1,4 +1,9 @@
-"""From a call's inputs to the motion that its command will drive, as compiled code."""
+"""From a call's inputs to the motion that its command will drive, as compiled code.
+
+:func:`predict` is one sample: it takes the reference on, runs the estimator of the tracking error,
+moves the platform's place on to now, and reads the reference at the instants at which the command
+will act.
+"""
 
 from __future__ import annotations
 
@@ -6,62 +11,86 @@ import numpy as np
 from numba import njit
 
 from controllers.computed_torque.feedback import AGE, JUMP, PERIOD, estimate
+from controllers.linear.reference_window import extend_to_past, reference_at, take_sample
+
+TIME, TWIST, POSE, TORQUE, WANTED = 0, slice(1, 4), slice(4, 7), slice(7, 11), slice(11, 17)
+"""Places in the array in which a call's inputs are handed to compiled code."""
 
 
 @njit(cache=True, error_model="numpy")
-def reference_at(nodes, place, period, out):
-    """Fill ``out`` (6,) with twist and acceleration at ``place``: cubic Hermite between two nodes,
-    the last (first) acceleration kept beyond them."""
-    last = nodes.shape[0] - 1
-    index = min(max(int(place), 0), last - 1)
-    u = place - index
-    for axis in range(3):
-        if u > 1.0 or u < 0.0:
-            edge = last if u > 1.0 else 0
-            out[axis] = nodes[edge, axis] + (place - edge) * period * nodes[edge, 3 + axis]
-            out[3 + axis] = nodes[edge, 3 + axis]
-            continue
-        v0, v1 = nodes[index, axis], nodes[index + 1, axis]
-        a0, a1 = period * nodes[index, 3 + axis], period * nodes[index + 1, 3 + axis]
-        rise = v1 - v0
-        bend, twist = 3.0 * rise - 2.0 * a0 - a1, a0 + a1 - 2.0 * rise
-        out[axis] = v0 + u * (a0 + u * (bend + u * twist))
-        out[3 + axis] = (a0 + u * (2.0 * bend + 3.0 * u * twist)) / period
+def predict(
+    inputs, nodes, counts, state, queue, drive, acted, axes, timing, maps, lead, place, motion
+):
+    """Estimate where the platform is, and fill ``motion`` (3, 14) with the reference at the start,
+    the middle and the end of the hold in which the command will act."""
+    past, coming, has_slopes, begun, follows = counts
+    jacobian, to_acceleration = maps
+    period = timing[PERIOD]
+    # A reference that is no number goes on along its last acceleration, which stays constant.
+    for i in range(11, 17):
+        if not abs(inputs[i]) < np.inf:
+            slope = nodes[past, i - 8] if i < 14 else 0.0
+            inputs[i] = nodes[past, i - 11] + period * slope
+    # A preview ends before its first sample that is no number.
+    for row in range(past + 1, past + 1 + coming):
+        if not np.isfinite(nodes[row]).all():
+            coming = row - past - 1
+            break
+    take_sample(nodes, past, inputs[WANTED], coming, has_slopes, period)
+    if not begun:
+        extend_to_past(nodes, past, period)
+    # The measurement is of ``age`` ago, so it is compared with the reference of that instant.
+    at = np.empty(6)
+    reference_at(nodes, past - timing[AGE] / period, period, at)
+    error = inputs[TWIST] - at[:3]
+    change = nodes[past, :3] - nodes[past - 1, :3]
+    measured = inputs[TORQUE]
+    estimate(state, queue, drive, acted, axes, timing, to_acceleration, change, error, measured)
+    if not begun:
+        # Far beyond noise the platform moves already: the estimator starts at the measured error,
+        # for it would take its first miss for a disturbance.
+        for axis in range(3):
+            if abs(error[axis]) > axes[axis, JUMP] and abs(error[axis]) < np.inf:
+                state[0, axis] = error[axis]
+                state[1, axis] = 0.0
+    locate(inputs, nodes[past], state, period, jacobian, begun, place)
+    # Start, middle and end of the hold: the nodes of Simpson's rule for the mean demand.
+    ends = np.array([0.0, 0.5, 1.0])
+    pose, angle, here = place[1:4].copy(), place[4:8].copy(), float(past)
+    for k in range(3):
+        there = past + lead + ends[k]
+        reference_at(nodes, there, period, motion[k, :6])
+        if follows:
+            follow(nodes, here, there, period, jacobian, pose, angle)
+            here = there
+        motion[k, 6:9] = pose
+        motion[k, 9:13] = angle
+        motion[k, 13] = place[0] + (lead + ends[k]) * period
 
 
 @njit(cache=True, error_model="numpy")
-def take(nodes, past, seen, coming, has_slopes, period):
-    """Move ``nodes`` on by one sample. ``seen`` (6,) is the present one, at index ``past``; the
-    next ones are there, ``coming`` of them, with their accelerations if ``has_slopes``. What is
-    missing behind them follows the last acceleration."""
-    for row in range(past):
-        nodes[row] = nodes[row + 1]
-    nodes[past] = seen
-    end = past + coming
-    if not has_slopes:
-        for row in range(past + 1, end + 1):
+def locate(inputs, wanted, state, period, jacobian, begun, place):
+    """Move ``place`` (11,) on to now: time, pose and wheel angles by the estimated twist, and by
+    what is measured of them."""
+    twist = wanted[:3] + state[0]
+    if begun:
+        # Trapezoid in the twist, midpoint in the yaw: second order, like what the samples know.
+        mean = 0.5 * (twist + place[8:11])
+        yaw = place[3] + 0.5 * period * mean[2]
+        c, s = np.cos(yaw), np.sin(yaw)
+        place[0] += period
+        place[1] += period * (c * mean[0] - s * mean[1])
+        place[2] += period * (s * mean[0] + c * mean[1])
+        place[3] += period * mean[2]
+        for wheel in range(4):
             for axis in range(3):
-                if row < end:
-                    slope = 0.5 * (nodes[row + 1, axis] - nodes[row - 1, axis])
-                else:
-                    slope = 2.0 * (nodes[row, axis] - nodes[row - 1, axis])
-                    slope -= period * nodes[row - 1, 3 + axis]
-                nodes[row, 3 + axis] = slope / period
-    for row in range(end + 1, nodes.shape[0]):
-        for axis in range(3):
-            slope = nodes[end, 3 + axis]
-            nodes[row, axis] = nodes[end, axis] + (row - end) * period * slope
-            nodes[row, 3 + axis] = slope
-
-
-@njit(cache=True, error_model="numpy")
-def invent_past(nodes, past, period):
-    """Before the first sample the reference came along its first acceleration."""
-    for row in range(past):
-        for axis in range(3):
-            slope = nodes[past, 3 + axis]
-            nodes[row, axis] = nodes[past, axis] - (past - row) * period * slope
-            nodes[row, 3 + axis] = slope
+                place[4 + wheel] += period * jacobian[wheel, axis] * mean[axis]
+    place[8:11] = twist
+    # What is measured replaces what was reckoned; NaN fails the comparison and leaves it.
+    for i in range(4):
+        value = inputs[TIME] if i == 0 else inputs[3 + i]
+        if abs(value) < np.inf:
+            place[i] = value
 
 
 @njit(cache=True, error_model="numpy")
@@ -94,75 +123,3 @@ def follow(nodes, start, end, period, jacobian, pose, angle):
         pose[1] += y
         pose[2] += turned
         start = stop
-
-
-TIME, TWIST, POSE, TORQUE, WANTED = 0, slice(1, 4), slice(4, 7), slice(7, 11), slice(11, 17)
-"""Places in the array in which a call's inputs are handed to compiled code."""
-
-
-@njit(cache=True, error_model="numpy")
-def predict(
-    inputs, nodes, counts, state, queue, drive, acted, axes, timing, maps, lead, place, motion
-):
-    """Estimate where the platform is, and fill ``motion`` (3, 14) with the reference at the start,
-    the middle and the end of the hold in which the command will act."""
-    past, coming, has_slopes, begun, follows = counts
-    jacobian, to_acceleration = maps
-    period = timing[PERIOD]
-    for i in range(11, 17):
-        if not abs(inputs[i]) < np.inf:
-            slope = nodes[past, i - 8] if i < 14 else 0.0
-            inputs[i] = nodes[past, i - 11] + period * slope
-    for row in range(past + 1, past + 1 + coming):
-        if not np.isfinite(nodes[row]).all():
-            coming = row - past - 1
-            break
-    take(nodes, past, inputs[WANTED], coming, has_slopes, period)
-    if not begun:
-        invent_past(nodes, past, period)
-    at = np.empty(6)
-    reference_at(nodes, past - timing[AGE] / period, period, at)
-    error = inputs[TWIST] - at[:3]
-    change = nodes[past, :3] - nodes[past - 1, :3]
-    measured = inputs[TORQUE]
-    estimate(state, queue, drive, acted, axes, timing, to_acceleration, change, error, measured)
-    if not begun:
-        for axis in range(3):
-            if abs(error[axis]) > axes[axis, JUMP] and abs(error[axis]) < np.inf:
-                state[0, axis] = error[axis]
-                state[1, axis] = 0.0
-    locate(inputs, nodes[past], state, period, jacobian, begun, place)
-    ends = np.array([0.0, 0.5, 1.0])
-    pose, angle, here = place[1:4].copy(), place[4:8].copy(), float(past)
-    for k in range(3):
-        there = past + lead + ends[k]
-        reference_at(nodes, there, period, motion[k, :6])
-        if follows:
-            follow(nodes, here, there, period, jacobian, pose, angle)
-            here = there
-        motion[k, 6:9] = pose
-        motion[k, 9:13] = angle
-        motion[k, 13] = place[0] + (lead + ends[k]) * period
-
-
-@njit(cache=True, error_model="numpy")
-def locate(inputs, wanted, state, period, jacobian, begun, place):
-    """Move ``place`` (11,) on to now: time, pose and wheel angles by the estimated twist, and by
-    what is measured of them."""
-    twist = wanted[:3] + state[0]
-    if begun:
-        mean = 0.5 * (twist + place[8:11])
-        yaw = place[3] + 0.5 * period * mean[2]
-        c, s = np.cos(yaw), np.sin(yaw)
-        place[0] += period
-        place[1] += period * (c * mean[0] - s * mean[1])
-        place[2] += period * (s * mean[0] + c * mean[1])
-        place[3] += period * mean[2]
-        for wheel in range(4):
-            for axis in range(3):
-                place[4 + wheel] += period * jacobian[wheel, axis] * mean[axis]
-    place[8:11] = twist
-    for i in range(4):
-        value = inputs[TIME] if i == 0 else inputs[3 + i]
-        if abs(value) < np.inf:
-            place[i] = value

@@ -2,44 +2,12 @@
 
 from __future__ import annotations
 
-from typing import NamedTuple
-
 import numpy as np
 
 from controllers.interface import Array, Loop
-from controllers.linear.linear_system import TWIST, twist_dynamics
+from controllers.linear.linear_system import DriveSettings, acting_delay, drive_lag
 from youbot_env.model.model import Model
 from youbot_env.simulation.delay_line import DelayLine
-
-CONTRADICTION = 0.05
-"""Share of the torque limit by which a measured torque may differ from the expected one."""
-
-
-def drive_lag(model: Model) -> float:
-    """Time constant [s] of the drives; 0 for a model whose torques act at once."""
-    if not model.structure.has_actuator:
-        return 0.0
-    return -1.0 / float(twist_dynamics(model).a[3, 3])
-
-
-class Inertia(NamedTuple):
-    """Mass (3, 3) and viscous friction (3, 3) of F = mass v' + friction v."""
-
-    mass: Array
-    friction: Array
-
-
-def effective_mass(model: Model) -> Inertia:
-    """What the commanded body force (3,) meets once everything turns.
-
-    The wheels' spin is in it, and so is a gain between commanded and acting torque.
-    """
-    plant = twist_dynamics(model)
-    push = plant.b[TWIST]
-    if len(plant.a) > 3:
-        push = push - plant.a[:3, 3:] @ np.linalg.solve(plant.a[3:, 3:], plant.b[3:])
-    mass = np.asarray(np.linalg.inv(push), float)
-    return Inertia(mass, -mass @ plant.a[TWIST, TWIST])
 
 
 class CommandTracker:
@@ -50,9 +18,9 @@ class CommandTracker:
 
     def __init__(self, model: Model, loop: Loop) -> None:
         self.period = loop.sample_time
-        self.delay = loop.delay + max(model.delay, 0.0)
+        self.delay = acting_delay(model, loop)
         self.lag = drive_lag(model)
-        self.tolerance = CONTRADICTION * loop.torque_limit
+        self.tolerance = DriveSettings.contradiction_share * loop.torque_limit
         self.reset()
 
     def reset(self) -> None:

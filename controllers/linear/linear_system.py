@@ -3,34 +3,68 @@
 Everything is written for the body force (F_X, F_Y, M_W) [N, N, N m] that the wheels exert
 together, because least-norm wheel torques and it say the same. Seen at its samples a linear loop
 with a hold is a linear system again, so the sampled model is exact for delays of any length.
+
+What a design asks of a model stands here too: its drives' lag, the delay of its commands, and the
+mass and friction that a command meets.
 """
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-from typing import Any
+from dataclasses import dataclass, field
+from typing import Any, NamedTuple
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 from scipy.linalg import expm
 
 from controllers.interface import Array, Loop
-from youbot_env.errors import InputError
+from controllers.linear.margins import Complex, python_control
+from youbot_env.errors import check_settings
 from youbot_env.model.model import Model
+from youbot_env.physics import inverse_dynamics as dynamics
+from youbot_env.physics.points import Instant
 from youbot_env.physics.structure import DRIVE_STATE, STATE
 from youbot_env.simulation.free_run import initial_state
-
-Complex = NDArray[np.complex128]
 
 TWIST = slice(0, 3)
 DRIVES = slice(len(STATE), len(STATE) + len(DRIVE_STATE))
 
-WORKING_TWIST = (0.25, 0.1, 0.1)
-"""A twist [m/s, m/s, rad/s] at which every wheel and every roller turns, past the kink that dry
-friction has at standstill."""
-
 ROUNDING = 1e-9
 """Share of a sample below which a piece of a delay is rounding."""
+
+
+@dataclass(frozen=True)
+class LinearisationSettings:
+    """Where a platform is taken for a linear system."""
+
+    working_twist: tuple[float, float, float] = field(
+        default=(0.25, 0.1, 0.1),
+        metadata={
+            "unit": "m/s, m/s, rad/s",
+            "reason": "every wheel and every roller turns, past the kink that dry friction has at "
+            "standstill",
+        },
+    )
+
+    def __post_init__(self) -> None:
+        check_settings(self)
+
+
+@dataclass(frozen=True)
+class DriveSettings:
+    """When a measured torque is believed instead of the commanded one."""
+
+    contradiction_share: float = field(
+        default=0.05,
+        metadata={
+            "unit": "of the torque limit",
+            "reason": "smaller differences may be noise of the measurement; larger ones are "
+            "drives that do not do what they are told",
+        },
+    )
+
+    def __post_init__(self) -> None:
+        check_settings(self)
 
 
 @dataclass(frozen=True, eq=False)
@@ -73,18 +107,7 @@ class LinearSystem:
 
     def to_control(self) -> Any:
         """The same system as a ``control.StateSpace`` (extra: control)."""
-        return import_control().ss(self.a, self.b, self.c, self.d, self.period or 0)
-
-
-def import_control() -> Any:
-    """python-control, or InputError that names the extra."""
-    try:
-        import control
-    except ImportError:
-        raise InputError(
-            "this design needs python-control: pip install 'youbot[control]'"
-        ) from None
-    return control
+        return python_control().ss(self.a, self.b, self.c, self.d, self.period or 0)
 
 
 def twist_dynamics(model: Model, twist: ArrayLike | None = None) -> LinearSystem:
@@ -96,11 +119,13 @@ def twist_dynamics(model: Model, twist: ArrayLike | None = None) -> LinearSystem
     Parameters
     ----------
     twist : VX, VY, W [m/s, m/s, rad/s]. None is the platform about rest, but with the slope that
-        friction has once everything turns: the mean of the systems at +-``WORKING_TWIST``, in
-        which all that is odd in the twist (Coriolis forces) cancels.
+        friction has once everything turns: the mean of the systems at plus and minus
+        ``LinearisationSettings.working_twist``, in which all that is odd in the twist (Coriolis
+        forces) cancels.
     """
     if twist is None:
-        about = [np.array(WORKING_TWIST), -np.array(WORKING_TWIST)]
+        working = np.array(LinearisationSettings.working_twist)
+        about = [working, -working]
     else:
         about = [np.asarray(twist, float)]
     parts = [_about(model, point) for point in about]
@@ -110,6 +135,7 @@ def twist_dynamics(model: Model, twist: ArrayLike | None = None) -> LinearSystem
 
 def _about(model: Model, twist: Array) -> tuple[Array, Array]:
     """a (S, S) and b (S, 3) of twist and drives in the coordinates of the body force."""
+    # The torques that hold the twist: a linear system is one about a steady motion.
     torque = model.inverse_dynamics(twist, np.zeros(3))
     a, b = model.linearise(initial_state(model, twist=twist, torque=torque), torque)
     to_force = model.geometry.wheel_jacobian.T
@@ -125,8 +151,54 @@ def _about(model: Model, twist: Array) -> tuple[Array, Array]:
     return drives, np.vstack([b[TWIST], to_force @ b[DRIVES]]) @ to_wheels
 
 
+def drive_lag(model: Model) -> float:
+    """Time constant T [s] of the drives, T M' + M = M_command; 0 where torques act at once.
+
+    Read from the actuator's own function, so that no rounding of a linearisation is in it.
+    """
+    if not model.structure.has_actuator:
+        return 0.0
+    rows = []
+    for torque, rate in ((0.0, 0.0), (1.0, 0.0), (0.0, 1.0)):
+        at = Instant((0.0, 0.0, 0.0), torque=(torque,) * 4, torque_rate=(rate,) * 4)
+        rows.append(dynamics.actuator_command(np, model.structure, model.theta, at)[0])
+    still, torque, rate = (float(value) for value in rows)
+    return max(0.0, (rate - still) / (torque - still))
+
+
+def acting_delay(model: Model, loop: Loop) -> float:
+    """[s] from a command to the start of its hold at the drives.
+
+    A model's own delay may be negative, where it was fitted on a log whose torques are late; what
+    a loop commands never acts before.
+    """
+    return loop.delay + max(model.delay, 0.0)
+
+
+class Inertia(NamedTuple):
+    """Mass (3, 3) and viscous friction (3, 3) of F = mass v' + friction v."""
+
+    mass: Array
+    friction: Array
+
+
+def effective_mass(model: Model) -> Inertia:
+    """What the commanded body force (3,) meets once everything turns.
+
+    The wheels' spin is in it, and so is a gain between commanded and acting torque.
+    """
+    plant = twist_dynamics(model)
+    push = plant.b[TWIST]
+    if len(plant.a) > 3:
+        # Drives that have come to rest: what a command amounts to after their lag.
+        push = push - plant.a[:3, 3:] @ np.linalg.solve(plant.a[3:, 3:], plant.b[3:])
+    mass = np.asarray(np.linalg.inv(push), float)
+    return Inertia(mass, -mass @ plant.a[TWIST, TWIST])
+
+
 def held(a: Array, b: Array, duration: float) -> tuple[Array, Array]:
     """exp(a t) (S, S) and its integral over [0, t] times b (S, m): a held input's effect."""
+    # As scipy.signal.cont2discrete does, to the bit; its import alone takes longer than a design.
     size, inputs = b.shape
     block = np.zeros((size + inputs, size + inputs))
     block[:size, :size], block[:size, size:] = a, b
@@ -134,7 +206,7 @@ def held(a: Array, b: Array, duration: float) -> tuple[Array, Array]:
     return np.asarray(found[:size, :size], float), np.asarray(found[:size, size:], float)
 
 
-def whole_and_rest(delay: float, period: float) -> tuple[int, float]:
+def split_delay(delay: float, period: float) -> tuple[int, float]:
     """How many whole periods a delay [s] has, and what is left of it [s], in [0, period)."""
     whole = int(np.floor(delay / period + ROUNDING))
     rest = delay - whole * period
@@ -150,8 +222,8 @@ def sampled(
     of ``measurement_delay`` [s] ago. States are the plant's, then the commands on their way (the
     newest first), then the measurements on their way.
     """
-    whole, rest = whole_and_rest(delay, period)
-    old, rest_old = whole_and_rest(measurement_delay, period)
+    whole, rest = split_delay(delay, period)
+    old, rest_old = split_delay(measurement_delay, period)
     size, inputs = plant.b.shape
     outputs = len(plant.c)
     queue = whole + (rest > 0)
@@ -175,6 +247,7 @@ def sampled(
             (whole + 1, moved @ early),
             (whole, held(plant.a, plant.b, since - first)[1]),
         ):
+            # No effect, no column: without a part of a sample the older command has no state.
             if effect.any():
                 matrix, where = commanded(age)
                 matrix[rows, where] += output @ effect
@@ -188,6 +261,7 @@ def sampled(
     for age in range(late):
         rows = slice(base + age * outputs, base + (age + 1) * outputs)
         if age > 0:
+            # A shift register: each measurement on its way is the younger one of a sample ago.
             a[rows, base + (age - 1) * outputs : base + age * outputs] = np.eye(outputs)
         elif rest_old > 0:
             put(rows, plant.c, period - rest_old)
@@ -209,15 +283,14 @@ def sampled_platform(
     ``measured=False`` leaves the measurement's delay out: the twist at the samples themselves.
     """
     age = loop.measurement_delay if measured else 0.0
-    delay = loop.delay + max(model.delay, 0.0)
-    return sampled(twist_dynamics(model, twist), loop.sample_time, delay, age)
+    return sampled(twist_dynamics(model, twist), loop.sample_time, acting_delay(model, loop), age)
 
 
 def continuous_response(model: Model, loop: Loop, frequency: ArrayLike) -> Complex:
     """(w, 3, 3): the same by s = j w, hold and delays as factors; what aliases is left out."""
     s = 1j * np.asarray(frequency, float)
     hold = -np.expm1(-s * loop.sample_time) / (s * loop.sample_time)
-    late = np.exp(-s * (loop.delay + max(model.delay, 0.0) + loop.measurement_delay))
+    late = np.exp(-s * (acting_delay(model, loop) + loop.measurement_delay))
     return twist_dynamics(model).response(frequency) * (hold * late)[:, None, None]
 
 

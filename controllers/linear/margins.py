@@ -7,15 +7,56 @@ loop, with the other three closed, bears more.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
+from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from controllers.interface import Array
-from controllers.linear.linear_system import Complex, import_control
+from youbot_env.errors import check_settings, optional_library
 
-FREQUENCIES = 400
-"""Points of a frequency response, equal steps of log(frequency) up to Nyquist's."""
+Complex = NDArray[np.complex128]
+
+
+@dataclass(frozen=True)
+class MarginSettings:
+    """The stability margins that a design must keep, and the grid on which they are found.
+
+    ``gain_margin`` and ``phase_margin`` hold at each axis.
+    """
+
+    gain_margin: float = field(
+        default=6.0,
+        metadata={
+            "unit": "dB",
+            "reason": "a textbook's value: the loop bears half or twice its gain",
+        },
+    )
+    phase_margin: float = field(
+        default=45.0,
+        metadata={
+            "unit": "degrees",
+            "reason": "a textbook's value: a step overshoots by about a quarter",
+        },
+    )
+    frequency_count: int = field(
+        default=400,
+        metadata={
+            "unit": "1",
+            "reason": "equal steps of log(frequency); crossings are interpolated between them",
+        },
+    )
+    lowest_frequency_share: float = field(
+        default=1e-4,
+        metadata={
+            "unit": "of Nyquist's frequency",
+            "reason": "below it integral action alone decides, far from both crossings",
+        },
+    )
+
+    def __post_init__(self) -> None:
+        check_settings(self)
 
 
 @dataclass(frozen=True, eq=False)
@@ -37,17 +78,23 @@ class Margins:
         return {"gain_db": self.gain.tolist(), "phase_degrees": self.phase.tolist()}
 
 
+def python_control() -> Any:
+    """The module ``control``, or InputError that names the extra."""
+    return optional_library("control", "control", "this design needs python-control")
+
+
 def control_margins(loop_gain: Complex, frequency: Array) -> Margins:
     """The margins of L (w, 3, 3) as python-control finds them (extra: control)."""
-    control, one = import_control(), opened(loop_gain)
+    control, one = python_control(), opened(loop_gain)
     found = [control.margin(control.frd(one[:, axis], frequency))[:2] for axis in range(3)]
     gain, phase = np.array(found, float).T
     return Margins(np.abs(20.0 * np.log10(gain)), phase)
 
 
-def frequency_grid(period: float) -> Array:
+def frequency_grid(period: float, settings: MarginSettings = MarginSettings()) -> Array:
     """(w,) [rad/s] up to Nyquist's frequency."""
-    return np.geomspace(1e-4, 1.0, FREQUENCIES) * np.pi / period
+    shares = np.geomspace(settings.lowest_frequency_share, 1.0, settings.frequency_count)
+    return shares * np.pi / period
 
 
 def opened(loop_gain: Complex) -> Complex:
@@ -76,6 +123,7 @@ def margins(loop_gain: Complex) -> Margins:
     one = opened(loop_gain)
     log_gain = np.log(np.abs(one))
     phase = np.unwrap(np.angle(one), axis=-2)
+    # Unwrapped, so that a crossing between two frequencies is not a jump of 360 degrees.
     half_turns = (phase - np.pi) / (2 * np.pi)  # whole where the phase is -180 degrees, mod 360
     at_phase = _at_crossings(half_turns - np.round(half_turns), log_gain, limit=0.25)
     at_gain = _at_crossings(log_gain, np.angle(-one), limit=np.inf)

@@ -2,27 +2,59 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import NamedTuple
 
 import numpy as np
 from scipy.linalg import block_diag
 
 from controllers.interface import Array, Loop
-from controllers.linear.drives import effective_mass
-from controllers.linear.linear_system import LinearSystem, closed, import_control, sampled_platform
-from controllers.linear.margins import Margins, frequency_grid, margins
+from controllers.linear.linear_system import (
+    LinearSystem,
+    closed,
+    effective_mass,
+    sampled_platform,
+)
+from controllers.linear.margins import (
+    Margins,
+    MarginSettings,
+    frequency_grid,
+    margins,
+    python_control,
+)
 from youbot_env.errors import InputError, finite
 from youbot_env.model.model import Model
 
-SLOWEST, HALVINGS = 0.3, 14
-"""Least bandwidth [rad/s] that a search tries, and its halvings: 0.03 % of a bandwidth."""
 
-DAMPING = 0.75
-"""Of the weights: more buys little accuracy for much noise in the torques."""
+@dataclass(frozen=True)
+class LQISettings(MarginSettings):
+    """What an LQI design is asked for, and how finely it is sought."""
 
-FASTEST_SHARE = 0.5
-"""Largest bandwidth that a search tries, times the sample time."""
+    damping: float = field(
+        default=0.75,
+        metadata={
+            "unit": "1",
+            "reason": "of the weights: more buys little accuracy for much noise in the torques",
+        },
+    )
+    slowest_bandwidth: float = field(
+        default=0.3,
+        metadata={
+            "unit": "rad/s",
+            "reason": "slower than any platform is driven: where this fails, all does",
+        },
+    )
+    fastest_bandwidth_share: float = field(
+        default=0.5,
+        metadata={
+            "unit": "of the sample rate",
+            "reason": "the upper end of the search: times the sample time a bandwidth is no larger",
+        },
+    )
+    halvings: int = field(
+        default=14,
+        metadata={"unit": "1", "reason": "the bandwidth is found to 0.03 %"},
+    )
 
 
 @dataclass(frozen=True)
@@ -46,7 +78,7 @@ class Weights:
     """
 
     bandwidth: float
-    damping: float = DAMPING
+    damping: float = LQISettings.damping
 
     def __post_init__(self) -> None:
         finite("LQI bandwidth", self.bandwidth, positive=True)
@@ -95,7 +127,7 @@ def lqi(model: Model, loop: Loop, weights: Weights) -> LQIDesign:
     InputError
         If python-control is missing, or the cost has no minimum that a computer finds.
     """
-    control = import_control()
+    control = python_control()
     mass, _ = effective_mass(model)
     bare = sampled_platform(model, loop, measured=False)
     size, period = len(bare.a), loop.sample_time
@@ -117,6 +149,7 @@ def lqi(model: Model, loop: Loop, weights: Weights) -> LQIDesign:
         raise NoOptimumError(
             f"LQI: no optimal gains for this model and loop ({error}); try another bandwidth"
         ) from None
+    # The controller carries the plant with measurements on their way; the cost does not see them.
     plant = sampled_platform(model, loop)
     gain = np.zeros((3, len(plant.a)))
     gain[:, :size] = mass @ found[:, :size] @ scale
@@ -152,23 +185,16 @@ def linear_lqi(design: LQIDesign) -> LinearSystem:
     return LinearSystem(a + into @ c, b + into @ on_twist, c, on_twist, period)
 
 
-def lqi_margins(design: LQIDesign) -> tuple[Margins, bool]:
+def lqi_margins(design: LQIDesign, settings: MarginSettings | None = None) -> tuple[Margins, bool]:
     """Margins at each axis' force, and whether the loop with its own model is stable."""
     controller = linear_lqi(design)
-    frequency = frequency_grid(float(design.plant.period or 0.0))
+    frequency = frequency_grid(float(design.plant.period or 0.0), settings or MarginSettings())
     gain = controller.response(frequency) @ design.plant.response(frequency)
     return margins(gain), closed(design.plant, controller).is_stable
 
 
-def fastest(
-    model: Model,
-    loop: Loop,
-    *,
-    damping: float = DAMPING,
-    gain_margin: float = 6.0,
-    phase_margin: float = 45.0,
-) -> Weights:
-    """The weights of the largest bandwidth that keeps the margins [dB], [degrees].
+def fastest(model: Model, loop: Loop, settings: LQISettings = LQISettings()) -> Weights:
+    """The weights of the largest bandwidth that keeps the margins.
 
     Raises
     ------
@@ -178,18 +204,23 @@ def fastest(
 
     def keeps(bandwidth: float) -> bool:
         try:
-            gap, stable = lqi_margins(lqi(model, loop, Weights(bandwidth, damping)))
+            gap, stable = lqi_margins(
+                lqi(model, loop, Weights(bandwidth, settings.damping)), settings
+            )
         except NoOptimumError:
             return False
-        return stable and gap.gain.min() >= gain_margin and bool(gap.phase.min() >= phase_margin)
+        enough = gap.gain.min() >= settings.gain_margin and gap.phase.min() >= settings.phase_margin
+        return stable and bool(enough)
 
-    low, high = SLOWEST, FASTEST_SHARE / loop.sample_time
+    low, high = settings.slowest_bandwidth, settings.fastest_bandwidth_share / loop.sample_time
     if not keeps(low):
         raise InputError(
-            f"LQI: no bandwidth from {SLOWEST:g} rad/s on keeps gain margin >= {gain_margin:g} dB "
-            f"and phase margin >= {phase_margin:g} degrees; ask for less"
+            f"LQI: no bandwidth from {low:g} rad/s on keeps gain margin >= "
+            f"{settings.gain_margin:g} dB and phase margin >= {settings.phase_margin:g} degrees; "
+            "ask for less"
         )
-    for _ in range(HALVINGS):
+    # Halved in the logarithm: a bandwidth is known to a share of itself.
+    for _ in range(settings.halvings):
         middle = float(np.sqrt(low * high))
         low, high = (middle, high) if keeps(middle) else (low, middle)
-    return Weights(low, damping)
+    return Weights(low, settings.damping)

@@ -27,7 +27,7 @@ class LQI:
     ----------
     model : linearised (see :func:`controllers.linear.linear_system.twist_dynamics`)
     loop : times and limit of the loop that it runs in
-    weights : of the cost; None is :func:`lqi_design.fastest`: 6 dB and 45 degrees
+    weights : of the cost; None is :func:`controllers.lqi.design.fastest`: 6 dB and 45 degrees
 
     Attributes
     ----------

@@ -3,24 +3,80 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
 from controllers.interface import Array, Loop
-from controllers.linear.drives import Inertia, drive_lag, effective_mass
-from controllers.linear.linear_system import Complex, LinearSystem, closed, sampled_platform
-from controllers.linear.margins import frequency_grid, margins
+from controllers.linear.linear_system import (
+    Inertia,
+    LinearSystem,
+    closed,
+    drive_lag,
+    effective_mass,
+    sampled_platform,
+)
+from controllers.linear.margins import Complex, MarginSettings, frequency_grid, margins
 from youbot_env.errors import InputError, finite
 from youbot_env.model.model import Model
 
-FILTER_SHARE = 1.0 / 3.0
-"""Time constant of the derivative's filter over the derivative time: noise goes up by three."""
 
-SLOWEST, TRIED, REFINED = 0.1, 48, 12
-"""Least bandwidth [rad/s] that is tried, how many up to the sample rate, and how many between the
-best of them and the next: 1.5 % apart at 100 Hz."""
+@dataclass(frozen=True)
+class PIDSettings(MarginSettings):
+    """What a PID design is asked for, and how finely it is sought."""
+
+    damping: float = field(
+        default=1.0,
+        metadata={"unit": "1", "reason": "two equal poles: the fastest step without overshoot"},
+    )
+    cancels_lag: bool = field(
+        default=True,
+        metadata={
+            "unit": "1",
+            "reason": "a drive's lag costs phase; a lead in series takes it back",
+        },
+    )
+    filter_share: float = field(
+        default=1.0 / 3.0,
+        metadata={
+            "unit": "of the derivative time",
+            "reason": "the derivative's filter lets noise go up by three",
+        },
+    )
+    slowest_bandwidth: float = field(
+        default=0.1,
+        metadata={
+            "unit": "rad/s",
+            "reason": "slower than any platform is driven: where this fails, all does",
+        },
+    )
+    coarse_count: int = field(
+        default=48,
+        metadata={"unit": "1", "reason": "bandwidths tried up to the sample rate"},
+    )
+    fine_count: int = field(
+        default=12,
+        metadata={
+            "unit": "1",
+            "reason": "bandwidths between the best of them and the next: 1.5 % apart at 100 Hz",
+        },
+    )
+    shrink_share: float = field(
+        default=0.99,
+        metadata={
+            "unit": "1",
+            "reason": "all axes get slower by one percent until the couplings bear the margins too",
+        },
+    )
+    max_shrinks: int = field(
+        default=100,
+        metadata={
+            "unit": "1",
+            "reason": "to 0.37 of the bandwidths of single axes; more is a platform that no PID "
+            "suits",
+        },
+    )
 
 
 @dataclass(frozen=True)
@@ -70,6 +126,7 @@ def matrices(inertia: Inertia, gains: PIDGains) -> tuple[Array, Array]:
     mass, friction = inertia
     decay, b = np.linalg.solve(mass, friction), np.array(gains.bandwidth)
     own = np.diag(decay)
+    # An axis whose friction is faster than its poles would get a negative proportional gain.
     placed = np.maximum(2.0 * gains.damping * b, own)
     return mass @ (np.diag(placed) - decay), mass * b**2
 
@@ -114,7 +171,7 @@ def derivative_filter(gains: PIDGains, period: float) -> tuple[float, float]:
 
 
 def bandwidths(
-    model: Model, loop: Loop, shape: PIDGains, gain_margin: float, phase_margin: float
+    model: Model, loop: Loop, shape: PIDGains, settings: PIDSettings = PIDSettings()
 ) -> tuple[float, float, float]:
     """The fastest poles of each axis that keep the margins, at the damping and lead of ``shape``.
 
@@ -125,7 +182,7 @@ def bandwidths(
     InputError
         If none does.
     """
-    frequency, inertia = frequency_grid(loop.sample_time), effective_mass(model)
+    frequency, inertia = frequency_grid(loop.sample_time, settings), effective_mass(model)
     plant = sampled_platform(model, loop).response(frequency)
 
     def last_kept(tried: Array) -> NDArray[np.intp]:
@@ -134,54 +191,48 @@ def bandwidths(
         each = [replace(shape, bandwidth=(x, y, w)) for x, y, w in tried.tolist()]
         gain = np.stack([response(inertia, one, loop.sample_time, frequency) for one in each])
         gap = margins(gain @ plant)
-        kept = (gap.gain >= gain_margin) & (gap.phase >= phase_margin)
+        kept = (gap.gain >= settings.gain_margin) & (gap.phase >= settings.phase_margin)
         return np.logical_and.accumulate(kept, axis=0).sum(axis=0)
 
-    coarse = np.geomspace(SLOWEST, 1.0 / loop.sample_time, TRIED)
+    slowest = settings.slowest_bandwidth
+    coarse = np.geomspace(slowest, 1.0 / loop.sample_time, settings.coarse_count)
     count = last_kept(np.stack([coarse] * 3, axis=1))
     if count.min() == 0:
         raise InputError(
-            f"PID: no bandwidth of {('VX', 'VY', 'W')[int(count.argmin())]} from {SLOWEST:g} rad/s "
-            f"on keeps gain margin >= {gain_margin:g} dB and phase margin >= {phase_margin:g} "
-            "degrees; ask for less"
+            f"PID: no bandwidth of {('VX', 'VY', 'W')[int(count.argmin())]} from {slowest:g} rad/s "
+            f"on keeps gain margin >= {settings.gain_margin:g} dB and phase margin >= "
+            f"{settings.phase_margin:g} degrees; ask for less"
         )
     step = coarse[1] / coarse[0]
-    fine = coarse[count - 1] * np.geomspace(1.0, step, REFINED)[:, None]
+    # Between the fastest that keeps the margins and the next, which does not.
+    fine = coarse[count - 1] * np.geomspace(1.0, step, settings.fine_count)[:, None]
     x, y, w = fine[np.maximum(last_kept(fine), 1) - 1, range(3)].tolist()
     return x, y, w
 
 
-def design(
-    model: Model,
-    loop: Loop,
-    *,
-    damping: float = 1.0,
-    gain_margin: float = 6.0,
-    phase_margin: float = 45.0,
-    derivative: bool = True,
-) -> PIDGains:
-    """The fastest poles that keep the margins [dB], [degrees] in a loop with its delays.
+def design(model: Model, loop: Loop, settings: PIDSettings = PIDSettings()) -> PIDGains:
+    """The fastest poles that keep the margins in a loop with its delays.
 
-    ``derivative=False`` leaves a drive's lag alone. Margins are those of
-    :func:`controllers.linear.margins.margins`.
+    Margins are those of :func:`controllers.linear.margins.margins`.
 
     Raises
     ------
     InputError
         If no bandwidth keeps them.
     """
-    lag = drive_lag(model) if derivative else 0.0
-    gains = PIDGains((1.0, 1.0, 1.0), damping, lag, FILTER_SHARE * lag)
-    limits = gain_margin, phase_margin
-    gains = replace(gains, bandwidth=bandwidths(model, loop, gains, *limits))
-    plant, frequency = sampled_platform(model, loop), frequency_grid(loop.sample_time)
+    lag = drive_lag(model) if settings.cancels_lag else 0.0
+    gains = PIDGains((1.0, 1.0, 1.0), settings.damping, lag, settings.filter_share * lag)
+    gains = replace(gains, bandwidth=bandwidths(model, loop, gains, settings))
+    plant = sampled_platform(model, loop)
+    frequency = frequency_grid(loop.sample_time, settings)
     seen, inertia = plant.response(frequency), effective_mass(model)
-    for _ in range(100):
+    # The search took each axis as the fastest of all; together they are a little too fast.
+    for _ in range(settings.max_shrinks):
         gap = margins(response(inertia, gains, loop.sample_time, frequency) @ seen)
-        wide = gap.gain.min() >= gain_margin and gap.phase.min() >= phase_margin
-        if wide and closed(plant, linear_pid(inertia, gains, loop.sample_time)).is_stable:
+        kept = gap.gain.min() >= settings.gain_margin and gap.phase.min() >= settings.phase_margin
+        if kept and closed(plant, linear_pid(inertia, gains, loop.sample_time)).is_stable:
             return gains
-        gains = scaled(gains, 0.99)
+        gains = scaled(gains, settings.shrink_share)
     raise InputError("PID: the couplings of this platform leave no margins; ask for less")
 
 

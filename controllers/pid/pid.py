@@ -8,9 +8,10 @@ import numpy as np
 from numba import njit
 
 from controllers.allocation import within_limits
-from controllers.computed_torque.prediction import invent_past, reference_at, take
 from controllers.interface import Array, Loop, Observation, Reference
-from controllers.linear.drives import CommandTracker, effective_mass
+from controllers.linear.drives import CommandTracker
+from controllers.linear.linear_system import effective_mass
+from controllers.linear.reference_window import extend_to_past, reference_at, take_sample
 from controllers.pid.design import PIDGains, derivative_filter, design, matrices
 from youbot_env.model.model import Model
 
@@ -39,6 +40,7 @@ class BodyLoops:
     def reset(self) -> None:
         """Empties integrals and slopes."""
         self.state = np.zeros((len(self.lead), 3, 3))
+        # No last error: the first has no slope.
         self.state[:, 2] = np.nan
 
     def __call__(self, wheel_speed: Array, reference: Array) -> Array:
@@ -74,6 +76,7 @@ def _step(error, state, gains, numbers, to_wheels, limit, out):
         if known:
             for axis in range(3):
                 change = error[row, axis] - last[axis]
+                # NaN, the first error after a reset or a gap, is no change.
                 slope[axis] = keep * slope[axis] + (rise * change if change == change else 0.0)
                 last[axis] = error[row, axis]
             for axis in range(3):
@@ -106,7 +109,7 @@ class PID:
     ----------
     model : masses and frictions that the gains are computed from
     loop : times and limit of the loop that it runs in
-    gains : None is the fastest poles with 6 dB and 45 degrees, :func:`pid_design.design`
+    gains : None is the fastest poles that keep the margins, :func:`controllers.pid.design.design`
 
     Attributes
     ----------
@@ -154,9 +157,9 @@ class PID:
         if not self._past:
             return reference.twist
         self._seen[:3], self._seen[3:] = reference.twist, reference.acceleration
-        take(self._nodes, self._past, self._seen, 0, True, self._period)
+        take_sample(self._nodes, self._past, self._seen, 0, True, self._period)
         if self._is_new:
-            invent_past(self._nodes, self._past, self._period)
+            extend_to_past(self._nodes, self._past, self._period)
             self._is_new = False
         reference_at(self._nodes, self._past - self._age, self._period, self._wanted)
         return self._wanted[:3]

@@ -5,28 +5,56 @@ No model enters: the features are differences and scales, the mix is the wheels'
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 
 from controllers.interface import Array, Observation, Reference
-from youbot_env.errors import InputError
+from youbot_env.errors import InputError, check_settings
 from youbot_env.physics.geometry import SIGN_LATERAL, SIGN_Y, Geometry
 
 CUT = 5.0
 """The environment cuts each observed value at this many times its scale."""
 
-ERROR_GAIN, TWIST_GAIN, ACTION_GAIN = 30.0, 4.0, 4.0
-"""Features of order one: a tracking error of 1/30 of full speed, a twist and a torque of 1/4."""
-
-SLOPE_GAIN, CURVATURE_GAIN = 250.0, 500.0
-"""The same for a change of the reference in one sample, and for the change of that change."""
-
-WHEEL_GAIN = 50.0
-"""Of a wheel's surface speed [m/s], for what a model often lacks: dry friction, a step at rest."""
-
 WHEEL_MIX: Array = np.column_stack([np.ones(4), SIGN_LATERAL, -np.array(SIGN_Y)])
 """(4, 3): what pushes forward, left and turns to the left, for each wheel fl, fr, bl, br."""
+
+
+@dataclass(frozen=True)
+class FeatureSettings:
+    """Gains that bring what a new policy sees to order one; a trained one holds its own."""
+
+    error_gain: float = field(
+        default=30.0,
+        metadata={"unit": "1", "reason": "a tracking error of 1/30 of full speed is large"},
+    )
+    twist_gain: float = field(
+        default=4.0,
+        metadata={"unit": "1", "reason": "a quarter of full speed is usual"},
+    )
+    slope_gain: float = field(
+        default=250.0,
+        metadata={"unit": "1", "reason": "a change of the reference in one sample"},
+    )
+    curvature_gain: float = field(
+        default=500.0,
+        metadata={"unit": "1", "reason": "a change of that change"},
+    )
+    wheel_gain: float = field(
+        default=50.0,
+        metadata={
+            "unit": "s/m",
+            "reason": "of a wheel's surface speed, for what a model often lacks: dry friction, a "
+            "step at rest",
+        },
+    )
+    action_gain: float = field(
+        default=4.0,
+        metadata={"unit": "1", "reason": "a quarter of the torque limit is usual"},
+    )
+
+    def __post_init__(self) -> None:
+        check_settings(self)
 
 
 @dataclass(frozen=True)
@@ -38,7 +66,7 @@ class Layout:
     twist_scale : (VX, VY, W) [m/s, m/s, rad/s] by which twists are divided
     preview : coming reference samples
     action_history : past actions
-    base_torque : whether the torque over the torque limit (4,) that the controller beneath asks for
+    base_torque : whether the torque over the torque limit (4,) that the base controller asks for
         follows at the end
     """
 
@@ -68,8 +96,7 @@ class Layout:
     ) -> None:
         """Write one instant's observation, not yet divided, into ``seen`` (size,).
 
-        ``actions`` (4 k,) are past ones, newest first; ``base`` (4,) that of the controller
-        beneath.
+        ``actions`` (4 k,) are past ones, newest first; ``base`` (4,) that of the base controller.
 
         Raises
         ------
@@ -95,16 +122,20 @@ def plain_features(layout: Layout) -> Array:
     return np.eye(layout.size)
 
 
-def tracking_features(layout: Layout, lever: float = Geometry().L) -> Array:
+def tracking_features(
+    layout: Layout,
+    lever: float = Geometry().L,
+    gains: FeatureSettings = FeatureSettings(),
+) -> Array:
     """(F, D): error, twist, slope and curvature of the reference, past actions; all of order one.
 
-    Torques (past actions, those of the controller beneath) are seen as forward, left and turn. On
+    Torques (past actions, those of the base controller) are seen as forward, left and turn. On
     top of a controller the wheels' speeds at the floor are seen too, with ``lever`` [m], the L of
     the geometry.
     """
     see = np.eye(layout.size)
     measured, now = see[0:3], see[3:6]
-    rows = [ERROR_GAIN * (now - measured), TWIST_GAIN * now]
+    rows = [gains.error_gain * (now - measured), gains.twist_gain * now]
     last, middle = layout.preview, layout.preview // 2
 
     def slope(start: int, end: int) -> Array:
@@ -112,13 +143,13 @@ def tracking_features(layout: Layout, lever: float = Geometry().L) -> Array:
         return (second - first) / (end - start)
 
     if last >= 1:
-        rows.append(SLOPE_GAIN * slope(0, last))
+        rows.append(gains.slope_gain * slope(0, last))
     if last >= 2:
-        rows.append(CURVATURE_GAIN * (slope(middle, last) - slope(0, middle)))
+        rows.append(gains.curvature_gain * (slope(middle, last) - slope(0, middle)))
     if layout.base_torque:
         to_wheels = WHEEL_MIX * np.array([1.0, 1.0, lever]) * layout.twist_scale
-        rows.append(WHEEL_GAIN * to_wheels @ now)
-    unmix = ACTION_GAIN * np.linalg.pinv(WHEEL_MIX)
+        rows.append(gains.wheel_gain * to_wheels @ now)
+    unmix = gains.action_gain * np.linalg.pinv(WHEEL_MIX)
     for start in range(6 + 3 * last, layout.size, 4):
         rows.append(unmix @ see[start : start + 4])
     return np.vstack(rows)

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from controllers.interface import Array, Controller, Observation, Reference
 from controllers.policy.inputs import CUT, Layout
-from youbot_env.errors import InputError
+from youbot_env.errors import InputError, check_settings
 from youbot_env.physics.hardware import MAX_WHEEL_TORQUE
 
 Weights = NDArray[np.float32]
@@ -21,12 +21,25 @@ Weights = NDArray[np.float32]
 FEATURE_LIMIT = 10.0
 """Features are cut here, in training and in use."""
 
-RATE_TOLERANCE = 0.01
-"""A sample time may differ from the trained one by this share."""
-
-
 ACTIVATIONS = ("tanh", "relu")
 """Functions between the layers."""
+
+
+@dataclass(frozen=True)
+class PolicySettings:
+    """When a policy is refused."""
+
+    max_rate_difference_share: float = field(
+        default=0.01,
+        metadata={
+            "unit": "of the control rate",
+            "reason": "a loop may run so far from the rate of the training: a clock's error, no "
+            "other rate",
+        },
+    )
+
+    def __post_init__(self) -> None:
+        check_settings(self)
 
 
 @dataclass(frozen=True, eq=False)
@@ -148,7 +161,7 @@ class Policy:
     Parameters
     ----------
     network, description : see there; ``load_policy`` reads both from a file
-    base : the controller beneath, if the description names one
+    base : the base controller, if the description names one
     torque_limit : [N m] at each wheel, if it is lower than the trained one
 
     Attributes
@@ -158,7 +171,7 @@ class Policy:
     Raises
     ------
     InputError
-        If a controller beneath is missing, or was not asked for.
+        If the base controller is missing, or was not asked for.
     """
 
     def __init__(
@@ -198,21 +211,21 @@ class Policy:
         """
         how, base = self.description, None
         if self.base is not None:
-            base = self.base(alone(observation), reference) / how.torque_limit
+            base = self.base(without_torque(observation), reference) / how.torque_limit
         how.layout.fill(self._seen[0], observation, reference, self._past, base)
         wanted = how.share * self.network.actions(self._seen / self._divisors)[0]
-        action = compose(wanted, base, self._bound)
+        action = combined_action(wanted, base, self._bound)
         self._past[4:] = self._past[:-4].copy()
         self._past[:4] = action
         return how.torque_limit * action
 
 
-def compose(action: Array, base: Array | None, bound: float = 1.0) -> Array:
-    """Actions (..., 4): a policy's, on top of the controller's beneath (NaN counts as 0)."""
+def combined_action(action: Array, base: Array | None, bound: float = 1.0) -> Array:
+    """Actions (..., 4): a policy's, added to the base controller's (NaN counts as 0)."""
     total = action if base is None else action + np.nan_to_num(base)
     return np.minimum(np.maximum(total, -bound), bound)
 
 
-def alone(observation: Observation) -> Observation:
-    """What a controller beneath is shown: no torques, since they are not its own alone."""
+def without_torque(observation: Observation) -> Observation:
+    """What a base controller is shown: no torques, for they are the policy's as well as its own."""
     return observation._replace(wheel_torque=None)

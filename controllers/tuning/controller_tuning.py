@@ -17,11 +17,11 @@ from controllers.tuning.gains_file import gains_to_dict
 from controllers.tuning.trials import TuningTrial, references
 from controllers.tuning.tunable_laws import TunableKinematic, TunablePID
 from controllers.tuning.tuning import (
-    ROUNDS,
-    Bench,
+    GainSearch,
     Progress,
     Requirements,
-    Tuned,
+    SearchSettings,
+    TunedGains,
     allowed_torque_rate,
 )
 from youbot_env.model.model import Model
@@ -30,7 +30,7 @@ from youbot_env.physics.hardware import STOCK_INTEGRAL, STOCK_PROPORTIONAL
 NO_LEAD = 1e-9
 """No lead [s] as a point of the search, whose logarithm is taken."""
 
-STEPS = 3 * ROUNDS + 1
+STEPS = 3 * SearchSettings.rounds + 1
 """How often a tuning tells its progress."""
 
 
@@ -84,22 +84,22 @@ class TunedController:
     ----------
     points : "tuned" keeps margins and torque rate, "any rate" the margins alone, "free" is stable
         and no more; "stock" are kinematic control's gains as they are delivered
-    bench : that judged them
+    search : that judged them
     """
 
     task: TuningTask
-    points: Mapping[str, Tuned]
-    bench: Bench
+    points: Mapping[str, TunedGains]
+    search: GainSearch
 
     @cached_property
     def gains(self) -> dict[str, Gains | PIDGains]:
         """Gains of each point, as the controller takes them."""
-        structure: Any = self.bench.structure
-        return {name: structure.gains(_array(one)) for name, one in self.points.items()}
+        law: Any = self.search.law
+        return {name: law.gains(_array(one)) for name, one in self.points.items()}
 
     def python_control_margins(self) -> Margins:
         """The tuned loop's margins as python-control finds them (extra: control)."""
-        return self.bench.python_controls(_array(self.points["tuned"]))
+        return self.search.python_control_margins(_array(self.points["tuned"]))
 
     def to_dict(self) -> dict[str, Any]:
         """JSON form."""
@@ -138,9 +138,9 @@ def tune_kinematic(
     """
     found = _tune(task, lambda: TunableKinematic(task.model, task.loop, lead=lead), progress)
     stock = [STOCK_PROPORTIONAL, STOCK_INTEGRAL, NO_LEAD]
-    names = found.bench.structure.names
-    as_delivered = found.bench.tuned(np.array(stock[: len(names)]))
-    return TunedController(task, {**found.points, "stock": as_delivered}, found.bench)
+    names = found.search.law.names
+    as_delivered = found.search.evaluate(np.array(stock[: len(names)]))
+    return TunedController(task, {**found.points, "stock": as_delivered}, found.search)
 
 
 def tune_pid(task: TuningTask, *, progress: Progress = lambda steps: None) -> TunedController:
@@ -150,16 +150,16 @@ def tune_pid(task: TuningTask, *, progress: Progress = lambda steps: None) -> Tu
 
 def _tune(
     task: TuningTask,
-    structure: Callable[[], TunableKinematic | TunablePID],
+    law: Callable[[], TunableKinematic | TunablePID],
     progress: Progress,
 ) -> TunedController:
-    requirements = task.requirements  # a long simulation, as is the design of a structure below
-    bench = Bench(structure(), task.trial)
+    requirements = task.requirements  # a long simulation, as is the design of a law below
+    search = GainSearch(law(), task.trial)
     progress(1.0)
     kept = {"tuned": requirements, "any rate": Requirements(**task.margins), "free": None}
-    points = {name: bench.best(wanted, progress) for name, wanted in kept.items()}
-    return TunedController(task, points, bench)
+    points = {name: search.best(wanted, progress) for name, wanted in kept.items()}
+    return TunedController(task, points, search)
 
 
-def _array(one: Tuned) -> Array:
+def _array(one: TunedGains) -> Array:
     return np.array(list(one.point.values()))

@@ -3,54 +3,73 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import replace
-from typing import Protocol
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
 from controllers.interface import Array, Loop
 from controllers.kinematic import Gains
-from controllers.linear.drives import drive_lag, effective_mass
-from controllers.linear.linear_system import Complex, LinearSystem
+from controllers.linear.linear_system import LinearSystem, drive_lag, effective_mass
+from controllers.linear.margins import Complex, MarginSettings
 from controllers.pid.design import (
-    FILTER_SHARE,
     PIDGains,
+    PIDSettings,
     bandwidths,
     linear_pid,
     response as pid_response,
 )
 from controllers.pid.pid import BodyLoops
-from controllers.tuning.trials import Law
+from youbot_env.errors import check_settings
 from youbot_env.model.model import Model
 from youbot_env.physics.geometry import Geometry
 
-DAMPINGS = 7
-"""Dampings at which PID's bandwidths are sought; between them they are interpolated."""
 
+@dataclass(frozen=True)
+class GainRanges:
+    """Where the free numbers of the laws are sought."""
 
-class TunableLaw(Protocol):
-    """A control law with free numbers, as the search sees it.
+    proportional: tuple[float, float] = field(
+        default=(0.01, 10.0),
+        metadata={"unit": "N m s/rad", "reason": "three decades about the stock gain of 0.12"},
+    )
+    integral: tuple[float, float] = field(
+        default=(0.03, 300.0),
+        metadata={"unit": "N m/rad", "reason": "four decades about the stock gain of 0.30"},
+    )
+    min_lead: float = field(
+        default=1e-3,
+        metadata={"unit": "s", "reason": "no lead, as a point of a logarithmic grid"},
+    )
+    max_lead_beyond_delay: float = field(
+        default=0.05,
+        metadata={
+            "unit": "s",
+            "reason": "a lead makes up for twice the loop's delay and sample, and for so much lag "
+            "beyond",
+        },
+    )
+    bandwidth_share: tuple[float, float] = field(
+        default=(0.3, 4.0),
+        metadata={
+            "unit": "1",
+            "reason": "of the bandwidths that just keep the margins; free gains give margins up",
+        },
+    )
+    damping: tuple[float, float] = field(
+        default=(0.6, 2.0),
+        metadata={"unit": "1", "reason": "from an overshoot of a tenth to two separate real poles"},
+    )
+    damping_count: int = field(
+        default=7,
+        metadata={
+            "unit": "1",
+            "reason": "dampings at which PID's bandwidths are sought; between them they are "
+            "interpolated",
+        },
+    )
 
-    Attributes
-    ----------
-    names : of the free numbers
-    span : lowest and highest value of each, all positive; the grid is logarithmic
-    """
-
-    names: tuple[str, ...]
-    span: tuple[tuple[float, float], ...]
-
-    def controller(self, point: Array) -> LinearSystem:
-        """Measured twist error (3,) to body force (3,) at one point (p,)."""
-        ...
-
-    def response(self, point: Array, frequency: Array) -> Complex:
-        """Frequency response (w, 3, 3) of :meth:`controller`."""
-        ...
-
-    def law(self, points: Array, motions: int) -> Law:
-        """Rows (c * motions) of the points (c, p), each for all motions."""
-        ...
+    def __post_init__(self) -> None:
+        check_settings(self)
 
 
 class WheelLoops:
@@ -68,6 +87,7 @@ class WheelLoops:
         step = self._step * error
         wanted = self._proportional * error + self._integral + step
         torque = np.clip(wanted, -self._limit, self._limit)
+        # Conditional integration: not while the limit holds and the error would push further.
         self._integral += np.where((wanted - torque) * error <= 0.0, step, 0.0)
         return torque
 
@@ -82,10 +102,10 @@ class TunableKinematic:
     def __init__(self, model: Model, loop: Loop, *, lead: bool = False) -> None:
         self.model, self.loop = model, loop
         self.names: tuple[str, ...] = ("proportional", "integral", "lead")[: 2 + lead]
-        longest = 0.05 + 2 * (loop.delay + loop.sample_time)
-        self.span: tuple[tuple[float, float], ...] = ((0.01, 10.0), (0.03, 300.0), (1e-3, longest))[
-            : 2 + lead
-        ]
+        ranges = GainRanges()
+        longest = ranges.max_lead_beyond_delay + 2 * (loop.delay + loop.sample_time)
+        spans = (ranges.proportional, ranges.integral, (ranges.min_lead, longest))
+        self.span: tuple[tuple[float, float], ...] = spans[: 2 + lead]
 
     def gains(self, point: Array) -> Gains:
         """The point as ``KinematicControl`` takes it."""
@@ -101,9 +121,9 @@ class TunableKinematic:
         to_force = np.diag((self.model.geometry.wheel_jacobian**2).sum(axis=0))
         return np.asarray(each[:, None, None] * to_force, np.complex128)
 
-    def law(self, points: Array, motions: int) -> WheelLoops:
-        rows = [gains for gains in map(self.gains, points) for _ in range(motions)]
-        return WheelLoops(rows, self.model.geometry, self.loop)
+    def rows(self, points: Array, motions: int) -> WheelLoops:
+        each = [gains for gains in map(self.gains, points) for _ in range(motions)]
+        return WheelLoops(each, self.model.geometry, self.loop)
 
 
 class TunablePID:
@@ -114,19 +134,26 @@ class TunablePID:
     """
 
     def __init__(
-        self, model: Model, loop: Loop, *, gain_margin: float = 6.0, phase_margin: float = 45.0
+        self,
+        model: Model,
+        loop: Loop,
+        *,
+        gain_margin: float = MarginSettings.gain_margin,
+        phase_margin: float = MarginSettings.phase_margin,
     ) -> None:
+        ranges = GainRanges()
+        wanted = PIDSettings(gain_margin=gain_margin, phase_margin=phase_margin)
         self.model, self.loop = model, loop
         self.names: tuple[str, ...] = ("share", "damping")
-        self.span: tuple[tuple[float, float], ...] = ((0.3, 4.0), (0.6, 2.0))
+        self.span: tuple[tuple[float, float], ...] = (
+            ranges.bandwidth_share,
+            ranges.damping,
+        )
         self._inertia, lag = effective_mass(model), drive_lag(model)
-        self._lead = {"derivative_time": lag, "filter_time": FILTER_SHARE * lag}
-        self._damping = np.geomspace(*self.span[1], DAMPINGS)
+        self._lead = {"derivative_time": lag, "filter_time": wanted.filter_share * lag}
+        self._damping = np.geomspace(*ranges.damping, ranges.damping_count)
         self._bandwidth = np.log(
-            [
-                bandwidths(model, loop, self._shape(d), gain_margin, phase_margin)
-                for d in self._damping.tolist()
-            ]
+            [bandwidths(model, loop, self._shape(d), wanted) for d in self._damping.tolist()]
         )
 
     def _shape(self, damping: float) -> PIDGains:
@@ -136,6 +163,7 @@ class TunablePID:
         """The point as ``PID`` takes it."""
         share, damping = np.asarray(point, float).tolist()
         at = np.log(damping), np.log(self._damping)
+        # Bandwidths are smooth in the damping: no point needs a search of its own.
         x, y, w = (share * float(np.exp(np.interp(*at, one))) for one in self._bandwidth.T)
         return replace(self._shape(damping), bandwidth=(x, y, w))
 
@@ -145,9 +173,9 @@ class TunablePID:
     def response(self, point: Array, frequency: Array) -> Complex:
         return pid_response(self._inertia, self.gains(point), self.loop.sample_time, frequency)
 
-    def law(self, points: Array, motions: int) -> BodyLoops:
-        rows = [gains for gains in map(self.gains, points) for _ in range(motions)]
-        return BodyLoops(self.model, self.loop, rows)
+    def rows(self, points: Array, motions: int) -> BodyLoops:
+        each = [gains for gains in map(self.gains, points) for _ in range(motions)]
+        return BodyLoops(self.model, self.loop, each)
 
 
 def wheel_loops(gains: Gains, geometry: Geometry, period: float) -> LinearSystem:

@@ -1,40 +1,106 @@
-"""Tuning: the gains of a given structure that track best, with and without what a robot demands.
+"""Tuning: the gains of a control law that track best, with and without stability margins.
 
-A structure (see :mod:`controllers.tuning.tunable_laws`) has a few free numbers. They are sought on
-a grid that zooms in on its best point: that needs no slopes, the bound of what is allowed may be
-crooked, no chance plays, and all points of a grid are simulated side by side.
+A law (see :mod:`controllers.tuning.tunable_laws`) has a few free numbers. They are sought on a grid
+that zooms in on its best point: that needs no slopes, the bound of what is allowed may be crooked,
+no chance plays, and all points of a grid are simulated side by side.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
+from typing import Protocol
 
 import numpy as np
 
+from controllers.computed_torque.computed_torque import ComputedTorque
 from controllers.interface import Array, Loop
-from controllers.kinematic import Gains
-from controllers.linear.linear_system import Complex, closed, sampled_platform
-from controllers.linear.margins import Margins, control_margins, frequency_grid, margins
-from controllers.tuning.trials import Score, TuningTrial, references
-from controllers.tuning.tunable_laws import TunableKinematic, TunableLaw
-from youbot_env.errors import InputError, finite
+from controllers.linear.linear_system import LinearSystem, closed, sampled_platform
+from controllers.linear.margins import (
+    Complex,
+    Margins,
+    MarginSettings,
+    control_margins,
+    frequency_grid,
+    margins,
+)
+from controllers.tuning.trials import Law, Score, TuningTrial
+from youbot_env.errors import InputError, check_settings, finite
 from youbot_env.model.model import Model
 
 Progress = Callable[[float], None]
 
-FIRST_GRID, GRID = 9, {1: 9, 2: 7, 3: 5}
-"""Points per free number in the first round, and in a later one by how many are free."""
+RATE_ROUNDING = 1e-9
+"""Share of a torque rate that is rounding."""
 
-ROUNDS, ZOOM = 8, 0.5
-"""Rounds of a search, and what is left of the span after each: the last grid of two free numbers
-has steps of 0.13 % of the span's logarithm."""
 
-TORQUE_RATE_SHARE = 1.1
-"""Torque rate that a tuned law may have, over computed torque's in the same loop."""
+@dataclass(frozen=True)
+class SearchSettings:
+    """How finely gains are sought, and what a torque rate is measured against."""
 
-RATE_MARGIN = 1e-9
-"""Rounding that a constraint allows, relative."""
+    first_grid_points: int = field(
+        default=9,
+        metadata={"unit": "1", "reason": "points per free number in the first round"},
+    )
+    grid_points: tuple[int, int, int] = field(
+        default=(9, 7, 5),
+        metadata={
+            "unit": "1",
+            "reason": "points per free number in a later round, where one, two or three are free: "
+            "9, 49 or 125 loops side by side",
+        },
+    )
+    rounds: int = field(
+        default=8,
+        metadata={
+            "unit": "1",
+            "reason": "the last grid of two free numbers has steps of 0.13 % of the span's "
+            "logarithm",
+        },
+    )
+    zoom_share: float = field(
+        default=0.5,
+        metadata={
+            "unit": "of the span",
+            "reason": "what is left of it after a round: the next grid still reaches the "
+            "neighbours of the best point",
+        },
+    )
+    torque_rate_share: float = field(
+        default=1.1,
+        metadata={
+            "unit": "of computed torque's torque rate",
+            "reason": "gains may cost the drives a tenth more than the model-based controller does",
+        },
+    )
+
+    def __post_init__(self) -> None:
+        check_settings(self)
+
+
+class TunableLaw(Protocol):
+    """A control law with free numbers, as the search sees it.
+
+    Attributes
+    ----------
+    names : of the free numbers
+    span : lowest and highest value of each, all positive; the grid is logarithmic
+    """
+
+    names: tuple[str, ...]
+    span: tuple[tuple[float, float], ...]
+
+    def controller(self, point: Array) -> LinearSystem:
+        """Measured twist error (3,) to body force (3,) at one point (p,)."""
+        ...
+
+    def response(self, point: Array, frequency: Array) -> Complex:
+        """Frequency response (w, 3, 3) of :meth:`controller`."""
+        ...
+
+    def rows(self, points: Array, motions: int) -> Law:
+        """Rows (c * motions) of the points (c, p), each for all motions."""
+        ...
 
 
 @dataclass(frozen=True)
@@ -53,8 +119,8 @@ class Requirements:
         If a number is negative or not finite.
     """
 
-    gain_margin: float = 6.0
-    phase_margin: float = 45.0
+    gain_margin: float = MarginSettings.gain_margin
+    phase_margin: float = MarginSettings.phase_margin
     torque_rate: float | None = None
 
     def __post_init__(self) -> None:
@@ -65,7 +131,7 @@ class Requirements:
 
 
 @dataclass(frozen=True)
-class Tuned:
+class TunedGains:
     """One point of a search and what it costs.
 
     Attributes
@@ -104,38 +170,47 @@ class Tuned:
         }
 
 
-class Bench:
-    """Judges points of a structure in one condition."""
+class GainSearch:
+    """Finds the best gains of a law in one condition.
 
-    def __init__(self, structure: TunableLaw, trial: TuningTrial) -> None:
-        self.structure, self.trial = structure, trial
+    Parameters
+    ----------
+    law : whose free numbers are sought; a point (p,) holds a value for each
+    trial : platform, loop and references
+    settings : how finely
+    """
+
+    def __init__(
+        self, law: TunableLaw, trial: TuningTrial, settings: SearchSettings = SearchSettings()
+    ) -> None:
+        self.law, self.trial, self.settings = law, trial, settings
         self.plant = sampled_platform(trial.model, trial.loop)
         self.frequency = frequency_grid(trial.loop.sample_time)
         self._response = self.plant.response(self.frequency)
 
     def linear(self, points: Array) -> tuple[Array, Margins]:
         """Which points (c, p) are stable (c,), and their margins."""
-        controllers = [self.structure.controller(point) for point in points]
+        controllers = [self.law.controller(point) for point in points]
         stable = np.array([closed(self.plant, k).is_stable for k in controllers])
-        gain = np.stack([self.structure.response(point, self.frequency) for point in points])
+        gain = np.stack([self.law.response(point, self.frequency) for point in points])
         return stable, margins(gain @ self._response)
 
-    def python_controls(self, point: Array) -> Margins:
+    def python_control_margins(self, point: Array) -> Margins:
         """The margins of one point (p,) as python-control finds them (extra: control)."""
-        gain = self.structure.response(point, self.frequency) @ self._response
+        gain = self.law.response(point, self.frequency) @ self._response
         return control_margins(gain, self.frequency)
 
     def score(self, points: Array) -> Score:
         """Simulated errors and torque rates of points (c, p)."""
-        return self.trial.score(self.structure.law(points, len(self.trial.motions)))
+        return self.trial.score(self.law.rows(points, len(self.trial.motions)))
 
-    def tuned(self, point: Array) -> Tuned:
+    def evaluate(self, point: Array) -> TunedGains:
         """All that is known of one point (p,)."""
         one = np.asarray(point, float)[None]
         found, (_, gap) = self.score(one), self.linear(one)
-        loop = closed(self.plant, self.structure.controller(one[0]))
-        return Tuned(
-            dict(zip(self.structure.names, one[0].tolist(), strict=True)),
+        loop = closed(self.plant, self.law.controller(one[0]))
+        return TunedGains(
+            dict(zip(self.law.names, one[0].tolist(), strict=True)),
             found.error[0],
             float(found.torque_rate[0]),
             float(found.saturated[0]),
@@ -143,7 +218,7 @@ class Bench:
             loop.poles,
         )
 
-    def best(self, wanted: Requirements | None, progress: Progress | None = None) -> Tuned:
+    def best(self, wanted: Requirements | None, progress: Progress | None = None) -> TunedGains:
         """The point of least mean error that is stable and keeps what is wanted.
 
         Raises
@@ -151,23 +226,25 @@ class Bench:
         InputError
             If no point of the first grid does.
         """
-        low, high = np.log(np.array(self.structure.span)).T
+        # Gains matter by their ratios, so the grid is even in their logarithms.
+        low, high = np.log(np.array(self.law.span)).T
         width = (high - low) / 2
         centre, least = (low + high) / 2, np.inf
         point = None
-        for turn in range(ROUNDS):
-            steps = GRID[len(centre)] if turn else FIRST_GRID
+        later_steps = self.settings.grid_points[len(centre) - 1]
+        for turn in range(self.settings.rounds):
+            steps = later_steps if turn else self.settings.first_grid_points
             points, cost = self._round(centre, width, steps, wanted)
             at = int(cost.argmin())
             if cost[at] < least:
                 point, least, centre = points[at], cost[at], np.log(points[at])
             if point is None:
-                raise InputError(_nothing_keeps(self.structure, wanted))
-            width = width * ZOOM
+                raise InputError(_nothing_keeps(self.law, wanted))
+            width = width * self.settings.zoom_share
             if progress is not None:
                 progress(1.0)
         assert point is not None
-        return self.tuned(point)
+        return self.evaluate(point)
 
     def _round(
         self, centre: Array, width: Array, steps: int, wanted: Requirements | None
@@ -175,7 +252,7 @@ class Bench:
         """Points (c, p) of a grid around the centre and their costs (c,), inf where refused."""
         axes = [
             np.unique(np.clip(c + w * np.linspace(-1, 1, steps), *np.log(ends)))
-            for c, w, ends in zip(centre, width, self.structure.span, strict=True)
+            for c, w, ends in zip(centre, width, self.law.span, strict=True)
         ]
         points = np.exp(np.stack(np.meshgrid(*axes, indexing="ij"), axis=-1).reshape(-1, len(axes)))
         cost = np.full(len(points), np.inf)
@@ -183,20 +260,20 @@ class Bench:
         if wanted is not None:
             kept &= gap.gain.min(axis=-1) >= wanted.gain_margin
             kept &= gap.phase.min(axis=-1) >= wanted.phase_margin
+        # Margins cost far less than a simulation, so they refuse points first.
         tried = np.flatnonzero(kept)
         if len(tried):
             found = self.score(points[tried])
             cost[tried] = found.mean_error
             if wanted is not None and wanted.torque_rate is not None:
-                over = found.torque_rate > wanted.torque_rate * (1 + RATE_MARGIN)
+                over = found.torque_rate > wanted.torque_rate * (1 + RATE_ROUNDING)
                 cost[tried[over]] = np.inf
         return points, cost
 
 
-def _nothing_keeps(structure: TunableLaw, wanted: Requirements | None) -> str:
+def _nothing_keeps(law: TunableLaw, wanted: Requirements | None) -> str:
     spans = ", ".join(
-        f"{name} {low:g} to {high:g}"
-        for name, (low, high) in zip(structure.names, structure.span, strict=True)
+        f"{name} {low:g} to {high:g}" for name, (low, high) in zip(law.names, law.span, strict=True)
     )
     if wanted is None:
         return f"tuning: no gains with {spans} are stable; check model, rate and delay"
@@ -209,7 +286,7 @@ def _nothing_keeps(structure: TunableLaw, wanted: Requirements | None) -> str:
 
 @dataclass(frozen=True)
 class Tuning:
-    """The result of tuning a structure.
+    """The result of tuning a law.
 
     Attributes
     ----------
@@ -219,19 +296,19 @@ class Tuning:
     """
 
     wanted: Requirements
-    best: Tuned
-    free: Tuned
+    best: TunedGains
+    free: TunedGains
 
 
 def tune(
-    structure: TunableLaw,
+    law: TunableLaw,
     trial: TuningTrial,
     wanted: Requirements | None = None,
     progress: Progress | None = None,
 ) -> Tuning:
-    """Best gains of a structure, with and without requirements.
+    """Best gains of a law, with and without requirements.
 
-    ``progress`` is told 1.0 after each of 2 ``ROUNDS`` rounds.
+    ``progress`` is told 1.0 after each round of either search.
 
     Raises
     ------
@@ -239,44 +316,12 @@ def tune(
         If no gains keep what is wanted.
     """
     wanted = wanted or Requirements()
-    bench = Bench(structure, trial)
-    best = bench.best(wanted, progress)
-    return Tuning(wanted, best, bench.best(None, progress))
-
-
-def tuned_kinematic(
-    model: Model,
-    loop: Loop,
-    wanted: Requirements | None = None,
-    *,
-    lead: bool = False,
-    seed: int = 0,
-    runs: int = 4,
-) -> Gains:
-    """Gains of ``KinematicControl`` for a model and a loop, on multisines of 0.5 to 3 rad/s.
-
-    Parameters
-    ----------
-    wanted : margins and torque rate; None is 6 dB, 45 degrees, and 1.1 times the torque rate of
-        computed torque on the same model in the same loop
-    lead : whether the reference may be read ahead too, as no stock control does
-    seed : of references and noise
-    runs : references
-
-    Raises
-    ------
-    InputError
-        If no gains keep what is wanted.
-    """
-    trial = TuningTrial(model, loop, references(model, count=runs, seed=seed), seed=seed)
-    wanted = wanted or Requirements(torque_rate=allowed_torque_rate(model, loop, trial))
-    bench = Bench(TunableKinematic(model, loop, lead=lead), trial)
-    return Gains(**bench.best(wanted).point)
+    search = GainSearch(law, trial)
+    best = search.best(wanted, progress)
+    return Tuning(wanted, best, search.best(None, progress))
 
 
 def allowed_torque_rate(model: Model, loop: Loop, trial: TuningTrial) -> float:
-    """1.1 times the torque rate (rms) [N m/s] of computed torque in the trial."""
-    from controllers.computed_torque.computed_torque import ComputedTorque
-
+    """Torque rate (rms) [N m/s] that tuned gains may have: computed torque's, and a tenth more."""
     score = trial.score_controller(lambda: ComputedTorque(model, loop))
-    return TORQUE_RATE_SHARE * float(score.torque_rate[0])
+    return SearchSettings.torque_rate_share * float(score.torque_rate[0])

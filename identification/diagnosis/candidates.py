@@ -74,6 +74,7 @@ def try_candidate(base: FittedStructure, name: str) -> Candidate:
     best = min(map(judge, itertools.product(*grids.values())), key=_square)
     if best.square > settings.max_refined_share * base.held_out.square:
         return best
+    # One shape constant after the other, each from the best values so far.
     for shape, grid in grids.items():
         parameter = mechanism.catalogue[name].parameter(shape)
         if parameter.whole:
@@ -118,6 +119,7 @@ def _linear_candidate(
     theta = mechanism.extend_theta(base.theta, name, shapes)
     own = np.arange(len(base.theta), len(theta), dtype=np.intp)
     new = own[mechanism.free[own]]
+    # Without strength the effect changes nothing: the structure's own demand is taken over.
     columns = tuple(
         _columns(base, mechanism, mechanism.demand(theta, item, known), item, new)
         for item, known in zip(base.samples, base.demands, strict=True)
@@ -248,6 +250,7 @@ def _best_and_tied(
         # A nested effect gives way to its simpler form unless it is materially better.
         if contains(best, item, base) and _gives_way(data, best, item):
             best = item
+    # What contains the best one does as well by construction: that is no tie.
     tied = [
         item.name
         for item in near
@@ -330,6 +333,7 @@ def extends(item: Candidate, base: FittedStructure) -> bool:
 
 def _imitates(columns: Array, target: Array, nuisance: Array, settings: DiagnosisSettings) -> bool:
     """Whether columns explain nearly all of what the nuisance leaves of each target."""
+    # What the structure explains already does not tell one effect from another.
     left_base = _unexplained(nuisance, target, settings)
     left_both = _unexplained(np.concatenate([nuisance, columns], axis=1), target, settings)
     return bool((left_both < (1 - settings.min_imitated_share) * left_base).all())

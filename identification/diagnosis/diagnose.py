@@ -159,6 +159,7 @@ def select(
         best = ranking.best
         if best is None or best.fitted is None:
             break
+        # In long logs chance is ruled out for tiny effects too: the fall must also be material.
         if ranking.p_values[best.name] > settings.max_p_value or not ranking.is_material:
             break
         steps.append(data.step(best.fitted, best.name))
@@ -195,6 +196,7 @@ def _revised(
             base = _refitted(data, full, (*given, *others))
             again = rank(data, base, _rivals(won[index], others, data.settings), rng)
             if again.best is None or again.best.fitted is None or not again.is_material:
+                # The others won beside the effect that goes now: the next round tries them again.
                 del names[index], won[index]
                 full = base
                 break

@@ -110,6 +110,7 @@ class FittedStructure:
         rng = np.random.default_rng(seed)
         total = 0.0
         for item, level, row in zip(self.samples, noise, self.rows, strict=True):
+            # Noise on the torques leaves the same in every structure's residual.
             noisy = self.mechanism.noisy(item, level.speed, 0.0 * level.torque, rng)
             again = residual_of(self.mechanism, self.theta, noisy, self.settings.rows)
             total += float(((again - row.residual) ** 2).sum())
@@ -284,6 +285,7 @@ class LoggedData:
             if np.isfinite(run.predicted).all():
                 velocity.append(velocity_floor(*args, run, noise, self.seed))
             else:
+                # A free run that diverges has no floor: its squares are NaN, and so is the ratio.
                 velocity.append(Squares.of(run))
         _, force = self._force_and_floor(fitted)
         return {"force_error": force.ratio, "velocity_error": add_up(velocity).ratio}

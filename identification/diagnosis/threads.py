@@ -12,7 +12,7 @@ from youbot_env.errors import InputError
 Item = TypeVar("Item")
 Result = TypeVar("Result")
 
-MOST = 4
+MAX_THREADS = 4
 """Threads by default at most: beyond, memory is what all of them wait for."""
 
 
@@ -34,8 +34,8 @@ def threads() -> int:
             raise InputError(f"{THREADS}: {wanted!r} is not a whole number of at least 1")
         return int(wanted)
     if hasattr(os, "sched_getaffinity"):
-        return min(MOST, len(os.sched_getaffinity(0)))
-    return min(MOST, os.cpu_count() or 1)
+        return min(MAX_THREADS, len(os.sched_getaffinity(0)))
+    return min(MAX_THREADS, os.cpu_count() or 1)
 
 
 def side_by_side(

@@ -141,6 +141,7 @@ def right_hand_sides(
         chosen = signs[:, start : start + len(model)].T
         start += len(model)
         real_model, real = (block.sum(axis=0) for block in fold.scores(fold.residual))
+        # Summed by block once; each draw is then one product with its signs.
         drawn = np.moveaxis(np.tensordot(chosen, features, (0, 0)), 0, -1)
         found.append(
             RightHandSides(
@@ -292,6 +293,7 @@ class PartialRegression:
         return self._of_all(ridges) if orders is None else self._of_strongest(ridges, orders)
 
     def _of_all(self, ridges: tuple[float, ...]) -> Array:
+        # In the basis of eigenvectors each ridge costs one division.
         values, vectors = np.linalg.eigh(self.matrix)
         side, held_side = vectors.T @ self.side, vectors.T @ self.held_side
         held_matrix = vectors.T @ self.held_matrix @ vectors

@@ -72,6 +72,7 @@ def residual_table(
     scales, groups = FeatureScales.of(variables, settings), feature_groups(variables[0])
     folds, sizes = [], []
     for row, one, reduction in zip(rows, variables, reductions, strict=True):
+        # Through the residual's own filter and means, or a sharp function would not match it.
         features = [reduction(group.features(one, scales)) for group in groups]
         sizes = [part.shape[1] for part in features]
         block = rows_per_block(fit.independent_time, reduction.step)

@@ -17,7 +17,7 @@ from stable_baselines3.common.vec_env import VecEnv
 from controllers.interface import Array, Controller, Observation
 from controllers.loop import ReferenceTable, preview_needed
 from controllers.policy.inputs import Layout
-from controllers.policy.policy import FEATURE_LIMIT, compose
+from controllers.policy.policy import FEATURE_LIMIT, combined_action
 from youbot_env.tracking.stepper import Setup, Stepper
 from youbot_env.tracking.task import twist_scale
 
@@ -26,7 +26,8 @@ MakeBase = Callable[[], Controller]
 
 
 class BaseControllers:
-    """A controller under each of ``stepper``'s platforms; it sees what ``policy.alone`` shows.
+    """A controller under each of ``stepper``'s platforms; it sees what ``policy.without_torque``
+    shows.
 
     Attributes
     ----------
@@ -98,7 +99,7 @@ class PlatformBatch:
     def step(self, action: Array) -> None:
         """One control period under the policy's wheel actions (n, 4)."""
         base = None if self._beneath is None else self._beneath.action
-        self.stepper.step(compose(self.share * action, base))
+        self.stepper.step(combined_action(self.share * action, base))
         if self._beneath is not None:
             self._beneath.follow()
 

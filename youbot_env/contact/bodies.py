@@ -10,8 +10,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from youbot_env.contact.mjcf import mjcf
-from youbot_env.contact.settings import Contact
-from youbot_env.errors import InputError
+from youbot_env.contact.settings import Contact, EngineSettings
+from youbot_env.errors import optional_library
 from youbot_env.model.model import Model
 from youbot_env.physics.geometry import COS_ROLLER, SIGN_X, WHEELS
 from youbot_env.physics.structure import STATE
@@ -22,12 +22,6 @@ Array = NDArray[np.float64]
 CLOCK = len(STATE) - 1
 YAW = POSE.start + 2
 """Where time and heading stand in a state."""
-
-SETTLING = 60
-"""Engine steps of 1 ms after which a platform that is held in place stands still on its rollers."""
-
-TORQUE_BOUND = 1e4
-"""Wheel torque [N m] beyond which nothing is simulated: the run has diverged."""
 
 
 class Bodies:
@@ -88,7 +82,7 @@ class Bodies:
     def _settle(self) -> None:
         data = self._data
         self._now.opt.timestep = self._timestep
-        for _ in range(round(SETTLING * 1e-3 / self._timestep)):
+        for _ in range(round(EngineSettings.settling_time / self._timestep)):
             _engine().mj_step(self._now, data)
             upright = data.qvel[2:5].copy()
             data.qvel[:] = 0.0
@@ -112,7 +106,8 @@ class Bodies:
 
     def advance(self, command: Array, duration: float) -> None:
         """Hold a command (4,) for ``duration`` [s]."""
-        self._lost = self._lost or not np.abs(command).max() < TORQUE_BOUND  # so that NaN fails too
+        within = np.abs(command).max() < EngineSettings.max_torque  # False for NaN too
+        self._lost = self._lost or not within
         if self._lost:
             return
         steps = max(1, math.ceil(duration / self._timestep - 1e-9))
@@ -191,10 +186,4 @@ def _means(pieces: list[tuple[Array, float]], duration: float, steps: int) -> Ar
 
 
 def _engine() -> Any:
-    try:
-        import mujoco
-    except ImportError:
-        raise InputError(
-            "a plant with contacts needs MuJoCo: pip install 'youbot[mujoco]'"
-        ) from None
-    return mujoco
+    return optional_library("mujoco", "mujoco", "a plant with contacts needs MuJoCo")

@@ -8,26 +8,13 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from youbot_env.contact.settings import Contact
+from youbot_env.contact.settings import Contact, EngineSettings
 from youbot_env.errors import InputError
 from youbot_env.model.model import Model
 from youbot_env.physics.catalogue import GRAVITY
 from youbot_env.physics.geometry import SIGN_LATERAL, SIGN_X, SIGN_Y, WHEELS, Geometry
 
 Array = NDArray[np.float64]
-
-CONTACT_TIME = 0.002
-"""Time constant [s] with which a contact that has sunk in comes out again. Softer contacts let two
-neighbouring rollers carry, and brake, one wheel for longer; harder ones let wheels lift off."""
-
-CONE_STIFFNESS = 3.0
-"""How much stiffer friction is than the normal force (MuJoCo's impratio): wheels creep less."""
-
-ROLLER_SHARE = 0.02
-"""Part of a wheel's mass that is in its rollers, which the base model takes for massless."""
-
-PAYLOAD_HEIGHT = 0.2
-"""Of a payload's centre of mass above the floor [m]: a small load on the deck."""
 
 
 def roller_half_length(geometry: Geometry, rollers: int) -> float:
@@ -76,16 +63,20 @@ class Wheel:
         g, spin = model.geometry, model.values["I1"]
         if g.m1 <= 0.0:
             raise InputError(f"model {model.name}: a plant with contacts needs wheels with m1 > 0")
-        ring = ROLLER_SHARE * g.m1 * (g.R - g.r) ** 2
+        ring = EngineSettings.roller_mass_share * g.m1 * (g.R - g.r) ** 2
         if spin < 2.0 * ring:
             raise InputError(
                 f"model {model.name}: I1 = {spin:g} kg m^2 is too small for a plant with contacts, "
                 f"at least {2.0 * ring:.2g}"
             )
-        hub = (1.0 - ROLLER_SHARE) * g.m1
+        hub = (1.0 - EngineSettings.roller_mass_share) * g.m1
         hub_spin = min(0.5 * hub * g.R**2, 0.5 * (spin - ring))
         return Wheel(
-            hub, ROLLER_SHARE * g.m1 / rollers, hub_spin, 0.6 * hub_spin, spin - ring - hub_spin
+            hub,
+            EngineSettings.roller_mass_share * g.m1 / rollers,
+            hub_spin,
+            0.6 * hub_spin,
+            spin - ring - hub_spin,
         )
 
 
@@ -112,7 +103,9 @@ def platform_inertia(
     if not loaded:
         return mass, centre, inertia
     load = v["payload_change.mass"]
-    place = np.array([v["payload_change.x"], v["payload_change.y"], PAYLOAD_HEIGHT - g.R])
+    place = np.array(
+        [v["payload_change.x"], v["payload_change.y"], EngineSettings.payload_height - g.R]
+    )
     apart, reduced = place - centre, mass * load / (mass + load)
     inertia = inertia + reduced * (apart @ apart * np.eye(3) - np.outer(apart, apart))
     return mass + load, (mass * centre + load * place) / (mass + load), inertia
@@ -145,12 +138,12 @@ def mjcf(model: Model, contact: Contact, *, loaded: bool = False) -> str:
 <mujoco model="platform">
   <compiler angle="radian"/>
   <option timestep="{contact.timestep!r}" integrator="Euler" cone="elliptic"
-      impratio="{CONE_STIFFNESS!r}" gravity="{_numbers(gravity(model))}">
+      impratio="{EngineSettings.friction_stiffness_ratio!r}" gravity="{_numbers(gravity(model))}">
     <flag eulerdamp="disable"/>
   </option>
   <default>
     <geom type="ellipsoid" condim="3" friction="{contact.friction!r} 0 0"
-        solref="{CONTACT_TIME!r} 1" contype="0" conaffinity="1" mass="0"/>
+        solref="{EngineSettings.contact_time!r} 1" contype="0" conaffinity="1" mass="0"/>
   </default>
   <worldbody>
     <geom name="floor" type="plane" size="0 0 1" contype="1" conaffinity="0"/>
@@ -197,7 +190,7 @@ def _wheel(model: Model, contact: Contact, wheel: Wheel, index: int) -> str:
     return f"""
       <body pos="{place}">
         <joint name="{name}" axis="0 1 0" damping="{damping!r}" armature="{wheel.armature!r}"
-            frictionloss="{dry!r}" solreffriction="{CONTACT_TIME!r} 1"
+            frictionloss="{dry!r}" solreffriction="{EngineSettings.contact_time!r} 1"
             solimpfriction="0.99 0.99 1"/>
         <inertial pos="0 0 0" mass="{wheel.hub!r}" diaginertia="{inertia}"/>
         {"".join(rollers)}

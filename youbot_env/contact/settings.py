@@ -2,21 +2,78 @@
 
 from __future__ import annotations
 
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, field
 
-from youbot_env.errors import InputError, count, finite
+from youbot_env.errors import InputError, check_settings, count, finite
 from youbot_env.model.model import Model
-
-COARSEST = 0.001
-"""Longest step [s] that still resolves the contacts."""
-
-FEWEST_ROLLERS = 6
 
 TRANSLATED = (
     *("floor_tilt", "wheel_coulomb_friction", "uneven_wheel_friction", "payload_change"),
     *("actuator_lag", "torque_delay"),
 )
 """Effects of a model that the contact plant knows how to build."""
+
+
+@dataclass(frozen=True)
+class EngineSettings:
+    """How the engine is set up, and what bodies have that the base model leaves open."""
+
+    max_timestep: float = field(
+        default=0.001,
+        metadata={"unit": "s", "reason": "the longest step that still resolves the contacts"},
+    )
+    min_rollers: int = field(
+        default=6,
+        metadata={"unit": "1", "reason": "the youBot's wheels have six"},
+    )
+    contact_time: float = field(
+        default=0.002,
+        metadata={
+            "unit": "s",
+            "reason": "time constant with which a contact that has sunk in comes out again: "
+            "softer ones let two neighbouring rollers carry, and brake, one wheel for "
+            "longer; harder ones let wheels lift off",
+        },
+    )
+    friction_stiffness_ratio: float = field(
+        default=3.0,
+        metadata={
+            "unit": "1",
+            "reason": "how much stiffer friction is than the normal force (MuJoCo's impratio): "
+            "wheels creep less",
+        },
+    )
+    roller_mass_share: float = field(
+        default=0.02,
+        metadata={
+            "unit": "of a wheel's mass",
+            "reason": "that is in its rollers, which the base model takes for massless",
+        },
+    )
+    payload_height: float = field(
+        default=0.2,
+        metadata={
+            "unit": "m",
+            "reason": "of a payload's centre of mass above the floor: a small load on the deck",
+        },
+    )
+    settling_time: float = field(
+        default=0.06,
+        metadata={
+            "unit": "s",
+            "reason": "after it a platform that is held in place stands still on its rollers",
+        },
+    )
+    max_torque: float = field(
+        default=1e4,
+        metadata={
+            "unit": "N m",
+            "reason": "at a wheel; beyond it the run has diverged and nothing is simulated",
+        },
+    )
+
+    def __post_init__(self) -> None:
+        check_settings(self)
 
 
 @dataclass(frozen=True)
@@ -39,20 +96,22 @@ class Contact:
 
     friction: float = 0.8
     rollers: int = 16
-    timestep: float = COARSEST
+    timestep: float = EngineSettings.max_timestep
     com_height: float = 0.1
 
     def __post_init__(self) -> None:
         for name in ("friction", "timestep", "com_height"):
             value = finite(f"contact {name}", getattr(self, name), positive=True)
             object.__setattr__(self, name, value)
-        if self.timestep > COARSEST:
+        if self.timestep > EngineSettings.max_timestep:
             raise InputError(
                 f"contact timestep: {self.timestep:g} s is too coarse for hard contacts; "
-                f"at most {COARSEST:g} s"
+                f"at most {EngineSettings.max_timestep:g} s"
             )
-        if count("contact rollers", self.rollers) < FEWEST_ROLLERS:
-            raise InputError(f"contact rollers: {self.rollers} must be at least {FEWEST_ROLLERS}")
+        if count("contact rollers", self.rollers) < EngineSettings.min_rollers:
+            raise InputError(
+                f"contact rollers: {self.rollers} must be at least {EngineSettings.min_rollers}"
+            )
 
     def to_dict(self) -> dict[str, float]:
         """The settings by name."""

@@ -1,6 +1,9 @@
-"""A model in other people's tools: python-control, torch, MuJoCo, and a plain function of arrays.
+"""A model in other people's tools, one file each; nothing here states an equation of motion.
 
-Nothing here knows an equation of motion: each form is derived from the physics."""
+``control_systems``: systems of python-control; ``torch_export`` (and ``torch_module``, which
+imports torch): a module with gradients; ``mujoco_bodies``: an MJCF document; ``step_function``: a
+plain function from a state to the next.
+"""
 
 from lazy_loader import attach_stub
 

@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from youbot_env.errors import InputError
+from youbot_env.errors import InputError, optional_library
 from youbot_env.exports.step_function import refuse_delay
 from youbot_env.model.model import Model
 from youbot_env.model.model_file import load_model
@@ -30,6 +30,8 @@ TORQUES = tuple(f"effort_{wheel}" for wheel in WHEELS)
 
 WHEEL_SPEEDS = tuple(f"velocity_{wheel}" for wheel in WHEELS)
 """Outputs beside the states: wheel speeds [rad/s], named as in a log."""
+
+NEEDS_CONTROL = "this export needs python-control"
 
 TWIST = STATE[:3]
 TIME = STATE.index("time")
@@ -65,7 +67,7 @@ def to_control(
         If python-control is missing, an output is unknown, a model with a delay is given without
         ``pade``, or ``twist_only`` with forces that depend on pose or wheel angles.
     """
-    control = import_control()
+    control = optional_library("control", "control", NEEDS_CONTROL)
     signals = Signals(load_model(model), twist_only, outputs)
     late = _late(control, signals.model, pade)
     platform = Platform(signals)
@@ -102,7 +104,7 @@ def linear_control(
     twist : VX, VY, W [m/s, m/s, rad/s]
     at : pose (3,), wheel_angle (4,), time of the motion, for models whose forces depend on them
     """
-    control = import_control()
+    control = optional_library("control", "control", NEEDS_CONTROL)
     signals = Signals(load_model(model), twist_only, outputs)
     late = _late(control, signals.model, pade)
     state, torque = steady(signals.model, twist, **at)
@@ -238,14 +240,3 @@ def _late(control: Any, model: Model, order: int | None) -> DelayModel:
     one, each = control.ss(control.tf(*control.pade(model.delay, order))), np.eye(4)
     names = tuple(f"late_{wheel}_{k + 1}" for wheel in WHEELS for k in range(order))
     return DelayModel(*(np.kron(each, part) for part in (one.A, one.B, one.C, one.D)), states=names)
-
-
-def import_control() -> Any:
-    """python-control, or InputError that names the extra."""
-    try:
-        import control
-    except ImportError:
-        raise InputError(
-            "this export needs python-control: pip install 'youbot[control]'"
-        ) from None
-    return control

@@ -6,7 +6,7 @@ import os
 from collections.abc import Iterable
 from typing import TYPE_CHECKING, Any
 
-from youbot_env.errors import InputError
+from youbot_env.errors import optional_library
 from youbot_env.model.model import Model
 from youbot_env.model.model_file import load_model
 
@@ -34,10 +34,7 @@ def to_torch(
     InputError
         If torch is missing, the model cannot be read, or a name is unknown.
     """
-    try:
-        import torch  # noqa: F401
-    except ImportError:
-        raise InputError("this export needs torch: pip install 'youbot[rl]'") from None
+    optional_library("torch", "rl", "this export needs torch")
     from youbot_env.exports.torch_module import TorchPlatform
 
     return TorchPlatform(load_model(model), trainable=trainable, **factory)

@@ -2,93 +2,103 @@
 
 from __future__ import annotations
 
-import operator
 from collections.abc import Callable, Iterable
 from dataclasses import replace
+from functools import partial, reduce
 from types import SimpleNamespace
 from typing import Any
 
+import sympy
 import torch
-import torch.fx
+from sympy.printing.pycode import PythonCodePrinter
 from torch import Tensor, nn
-from torch.fx.proxy import GraphAppendingTracer
 
 from youbot_env.errors import InputError
 from youbot_env.exports.step_function import refuse_delay
 from youbot_env.model.model import Model
 from youbot_env.physics import inverse_dynamics as dynamics
 from youbot_env.physics.effect import CLOCK
-from youbot_env.physics.namespaces import floats, tensors
+from youbot_env.physics.geometry import Geometry
+from youbot_env.physics.namespaces import symbols, tensors
 from youbot_env.physics.points import Instant
 from youbot_env.physics.stated_parameters import internal_values
 from youbot_env.physics.structure import ModelStructure
 from youbot_env.simulation import free_run as simulate
+from youbot_env.simulation.generated_code import LENGTHS, real_symbols
 from youbot_env.simulation.plant import plant_substeps
 
 XP = tensors()
-"""What the traced operations call. One for all traces, so that torch.compile knows it again."""
+"""Functions of tensors. One for all modules, so that torch.compile knows them again."""
 
 
-def traced_derivative(structure: ModelStructure, geometry: Any) -> Callable[..., tuple[Any, ...]]:
+def torch_derivative(structure: ModelStructure, geometry: Geometry) -> Callable[..., list[Any]]:
     """``dynamics.state_derivative`` as a function of S + 4 + P tensors: state, torque, theta.
 
     It returns S components, tensors or plain numbers. Any shapes that broadcast will do, and any
-    floating-point type or device: nothing of them is in the trace.
+    floating-point type or device: nothing of them is in the function. Sympy writes it, because the
+    symbolic equations share what occurs twice and lose what is times zero: a fifth fewer
+    microseconds than running the effects on tensors, the same to 2e-15.
     """
-    graph = torch.fx.Graph()
-    tracer = FoldingTracer(graph)
-
-    def inputs(name: str, count: int) -> list[Any]:
-        return [
-            torch.fx.Proxy(graph.placeholder(f"{name}{index}"), tracer) for index in range(count)
-        ]
-
-    state = inputs("x", len(structure.state_names))
-    torque = inputs("u", 4)
-    theta = inputs("p", len(structure.parameter_names))
+    lengths = [getattr(geometry, name) for name in LENGTHS]
+    symbol = {
+        "lengths": real_symbols([f"g_{name}" for name in LENGTHS]),
+        "state": real_symbols([f"s{i}" for i in range(len(structure.state_names))]),
+        "torque": real_symbols([f"u{i}" for i in range(4)]),
+        "theta": real_symbols([f"p{i}" for i in range(len(structure.parameter_names))]),
+    }
     rates = dynamics.state_derivative(
-        namespace(tracer, state[0]), structure, geometry, theta, tuple(state), tuple(torque)
+        symbols(),
+        structure,
+        SimpleNamespace(**dict(zip(LENGTHS, symbol["lengths"], strict=True))),
+        symbol["theta"],
+        tuple(symbol["state"]),
+        tuple(symbol["torque"]),
     )
-    graph.output(tuple(rate.node if _is_traced(rate) else rate for rate in rates))
-    graph.eliminate_dead_code()
-    # The method alone: as a module of its own it would show among a model's.
-    return torch.fx.GraphModule(torch.nn.Module(), graph).forward
+    function = sympy.lambdify(
+        [name for group in symbol.values() for name in group],
+        [_whole_numbers(sympy.sympify(rate)) for rate in rates],
+        modules=[{**vars(XP), "where": where_like}],
+        printer=_TorchPrinter({"fully_qualified_modules": False}),
+        cse=True,
+    )
+    # The lengths stay arguments: sympy prints the digits of a number only to its fifteenth.
+    return partial(function, *lengths)
 
 
-class FoldingTracer(GraphAppendingTracer):
-    """Writes operations into a graph, but none twice, and none with a 0 or 1 that decides it."""
-
-    def __init__(self, graph: torch.fx.Graph) -> None:
-        super().__init__(graph)
-        self._known: dict[Any, Any] = {}
-
-    def create_proxy(self, kind: str, target: Any, args: Any, kwargs: Any, *rest: Any, **more: Any):
-        """The operation's result: a new node, an earlier one, or a plain number."""
-        if target in FOLDS and (found := FOLDS[target](*args)) is not None:
-            return found
-        key = (target, *(a.node if _is_traced(a) else (type(a), a) for a in args))
-        if key not in self._known:
-            self._known[key] = super().create_proxy(kind, target, args, kwargs, *rest, **more)
-        return self._known[key]
+def _whole_numbers(expression: Any) -> Any:
+    """1.0 as 1: sympy drops a factor of one only where it is an integer."""
+    floats = expression.atoms(sympy.Float)
+    whole = {n: sympy.Integer(int(n)) for n in floats if float(n).is_integer()}
+    return expression.xreplace(whole)
 
 
-def namespace(tracer: FoldingTracer, like: Any) -> Any:
-    """What effects compute with while they are traced: calls of the tensors' namespace.
+class _TorchPrinter(PythonCodePrinter):
+    """Choices as calls, for tensors hold many values: ``if`` could follow one of them only."""
 
-    ``like`` is an input whose floating-point type a choice between plain numbers takes.
-    """
+    def _print_Piecewise(self, expr: Any) -> str:
+        *choices, (last, _) = expr.args
+        code = self._print(last)
+        for value, condition in reversed(choices):
+            code = f"where({self._print(condition)}, {self._print(value)}, {code}, s0)"
+        return code
 
-    def lift(name: str) -> Any:
-        def call(*arguments: Any) -> Any:
-            if not any(_is_traced(value) for value in arguments):
-                return getattr(floats, name)(*arguments)
-            if name == "where":
-                return tracer.create_proxy("call_function", where_like, (*arguments, like), {})
-            return tracer.create_proxy("call_function", getattr(XP, name), arguments, {})
+    def _print_Max(self, expr: Any) -> str:
+        return reduce(lambda a, b: f"maximum({a}, {b})", map(self._print, expr.args))
 
-        return call
+    def _print_Min(self, expr: Any) -> str:
+        return reduce(lambda a, b: f"minimum({a}, {b})", map(self._print, expr.args))
 
-    return SimpleNamespace(**{name: lift(name) for name in vars(floats)})
+    def _print_And(self, expr: Any) -> str:
+        return " & ".join(f"({self._print(part)})" for part in expr.args)
+
+    def _print_Or(self, expr: Any) -> str:
+        return " | ".join(f"({self._print(part)})" for part in expr.args)
+
+    def _print_Not(self, expr: Any) -> str:
+        return f"~({self._print(expr.args[0])})"
+
+    def _print_sign(self, expr: Any) -> str:
+        return f"sign({self._print(expr.args[0])})"
 
 
 def where_like(condition: Any, yes: Any, no: Any, like: torch.Tensor) -> Any:
@@ -96,52 +106,14 @@ def where_like(condition: Any, yes: Any, no: Any, like: torch.Tensor) -> Any:
 
     In torch's default type, single, they would round what they are multiplied with.
     """
+    if not isinstance(condition, torch.Tensor):
+        return yes if condition else no
 
     def lifted(value: Any) -> torch.Tensor:
         is_tensor = isinstance(value, torch.Tensor)
         return value if is_tensor else torch.as_tensor(value, dtype=like.dtype, device=like.device)
 
     return torch.where(condition, lifted(yes), lifted(no))
-
-
-def _is_traced(value: Any) -> bool:
-    return isinstance(value, torch.fx.Proxy)
-
-
-def _is(value: Any, number: float) -> bool:
-    return not _is_traced(value) and value == number
-
-
-def _sum(a: Any, b: Any) -> Any:
-    return b if _is(a, 0.0) else a if _is(b, 0.0) else None
-
-
-def _difference(a: Any, b: Any) -> Any:
-    return a if _is(b, 0.0) else -b if _is(a, 0.0) else None
-
-
-def _product(a: Any, b: Any) -> Any:
-    for one, other in ((a, b), (b, a)):
-        if _is(one, 0.0):
-            return 0.0
-        if _is(one, 1.0):
-            return other
-        if _is(one, -1.0):
-            return -other
-    return None
-
-
-def _quotient(a: Any, b: Any) -> Any:
-    return 0.0 if _is(a, 0.0) else a if _is(b, 1.0) else None
-
-
-FOLDS: dict[Callable[..., Any], Callable[[Any, Any], Any]] = {
-    operator.add: _sum,
-    operator.sub: _difference,
-    operator.mul: _product,
-    operator.truediv: _quotient,
-}
-"""What a sum, difference, product or quotient is without being computed; None if it must be."""
 
 
 class TorchPlatform(nn.Module):
@@ -179,7 +151,7 @@ class TorchPlatform(nn.Module):
                 f"trainable: no parameter {unknown[0]!r}; it has {', '.join(model.values)}"
             )
         self.model = model
-        self._rates = traced_derivative(model.structure, model.geometry)
+        self._rates = torch_derivative(model.structure, model.geometry)
         self._has_clock = bool(model.structure.at(CLOCK))
         self._late_step = any(name in chosen for name in _clock_parameters(model))
         for effect in model.effects:
@@ -288,11 +260,11 @@ class TorchPlatform(nn.Module):
         return replace(found, logs=(), errors={}, provenance=source)
 
     def __getstate__(self) -> dict[str, Any]:
-        return {**self.__dict__, "_rates": None}  # traced again, not carried
+        return {**self.__dict__, "_rates": None}  # written again, not carried
 
     def __setstate__(self, state: dict[str, Any]) -> None:
         super().__setstate__(state)
-        self._rates = traced_derivative(self.model.structure, self.model.geometry)
+        self._rates = torch_derivative(self.model.structure, self.model.geometry)
 
     def _checked(
         self, state: Tensor, torque: Tensor, *, sampled: bool = False

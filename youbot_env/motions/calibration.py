@@ -26,16 +26,7 @@ def motion_i(
     The left wheels stand still. ``wheel_speed`` [rad/s] is the peak of the right ones,
     ``frequency`` [rad/s] that of W. Raises InputError if a number cannot be.
     """
-    geometry = geometry or Geometry()
-    rim_speed = geometry.R * finite("motion 'I' wheel_speed", wheel_speed)
-    return Turning(
-        name="I",
-        duration=duration,
-        frequency=frequency,
-        yaw_rate=rim_speed / (2 * geometry.L),
-        lever_x=geometry.L,
-        lever_y=0.0,
-    )
+    return _turning("I", geometry or Geometry(), wheel_speed, frequency, duration, (1.0, 0.0))
 
 
 def motion_ii(
@@ -50,15 +41,30 @@ def motion_ii(
     The back wheels stand still. ``wheel_speed`` [rad/s] is the peak of the front ones,
     ``frequency`` [rad/s] that of W. Raises InputError if a number cannot be.
     """
-    geometry = geometry or Geometry()
-    rim_speed = geometry.R * finite("motion 'II' wheel_speed", wheel_speed)
+    return _turning("II", geometry or Geometry(), wheel_speed, frequency, duration, (0.0, 1.0))
+
+
+def _turning(
+    name: str,
+    geometry: Geometry,
+    wheel_speed: float,
+    frequency: float,
+    duration: float,
+    direction: tuple[float, float],
+) -> Turning:
+    """Turning about a point at distance L; ``direction`` is that of V per W in the body frame.
+
+    Two wheels stand still there, and the other two run at twice L W / R.
+    """
+    rim_speed = geometry.R * finite(f"motion '{name}' wheel_speed", wheel_speed)
+    lever_x, lever_y = (share * geometry.L for share in direction)
     return Turning(
-        name="II",
+        name=name,
         duration=duration,
         frequency=frequency,
         yaw_rate=rim_speed / (2 * geometry.L),
-        lever_x=0.0,
-        lever_y=geometry.L,
+        lever_x=lever_x,
+        lever_y=lever_y,
     )
 
 

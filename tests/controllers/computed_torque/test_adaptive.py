@@ -9,7 +9,7 @@ import pytest
 
 from controllers.computed_torque.adaptive import AdaptiveComputedTorque, physical_parameters
 from controllers.computed_torque.computed_torque import ComputedTorque
-from controllers.computed_torque.learner import LEAST_NOISE, Learner
+from controllers.computed_torque.online_estimator import EstimatorSettings, OnlineEstimator
 from controllers.interface import Observation, Reference
 from tests.controllers.driving import LATE, ONE_SAMPLE, PAPER, Condition, blind, off, track
 from youbot_env.errors import InputError
@@ -38,7 +38,7 @@ def test_it_recovers_from_a_payload_in_ten_seconds(name: str, mass: float) -> No
     before, after = run.normalised(2.0, 8.0), run.normalised(18.0, 26.0)
     assert np.linalg.norm(after) < 1.5 * np.linalg.norm(before)
     assert control.estimate[0] == pytest.approx(START[0] + mass, rel=0.01)
-    assert control.learner.changes == 1
+    assert control.estimator.changes == 1
 
 
 def test_without_adapting_the_payload_would_stay() -> None:
@@ -135,7 +135,9 @@ def test_parameters_stay_those_of_a_platform() -> None:
 # --- the learner -----------------------------------------------------------------------------
 
 
-def teach(learner: Learner, truth: np.ndarray, rows: int, noise: float, seed: int = 0) -> None:
+def teach(
+    learner: OnlineEstimator, truth: np.ndarray, rows: int, noise: float, seed: int = 0
+) -> None:
     rng = np.random.default_rng(seed)
     for _ in range(rows):
         columns = rng.normal(size=(3, len(truth)))
@@ -144,23 +146,23 @@ def teach(learner: Learner, truth: np.ndarray, rows: int, noise: float, seed: in
 
 
 def test_noise_is_measured() -> None:
-    learner = Learner(np.ones(4), np.ones(4), 0.05, 20.0)
+    learner = OnlineEstimator(np.ones(4), np.ones(4), 0.05, 20.0)
     teach(learner, np.ones(4), 1500, 0.3)
     np.testing.assert_allclose(learner.noise, 0.3, rtol=0.25)
     assert np.abs(learner.estimate - 1).max() < 0.05
 
 
 def test_a_change_is_noticed_once_and_learnt() -> None:
-    learner = Learner(np.ones(4), np.ones(4), 0.05, 20.0)
-    teach(learner, np.ones(4), 200, LEAST_NOISE)
+    learner = OnlineEstimator(np.ones(4), np.ones(4), 0.05, 20.0)
+    teach(learner, np.ones(4), 200, EstimatorSettings.min_noise)
     assert learner.changes == 0
-    teach(learner, np.array([1.0, 1.5, 1.0, 0.5]), 200, LEAST_NOISE, seed=1)
+    teach(learner, np.array([1.0, 1.5, 1.0, 0.5]), 200, EstimatorSettings.min_noise, seed=1)
     assert learner.changes == 1
     np.testing.assert_allclose(learner.estimate, [1.0, 1.5, 1.0, 0.5], atol=0.02)
 
 
 def test_no_direction_becomes_less_certain_than_at_first() -> None:
-    learner = Learner(np.zeros(2), np.array([1.0, 2.0]), 0.05, 1.0)
+    learner = OnlineEstimator(np.zeros(2), np.array([1.0, 2.0]), 0.05, 1.0)
     for _ in range(2000):
         learner.learn(np.array([[1.0, 0.0]] * 3), np.zeros(3), np.full(3, 2.0))
     assert learner.spread[0] < 0.1

@@ -31,8 +31,8 @@ from youbot_env.physics.points import Instant
 CONDITIONS = {"one sample": ONE_SAMPLE, "late": LATE, "1 kHz": Condition(1000.0, 2)}
 
 
-def known(condition: Condition, **settings: float) -> ComputedTorque:
-    return ComputedTorque(condition.model, condition.loop, **settings)
+def known(condition: Condition, bandwidth: float | None = None) -> ComputedTorque:
+    return ComputedTorque(condition.model, condition.loop, bandwidth)
 
 
 def still(count: int = 8, *twist: float) -> Reference:

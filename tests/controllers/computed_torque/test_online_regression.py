@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from controllers.computed_torque.feedback import TORQUE, WIDTH
-from controllers.computed_torque.online_regression import BASE_COUNT, ROW_TIME, OnlineRows
+from controllers.computed_torque.online_regression import BASE_COUNT, OnlineRows, RowSettings
 from controllers.interface import Loop
 from identification.mechanisms.mecanum import Mecanum
 from identification.mechanisms.mecanum_samples import MecanumSamples
@@ -53,7 +53,7 @@ def test_columns_and_demand_are_the_identifications(case: str) -> None:
     demand = mechanism.demand(found.theta, drive)
     ends = demand.columns(range(BASE_COUNT))
     first = settled(FilterSettings.rate, DT) - 1
-    size = round(ROW_TIME / DT)
+    size = round(RowSettings.row_time / DT)
     for i in range(BASE_COUNT):
         whole = block_mean(
             first_order(ends[i, 0], ends[i, 1], FilterSettings.rate, DT)[first:], size
@@ -77,7 +77,9 @@ def test_the_force_is_filtered_as_held_and_taken_at_the_speeds_instant(age: floa
     held = mechanism.measured_force(drive)[1:]
     exact = first_order(held, held, FilterSettings.rate, DT)
     late = np.stack([np.interp(drive.time - age, drive.time, part) for part in exact.T], axis=1)
-    whole = block_mean(late[settled(FilterSettings.rate, DT) - 1 :], round(ROW_TIME / DT))
+    whole = block_mean(
+        late[settled(FilterSettings.rate, DT) - 1 :], round(RowSettings.row_time / DT)
+    )
     np.testing.assert_allclose(demand, whole[: len(demand)], atol=1e-9)
 
 

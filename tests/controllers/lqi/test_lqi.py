@@ -11,7 +11,7 @@ import pytest
 from controllers.interface import Controller, Loop, Observation, Reference
 from controllers.linear.linear_system import closed, sampled_platform
 from controllers.linear.margins import control_margins, frequency_grid
-from controllers.lqi.design import Weights, fastest, linear_lqi, lqi, lqi_margins
+from controllers.lqi.design import LQISettings, Weights, fastest, linear_lqi, lqi, lqi_margins
 from controllers.lqi.lqi import LQI
 from controllers.pid.pid import PID
 from controllers.tuning.trials import TuningTrial, references
@@ -171,7 +171,7 @@ def test_a_mistake_is_one_clear_line(monkeypatch: pytest.MonkeyPatch) -> None:
     with pytest.raises(InputError, match="LQI damping: 0.5 must be at least 0.707"):
         Weights(3.0, 0.5)
     with pytest.raises(InputError, match="no bandwidth from 0.3 rad/s on keeps"):
-        fastest(PAPER, LOOP, gain_margin=200.0)
+        fastest(PAPER, LOOP, LQISettings(gain_margin=200.0))
     monkeypatch.setitem(sys.modules, "control", None)
     with pytest.raises(InputError, match=r"pip install 'youbot\[control\]'"):
         LQI(PAPER, LOOP)

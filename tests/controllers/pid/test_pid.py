@@ -8,14 +8,19 @@ import numpy as np
 import pytest
 
 from controllers.interface import Controller, Loop, Observation, Reference
-from controllers.linear.drives import effective_mass
-from controllers.linear.linear_system import closed, sampled, sampled_platform, twist_dynamics
+from controllers.linear.linear_system import (
+    closed,
+    effective_mass,
+    sampled,
+    sampled_platform,
+    twist_dynamics,
+)
 from controllers.linear.margins import control_margins, frequency_grid, margins
-from controllers.pid.design import PIDGains, design, linear_pid, matrices, response
+from controllers.pid.design import PIDGains, PIDSettings, design, linear_pid, matrices, response
 from controllers.pid.pid import PID, BodyLoops
 from controllers.tuning.trials import TuningTrial, references
 from controllers.tuning.tunable_laws import TunablePID
-from controllers.tuning.tuning import Bench, Requirements
+from controllers.tuning.tuning import GainSearch, Requirements
 from youbot_env.errors import InputError
 from youbot_env.model.model import Model
 from youbot_env.model.model_file import load_model
@@ -123,7 +128,7 @@ def test_the_derivative_earns_its_place_against_a_lag() -> None:
     motions = references(LAGGED, count=2, duration=3.0)
     run = TuningTrial(LAGGED, SLOW, motions, 3.0)
     with_it, without = (
-        run.score(BodyLoops(LAGGED, SLOW, [design(LAGGED, SLOW, derivative=d)] * 2))
+        run.score(BodyLoops(LAGGED, SLOW, [design(LAGGED, SLOW, PIDSettings(cancels_lag=d))] * 2))
         for d in (True, False)
     )
     assert (with_it.error < 0.85 * without.error).all()
@@ -153,17 +158,17 @@ def test_stable_on_another_platform(model: Model, loop: Loop, signs: tuple[float
 
 
 def test_tuned_pid_keeps_what_is_asked() -> None:
-    structure = TunablePID(PAPER, LOOP)
-    bench = Bench(
-        structure, TuningTrial(PAPER, LOOP, references(PAPER, count=1, duration=3.0), 3.0)
+    law = TunablePID(PAPER, LOOP)
+    search = GainSearch(
+        law, TuningTrial(PAPER, LOOP, references(PAPER, count=1, duration=3.0), 3.0)
     )
-    best = bench.best(Requirements(torque_rate=1.3))
+    best = search.best(Requirements(torque_rate=1.3))
     assert best.margins.gain.min() >= 6.0
     assert best.margins.phase.min() >= 45.0
     assert best.torque_rate <= 1.3 * (1 + 1e-9)
     assert (best.error < 0.1).all()
     point = np.array(list(best.point.values()))
-    assert PID(PAPER, LOOP, structure.gains(point)).gains == structure.gains(point)
+    assert PID(PAPER, LOOP, law.gains(point)).gains == law.gains(point)
 
 
 # --- what a loop meets -----------------------------------------------------------------------
@@ -234,7 +239,10 @@ def test_reset_starts_over_to_the_bit() -> None:
         (lambda: PIDGains((1.0, 1.0)), "bandwidth: three numbers are needed"),  # pyright: ignore
         (lambda: PIDGains((1.0, 1.0, 1.0), -1.0), "PID damping: -1.0 must be positive"),
         (lambda: PIDGains((1.0, 1.0, 1.0), 1.0, 0.1), "a derivative needs a positive one"),
-        (lambda: design(PAPER, LOOP, gain_margin=200.0), "no bandwidth of VX .* ask for less"),
+        (
+            lambda: design(PAPER, LOOP, PIDSettings(gain_margin=200.0)),
+            "no bandwidth of VX .* ask for less",
+        ),
     ],
 )
 def test_a_mistake_is_one_clear_line(make, message: str) -> None:

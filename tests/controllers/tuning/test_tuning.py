@@ -17,7 +17,7 @@ from controllers.tuning.tunable_laws import (
     WheelLoops,
     wheel_loops,
 )
-from controllers.tuning.tuning import Bench, Requirements, tune
+from controllers.tuning.tuning import GainSearch, Requirements, tune
 from youbot_env.errors import InputError
 from youbot_env.model.model_file import load_model
 
@@ -52,11 +52,11 @@ def test_the_bank_scores_as_the_controller_does(gains: Gains, limit: float) -> N
 
 @pytest.mark.parametrize("kind", [TunableKinematic, TunablePID])
 def test_the_closed_form_is_the_state_spaces_response(kind) -> None:
-    structure, point = kind(LAGGED, SLOW), np.array([0.7, 1.3])
+    law, point = kind(LAGGED, SLOW), np.array([0.7, 1.3])
     frequency = np.array([0.1, 3.0, 50.0, 300.0])
     np.testing.assert_allclose(
-        structure.response(point, frequency),
-        structure.controller(point).response(frequency),
+        law.response(point, frequency),
+        law.controller(point).response(frequency),
         rtol=1e-9,
         atol=1e-9,
     )
@@ -64,11 +64,11 @@ def test_the_closed_form_is_the_state_spaces_response(kind) -> None:
 
 def test_a_candidate_does_not_depend_on_its_neighbours() -> None:
     run = trial(duration=3.0)
-    structure = TunableKinematic(PAPER, LOOP)
+    law = TunableKinematic(PAPER, LOOP)
     points = np.array([[0.3, 1.0], [5.0, 200.0], [0.7, 7.0]])
-    together = run.score(structure.law(points, 2))
+    together = run.score(law.rows(points, 2))
     for row in (0, 2):
-        alone = run.score(structure.law(points[row : row + 1], 2))
+        alone = run.score(law.rows(points[row : row + 1], 2))
         np.testing.assert_array_equal(alone.error[0], together.error[row])
         assert alone.torque_rate[0] == together.torque_rate[row]
     assert together.mean_error[1] > 5 * together.mean_error[2], "it oscillates"
@@ -105,18 +105,18 @@ def test_the_plants_own_delay_counts_as_the_loops() -> None:
 @pytest.fixture(scope="module")
 def tuned():
     run = trial()
-    structure = TunableKinematic(PAPER, LOOP)
-    return tune(structure, run, Requirements(torque_rate=1.4)), Bench(structure, run)
+    law = TunableKinematic(PAPER, LOOP)
+    return tune(law, run, Requirements(torque_rate=1.4)), GainSearch(law, run)
 
 
 def test_tuned_gains_keep_what_is_asked_and_beat_the_stock_ones(tuned) -> None:
-    found, bench = tuned
+    found, search = tuned
     best = found.best
     assert best.margins.gain.min() >= 6.0
     assert best.margins.phase.min() >= 45.0
     assert best.torque_rate <= 1.4 * (1 + 1e-9)
     assert (best.poles.real < 0).all()
-    stock = bench.tuned(np.array([0.12, 0.30]))
+    stock = search.evaluate(np.array([0.12, 0.30]))
     assert (best.error < stock.error / 5).all()
     # the free best is at least as good, and pays with its margins
     assert found.free.mean_error <= best.mean_error
@@ -124,11 +124,11 @@ def test_tuned_gains_keep_what_is_asked_and_beat_the_stock_ones(tuned) -> None:
 
 
 def test_no_gains_of_a_fine_map_are_better(tuned) -> None:
-    found, bench = tuned
+    found, search = tuned
     kp, ki = np.meshgrid(np.geomspace(0.1, 2, 16), np.geomspace(0.5, 50, 16))
     points = np.column_stack([kp.ravel(), ki.ravel()])
-    stable, gap = bench.linear(points)
-    score = bench.score(points)
+    stable, gap = search.linear(points)
+    score = search.score(points)
     kept = stable & (gap.gain.min(axis=1) >= 6) & (gap.phase.min(axis=1) >= 45)
     kept &= score.torque_rate <= 1.4
     assert kept.any()
@@ -137,7 +137,7 @@ def test_no_gains_of_a_fine_map_are_better(tuned) -> None:
 
 
 def test_tuning_repeats_to_the_bit(tuned) -> None:
-    again = Bench(TunableKinematic(PAPER, LOOP), trial()).best(Requirements(torque_rate=1.4))
+    again = GainSearch(TunableKinematic(PAPER, LOOP), trial()).best(Requirements(torque_rate=1.4))
     assert again.to_dict() == tuned[0].best.to_dict()
 
 

@@ -7,7 +7,7 @@ import time
 
 import pytest
 
-from identification.diagnosis.threads import MOST, THREADS, side_by_side, threads
+from identification.diagnosis.threads import MAX_THREADS, THREADS, side_by_side, threads
 from youbot_env.errors import InputError
 
 
@@ -48,7 +48,7 @@ def test_after_a_failure_nothing_else_is_begun(monkeypatch, failure):
 
 def test_threads_are_the_cores_unless_the_user_says(monkeypatch):
     monkeypatch.delenv(THREADS, raising=False)
-    assert 1 <= threads() <= MOST
+    assert 1 <= threads() <= MAX_THREADS
     monkeypatch.setenv(THREADS, "7")
     assert threads() == 7
     for wrong in ("0", "two", "-1", "1.5"):

@@ -15,7 +15,7 @@ import pytest
 import youbot_env  # noqa: F401 - registers the environment
 from youbot_env.contact.mjcf import mjcf, profile
 from youbot_env.contact.plant import ContactPlant
-from youbot_env.contact.settings import COARSEST, Contact
+from youbot_env.contact.settings import Contact, EngineSettings
 from youbot_env.errors import InputError
 from youbot_env.model.model import BASE_UNITS, Estimate, Model
 from youbot_env.model.model_file import load_model
@@ -444,4 +444,4 @@ def test_an_environment_refuses_other_plants(plant):
 
 
 def test_the_step_is_the_coarsest_that_resolves_contacts():
-    assert Contact().timestep == COARSEST
+    assert Contact().timestep == EngineSettings.max_timestep

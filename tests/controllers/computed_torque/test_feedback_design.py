@@ -7,7 +7,7 @@ import pytest
 
 from controllers.computed_torque.adaptive import AdaptiveComputedTorque
 from controllers.computed_torque.computed_torque import ComputedTorque
-from controllers.computed_torque.feedback_margins import closed_loop, feedback_system
+from controllers.computed_torque.feedback_design import closed_loop, feedback_system
 from controllers.interface import Loop
 from controllers.linear.linear_system import LinearSystem, closed, sampled_platform
 from tests.controllers.driving import LAGGED, LATE, ONE_SAMPLE, PAPER, scaled
