@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from identification.fitting.errors import (
     NoiseLevel,
-    Squares,
+    SumsOfSquares,
     Traces,
     add_up,
     force_floor,
@@ -79,8 +79,8 @@ class LogComparison:
     seen_in_fit: bool
     force: Traces
     velocity: Traces
-    force_floor: Squares
-    velocity_floor: Squares
+    force_floor: SumsOfSquares
+    velocity_floor: SumsOfSquares
     joint_speed: Array
     slip: Slip | None = None
 
@@ -109,8 +109,8 @@ class Comparison:
         return {
             "logs": {item.log.name: _log_dict(item) for item in self.logs},
             "total": {
-                "force_error": add_up(Squares.of(item.force) for item in counted).ratio,
-                "velocity_error": add_up(Squares.of(item.velocity) for item in counted).ratio,
+                "force_error": add_up(SumsOfSquares.of(item.force) for item in counted).ratio,
+                "velocity_error": add_up(SumsOfSquares.of(item.velocity) for item in counted).ratio,
             },
             "noise_floor": {
                 "force_error": add_up(item.force_floor for item in counted).ratio,
@@ -137,7 +137,7 @@ class Comparison:
 
 
 def _log_dict(item: LogComparison) -> dict[str, Any]:
-    force, velocity = Squares.of(item.force), Squares.of(item.velocity)
+    force, velocity = SumsOfSquares.of(item.force), SumsOfSquares.of(item.velocity)
     return {
         "force_error": force.ratio,
         "velocity_error": velocity.ratio,

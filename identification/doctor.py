@@ -10,14 +10,12 @@ from typing import Any
 import numpy as np
 
 from identification.fitting.observability import Observability, log_observability
-from identification.fitting.regression_rows import regression_rows
+from identification.fitting.regression import regression
 from identification.logs.findings import Finding, LogError
 from identification.logs.log import Log
 from identification.logs.reading import read_log
-from identification.mechanisms.mecanum import Mecanum
 from identification.mechanisms.mechanism import Mechanism
-from identification.mechanisms.paper_regressor import motion_that_shows
-from identification.mechanisms.registry import AnyModel, MechanismKind, mechanism_of
+from identification.mechanisms.registry import AnyModel, Entry, mechanism_of
 from identification.signals.noise import white_noise
 from youbot_env.errors import InputError
 from youbot_env.physics.geometry import Geometry
@@ -138,7 +136,7 @@ class LogExamination:
 
 def examine_log(
     path: str | os.PathLike[str],
-    kind: MechanismKind,
+    kind: Entry,
     *,
     geometry: Geometry | None = None,
     unit: str = "rad",
@@ -164,23 +162,21 @@ def examine_log(
 
 def joint_units(model: AnyModel) -> dict[str, str]:
     """Units of a joint's channels "speed" and "torque"."""
-    scales = getattr(model, "scales", None)  # of an axis, which turns or slides; wheels turn
-    turns = scales is None or scales.turns
+    turns = getattr(model.geometry, "turns", True)  # wheels turn; an axis turns or slides
     return {"speed": "rad/s", "torque": "N m"} if turns else {"speed": "m/s", "torque": "N"}
 
 
 def log_shows(log: Log, mechanism: Mechanism, theta: np.ndarray) -> LogObservability:
     """What a log and each of its motions show of a mechanism's parameters around theta (P,)."""
     samples = mechanism.samples(log)
-    rows = regression_rows(mechanism, theta, samples, np.flatnonzero(mechanism.free))
+    rows = regression(mechanism, theta, samples, np.flatnonzero(mechanism.free))
     total = log_observability(mechanism, [rows])
     motions = []
     for part in mechanism.parts(samples):
         seen = log_observability(mechanism, [rows.between(part.start, part.end)])
         blind = seen.describe_blind()
         motions.append(MotionShown(part.kind, part.start, part.end, seen.rank, blind))
-    named = None
-    if isinstance(mechanism, Mecanum):  # whose calibration motions have names
-        named = [motion_that_shows(mechanism.geometry, direction) for direction in total.blind]
+    name = mechanism.conventions.motion_that_shows
+    named = [name(mechanism.geometry, direction) for direction in total.blind] if name else None
     cures = [mechanism.advice(direction) for direction in total.blind]
     return LogObservability(total, mechanism.scaling, cures, motions, named)

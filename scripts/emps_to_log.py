@@ -130,11 +130,12 @@ def force_of_model(run: Run, model: Any) -> Array:
     ----------
     model : an AxisModel in m, m/s, N
     """
-    from identification.mechanisms.axis_dynamics import Instant, acting_force
+    from youbot_env.physics.inverse_dynamics import acting_torque
+    from youbot_env.physics.mechanism import Instant
 
     position, speed, acceleration = run.motion()
-    at = Instant(speed, acceleration, position, time=run.time - run.time[0])
-    return acting_force(np, model.structure, model.theta, at)
+    at = Instant((speed,), (acceleration,), (position,), time=run.time - run.time[0])
+    return acting_torque(np, model.structure, model.geometry, model.theta, at)[0]
 
 
 def official_model() -> Any:

@@ -29,7 +29,7 @@ from .physics.effect import (
     effect as effect,
 )
 from .physics.geometry import Geometry as Geometry
-from .physics.structure import CATALOGUE as CATALOGUE
+from .physics.mecanum import CATALOGUE as CATALOGUE
 from .simulation import Plant as Plant, initial_state as initial_state
 
 __all__: list[str]

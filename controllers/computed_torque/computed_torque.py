@@ -16,6 +16,7 @@ from controllers.linear.margins import Margins
 from controllers.linear.reference_window import reference_at
 from youbot_env.errors import finite
 from youbot_env.model.model import Model
+from youbot_env.physics import inverse_dynamics as dynamics
 from youbot_env.physics.effect import WORLD
 from youbot_env.simulation.compiled import inverse_kernel
 from youbot_env.simulation.generated_code import MOTION
@@ -71,7 +72,7 @@ class ComputedTorque:
         self.preview_needed = ceil(self._lead - ROUNDING) + 1
         # Only forces that read pose or wheel angles need them moved on along the reference.
         self._follows = bool(model.structure.at(WORLD)) or model.structure.depends_on_angle
-        self._kernel = inverse_kernel(model.structure)
+        self._kernel = inverse_kernel(model.structure, dynamics)
         self._lengths, self._theta = model.lengths, model.theta.copy()
         self._jacobian = np.ascontiguousarray(model.geometry.wheel_jacobian)
         self._warm_up()

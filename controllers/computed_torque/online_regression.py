@@ -18,6 +18,7 @@ from identification.mechanisms.mecanum import Mecanum
 from identification.signals.filters import FilterSettings, hold_weights
 from youbot_env.errors import check_settings
 from youbot_env.model.model import Model
+from youbot_env.physics import inverse_dynamics as dynamics
 from youbot_env.physics.effect import BASE
 from youbot_env.simulation.compiled import inverse_kernel
 from youbot_env.simulation.generated_code import MOTION
@@ -69,7 +70,7 @@ class OnlineRows:
     """
 
     def __init__(self, model: Model, loop: Loop, settings: RowSettings = RowSettings()) -> None:
-        self._kernel, self._lengths = inverse_kernel(model.structure), model.lengths
+        self._kernel, self._lengths = inverse_kernel(model.structure, dynamics), model.lengths
         mechanism = Mecanum(model.geometry, model.structure)
         self._jacobian = np.ascontiguousarray(model.geometry.wheel_jacobian)
         self._force_scale = mechanism.force_scale

@@ -25,7 +25,7 @@ class CommandTracker:
 
     def reset(self) -> None:
         """Nothing is on its way."""
-        self._line = DelayLine(self.delay)
+        self._line = DelayLine(self.delay, shape=(4,))
         self._last: Array = np.zeros(4)
         self.acting: Array = np.zeros(4)
 
@@ -46,6 +46,6 @@ class CommandTracker:
     def command(self, torque: Array) -> None:
         """Moves on by one sample under a new command (4,) [N m]."""
         self._last = torque
-        for (late,), piece in self._line.passed(torque[None], self.period):
+        for late, piece in self._line.passed(torque, self.period):
             keep = np.exp(-piece / self.lag) if self.lag > 0.0 else 0.0
             self.acting = late + keep * (self.acting - late)

@@ -22,8 +22,8 @@ from controllers.linear.margins import Complex, python_control
 from youbot_env.errors import check_settings
 from youbot_env.model.model import Model
 from youbot_env.physics import inverse_dynamics as dynamics
-from youbot_env.physics.points import Instant
-from youbot_env.physics.structure import DRIVE_STATE, STATE
+from youbot_env.physics.mecanum import DRIVE_STATE, STATE
+from youbot_env.physics.mechanism import Instant
 from youbot_env.simulation.free_run import initial_state
 
 TWIST = slice(0, 3)

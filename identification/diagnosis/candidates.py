@@ -26,12 +26,12 @@ from identification.diagnosis.structures import (
     visible_directions,
 )
 from identification.diagnosis.threads import side_by_side
-from identification.fitting.cross_validation import block_sums, held_out, make_folds
+from identification.fitting.cross_validation import block_sums, cross_validate, make_folds
 from identification.fitting.least_squares import Fit
 from identification.fitting.noise_bias import final_fit, joint_fit
 from identification.fitting.observability import log_observability, refuse_blind
-from identification.fitting.regression_rows import Indices, reduce, residual_of
-from identification.mechanisms.mechanism import DemandedForce
+from identification.fitting.regression import Indices, filtered_residual, filtered_rows
+from identification.mechanisms.samples import DemandedForce
 from youbot_env.physics.effect import Parameter
 
 Array = NDArray[np.float64]
@@ -128,7 +128,7 @@ def _linear_candidate(
     free = np.concatenate([base.free, new])
     basis = visible_directions(mechanism, free)
     folds = make_folds(base.rows, joined, base.settings.fit)
-    judged = held_out(base.residual, joined, folds, basis, base.settings.fit)
+    judged = cross_validate(base.residual, joined, folds, basis, base.settings.fit)
     return Candidate(
         *(name, mechanism, theta, free, columns, judged, shapes),
         directions=basis.shape[1] - base.basis.shape[1],
@@ -140,7 +140,7 @@ def _columns(
     base: FittedStructure, mechanism: Any, demand: DemandedForce, samples: Any, new: Indices
 ) -> Array:
     ends = np.moveaxis(demand.columns(new), 0, -1)
-    return reduce(ends, mechanism, samples, base.settings.rows)
+    return filtered_rows(ends, mechanism, samples, base.settings.rows)
 
 
 def rank(
@@ -289,7 +289,9 @@ def _adds_nothing(
         return False
     undone = fit_without_noise_bias(data, larger.fitted).theta
     beyond = [
-        (row.residual - residual_of(larger.mechanism, undone, samples, settings.rows))[..., None]
+        (row.residual - filtered_residual(larger.mechanism, undone, samples, settings.rows))[
+            ..., None
+        ]
         for row, samples in zip(smaller.rows, data.samples, strict=True)
     ]
     left = _unexplained(stacked(smaller.columns), stacked(beyond), settings)

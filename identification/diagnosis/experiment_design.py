@@ -12,9 +12,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from identification.fitting.least_squares import gauge_basis
-from identification.fitting.regression_rows import regression_rows
-from identification.mechanisms.mechanism import Experiment, Mechanism, Samples
+from identification.fitting.gauge import gauge_basis
+from identification.fitting.regression import regression
+from identification.mechanisms.mechanism import Experiment, Mechanism
+from identification.mechanisms.samples import Samples
 
 Array = NDArray[np.float64]
 
@@ -26,8 +27,8 @@ def separation(
     mechanism, theta = favourite
     other, start = rival
     free = np.flatnonzero(other.free)
-    wanted = -regression_rows(mechanism, theta, samples, free[:1]).residual
-    rows = regression_rows(other, start, samples, free)
+    wanted = -regression(mechanism, theta, samples, free[:1]).residual
+    rows = regression(other, start, samples, free)
     offered = -rows.residual
     columns = (rows.columns / other.scale[free]).reshape(-1, len(free))
     columns = columns @ gauge_basis(other)

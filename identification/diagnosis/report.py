@@ -217,7 +217,7 @@ def _parameters(item: Candidate, model: Any) -> dict[str, Any]:
     effect = item.mechanism.catalogue[item.name]
     # The candidate's parameters are the last ones: it was put on top of the fitted structure.
     own = theta[len(theta) - len(effect.parameter_names) :]
-    public = effect.to_public(getattr(item.mechanism, "geometry", None), own)
+    public = effect.to_public(item.mechanism.geometry, own)
     return {
         name: {"value": value, "unit": effect.public_parameter(name).unit, "std": None}
         for name, value in zip(effect.public_names, public, strict=True)

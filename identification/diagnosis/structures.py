@@ -15,10 +15,15 @@ import numpy as np
 from numpy.typing import NDArray
 
 from identification.diagnosis.settings import DiagnosisSettings
-from identification.fitting.cross_validation import Fold, HeldOut, held_out, make_folds
+from identification.fitting.cross_validation import (
+    CrossValidation,
+    Fold,
+    cross_validate,
+    make_folds,
+)
 from identification.fitting.errors import (
     NoiseLevel,
-    Squares,
+    SumsOfSquares,
     Traces,
     add_up,
     force_floor,
@@ -26,11 +31,11 @@ from identification.fitting.errors import (
     velocity_floor,
     velocity_traces,
 )
-from identification.fitting.least_squares import gauge_basis
-from identification.fitting.regression_rows import Indices, Rows, regression_rows, residual_of
+from identification.fitting.gauge import gauge_basis
+from identification.fitting.regression import Indices, Regression, filtered_residual, regression
 from identification.logs.log import Log
-from identification.mechanisms.calibration_parts import cut
-from identification.mechanisms.mechanism import DemandedForce, Mechanism
+from identification.mechanisms.mechanism import Mechanism
+from identification.mechanisms.samples import DemandedForce, cut
 from youbot_env.errors import InputError
 
 Array = NDArray[np.float64]
@@ -51,7 +56,7 @@ class FittedStructure:
 
     mechanism: Any
     theta: Array
-    rows: tuple[Rows, ...]
+    rows: tuple[Regression, ...]
     free: Indices
     basis: Array
     samples: tuple[Any, ...]
@@ -67,7 +72,7 @@ class FittedStructure:
         settings: DiagnosisSettings,
     ) -> FittedStructure:
         """Rows of all logs at theta."""
-        rows = [regression_rows(mechanism, theta, item, free, settings.rows) for item in samples]
+        rows = [regression(mechanism, theta, item, free, settings.rows) for item in samples]
         basis = visible_directions(mechanism, free)
         return cls(mechanism, theta, tuple(rows), free, basis, tuple(samples), settings)
 
@@ -92,13 +97,13 @@ class FittedStructure:
         return sum(float((row.residual**2).sum()) for row in self.rows)
 
     @cached_property
-    def held_out(self) -> HeldOut:
+    def held_out(self) -> CrossValidation:
         """Judged on what it was not fitted on."""
         return self.judged(make_folds(self.rows, self.columns, self.settings.fit))
 
-    def judged(self, folds: Sequence[Fold]) -> HeldOut:
+    def judged(self, folds: Sequence[Fold]) -> CrossValidation:
         """The same with other folds."""
-        return held_out(self.residual, self.columns, folds, self.basis, self.settings.fit)
+        return cross_validate(self.residual, self.columns, folds, self.basis, self.settings.fit)
 
     def fold_ratio(self, folds: Sequence[Fold]) -> float:
         """Its held-out squares over those with other folds."""
@@ -112,7 +117,7 @@ class FittedStructure:
         for item, level, row in zip(self.samples, noise, self.rows, strict=True):
             # Noise on the torques leaves the same in every structure's residual.
             noisy = self.mechanism.noisy(item, level.speed, 0.0 * level.torque, rng)
-            again = residual_of(self.mechanism, self.theta, noisy, self.settings.rows)
+            again = filtered_residual(self.mechanism, self.theta, noisy, self.settings.rows)
             total += float(((again - row.residual) ** 2).sum())
         return total
 
@@ -139,7 +144,7 @@ class Candidate:
     theta: Array
     free: Indices
     columns: tuple[Array, ...]
-    held_out: HeldOut
+    held_out: CrossValidation
     shapes: dict[str, float] = field(default_factory=dict)
     directions: int = 0
     fitted: FittedStructure | None = None
@@ -254,7 +259,7 @@ class LoggedData:
         for fold, theta in zip(folds, thetas, strict=True):
             part = self._part(fold)
             force.append(self._force(fitted.mechanism, theta, part)[1])
-            velocity.append(Squares.of(_free_run(fitted.mechanism, theta, part)))
+            velocity.append(SumsOfSquares.of(_free_run(fitted.mechanism, theta, part)))
             self.progress()
         return Step(effect, add_up(force).ratio, add_up(velocity).ratio, fitted, thetas)
 
@@ -266,14 +271,18 @@ class LoggedData:
         first, last = np.searchsorted(samples.time, [fold.start, fold.end])
         return cut(samples, int(first), int(last) + 1)
 
-    def _force(self, mechanism: Mechanism, theta: Array, samples: Any) -> tuple[Traces, Squares]:
+    def _force(
+        self, mechanism: Mechanism, theta: Array, samples: Any
+    ) -> tuple[Traces, SumsOfSquares]:
         traces = force_traces(mechanism, theta, samples, self.settings.fit)
-        return traces, Squares.of(traces)
+        return traces, SumsOfSquares.of(traces)
 
     def given_errors(self, mechanism: Mechanism, theta: Array) -> dict[str, float]:
         """Errors of a model as it stands, nothing fitted."""
         force = [self._force(mechanism, theta, item)[1] for item in self.samples]
-        velocity = [Squares.of(velocity_traces(mechanism, theta, item)) for item in self.samples]
+        velocity = [
+            SumsOfSquares.of(velocity_traces(mechanism, theta, item)) for item in self.samples
+        ]
         return {"force_error": add_up(force).ratio, "velocity_error": add_up(velocity).ratio}
 
     def floor(self, fitted: FittedStructure) -> dict[str, float]:
@@ -286,7 +295,7 @@ class LoggedData:
                 velocity.append(velocity_floor(*args, run, noise, self.seed))
             else:
                 # A free run that diverges has no floor: its squares are NaN, and so is the ratio.
-                velocity.append(Squares.of(run))
+                velocity.append(SumsOfSquares.of(run))
         _, force = self._force_and_floor(fitted)
         return {"force_error": force.ratio, "velocity_error": add_up(velocity).ratio}
 
@@ -295,7 +304,7 @@ class LoggedData:
         left, floor = self._force_and_floor(fitted)
         return left.ratio / floor.ratio
 
-    def _force_and_floor(self, fitted: FittedStructure) -> tuple[Squares, Squares]:
+    def _force_and_floor(self, fitted: FittedStructure) -> tuple[SumsOfSquares, SumsOfSquares]:
         left, floor = [], []
         for samples, noise in zip(self.samples, self.noise, strict=True):
             traces, squares = self._force(fitted.mechanism, fitted.theta, samples)

@@ -10,7 +10,7 @@ import numpy as np
 from identification.figures import style as look
 from identification.figures.style import percent, styled
 from identification.figures.time_series import finish
-from identification.fitting.errors import Squares
+from identification.fitting.errors import SumsOfSquares
 from identification.mechanisms.quantities import FORCES, Quantity
 from identification.residual_map.curves import Curve
 
@@ -22,7 +22,7 @@ if TYPE_CHECKING:
 def stretch_figure(
     stretches: Sequence[Mapping[str, Any]],
     worst: Sequence[Mapping[str, Any]],
-    floor: Squares,
+    floor: SumsOfSquares,
     *,
     name: str,
     forces: Sequence[Quantity] = FORCES,

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from identification.figures import style as look
 from identification.figures.style import percent, styled
-from identification.fitting.errors import Squares, Traces
+from identification.fitting.errors import SumsOfSquares, Traces
 from identification.fitting.recursive import EstimateHistory
 from identification.mechanisms.quantities import FORCES, VELOCITIES, Quantities, Quantity
 
@@ -33,7 +33,7 @@ TIME = "time from the log's start [s]"
 @styled
 def force_figure(
     traces: Traces,
-    floor: Squares,
+    floor: SumsOfSquares,
     *,
     name: str,
     stretches: Sequence[Stretch] = (),
@@ -50,7 +50,7 @@ def force_figure(
     title = "Filtered generalised forces"
     if len(forces) == 1:
         looks, title = ({"label": "measured"}, looks[1]), f"Filtered {forces[0][0]}"
-    figure, panels = _with_strips(traces, Squares.of(traces), forces, looks, floor)
+    figure, panels = _with_strips(traces, SumsOfSquares.of(traces), forces, looks, floor)
     look.header(panels[0], f"{title}: {name}")
     look.mark_stretches(panels, stretches)
     return figure
@@ -58,7 +58,7 @@ def force_figure(
 
 @styled
 def free_run_figure(
-    velocity: Traces, floor: Squares, *, name: str, quantities: Quantities
+    velocity: Traces, floor: SumsOfSquares, *, name: str, quantities: Quantities
 ) -> Figure:
     """Measured velocities and the model's free run, driven by the measured torques alone.
 
@@ -70,9 +70,9 @@ def free_run_figure(
     """
     scale, speeds = quantities.speed_scale, quantities.speeds
     traces = Traces(velocity.time, velocity.measured * scale, velocity.predicted * scale)
-    noise = Squares(floor.residual * scale**2, floor.measured * scale**2)
+    noise = SumsOfSquares(floor.residual * scale**2, floor.measured * scale**2)
     looks = {"label": "measured"}, {"label": "free run of the model", **look.PREDICTED}
-    figure, panels = _with_strips(traces, Squares.of(traces), speeds, looks, noise)
+    figure, panels = _with_strips(traces, SumsOfSquares.of(traces), speeds, looks, noise)
     title = "Velocities in free run on measured torques"
     if len(speeds) == 1:
         title = f"Speed in free run on measured {quantities.forces[0][0]}s"
@@ -85,7 +85,7 @@ def tracking_figure(time: Array, twist: Array, reference: Array, *, name: str) -
     """The paper's figure 3: response and reference (n, 3) in a multisine, and their difference."""
     looks = {"label": "response"}, {"label": "reference", **look.REFERENCE}
     traces = Traces(time, twist, reference)
-    error = Squares((traces.residual**2).sum(axis=0), (reference**2).sum(axis=0))
+    error = SumsOfSquares((traces.residual**2).sum(axis=0), (reference**2).sum(axis=0))
     figure, panels = _with_strips(traces, error, VELOCITIES, looks)
     look.header(panels[0], f"Reference and response: {name}")
     return figure
@@ -93,10 +93,10 @@ def tracking_figure(time: Array, twist: Array, reference: Array, *, name: str) -
 
 def _with_strips(
     traces: Traces,
-    error: Squares,
+    error: SumsOfSquares,
     axes_labels: Sequence[Quantity],
     looks: tuple[Mapping[str, Any], Mapping[str, Any]],
-    floor: Squares | None = None,
+    floor: SumsOfSquares | None = None,
 ) -> tuple[Figure, list[Axes]]:
     """For each axis a panel with two lines and, under it, a strip with their difference."""
     count = len(axes_labels)

@@ -36,6 +36,7 @@ def hac_covariance(
     scale : (F,) factors from the parameters to numbers of one size
     """
     directions = scale[:, None] * basis
+    # Of unit length, so that the cut-off of the pseudo-inverse means the same for each.
     directions = directions / np.linalg.norm(directions, axis=0)
     size = directions.shape[1]
     information, middle = np.zeros((size, size)), np.zeros((size, size))
@@ -49,6 +50,7 @@ def hac_covariance(
         count += residual.size
     rounding = settings.min_information_share
     inverse = np.linalg.pinv(information, rcond=rounding, hermitian=True)
+    # A fit makes its own residuals too small: the usual correction for its parameters.
     covariance = inverse @ middle @ inverse * count / max(count - size, 1)
     to_theta = directions / scale[:, None]
     return to_theta @ covariance @ to_theta.T
@@ -62,10 +64,12 @@ def innovation_scores(residual: Array, columns: Array, most: float) -> Array:
     of the memory.
     """
     total = np.zeros((len(columns), columns.shape[2]))
+    # Each axis has a memory of its own.
     for axis in range(residual.shape[1]):
         r = residual[:, axis]
         memory = float(np.clip(r[1:] @ r[:-1] / max(r @ r, 1e-300), 0.0, most))
         innovation = r - memory * np.concatenate([[0.0], r[:-1]])
+        # Backwards in time: an innovation acts on all later rows through the memory.
         carried = accumulate(columns[::-1, axis], memory)[:0:-1]
         total += innovation[:, None] * carried
     return total
@@ -81,6 +85,7 @@ def automatic_lags(scores: Array, most: float) -> int:
     noise = ((scores[1:] - memory * scores[:-1]) ** 2).mean(axis=0)
     bend = (4 * memory**2 * noise**2 / ((1 - memory) ** 6 * (1 + memory) ** 2)).sum()
     level = (noise**2 / (1 - memory) ** 4).sum()
+    # 1.1447 is the constant of Bartlett's kernel.
     return max(1, int(np.ceil(1.1447 * (bend / max(level, 1e-300) * len(scores)) ** (1 / 3))))
 
 

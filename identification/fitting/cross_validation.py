@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from identification.fitting.regression_rows import Rows
+from identification.fitting.regression import Regression
 from identification.fitting.settings import FitSettings
 
 Array = NDArray[np.float64]
@@ -26,7 +26,7 @@ class Fold:
 
 
 def make_folds(
-    rows: Sequence[Rows], columns: Sequence[Array] = (), settings: FitSettings = FitSettings()
+    rows: Sequence[Regression], columns: Sequence[Array] = (), settings: FitSettings = FitSettings()
 ) -> list[Fold]:
     """One fold a log; a log that alone shows something of the model gives several blocks.
 
@@ -57,7 +57,7 @@ def _lonely(columns: Sequence[Array], share: float) -> set[int]:
 
 
 @dataclass(frozen=True)
-class HeldOut:
+class CrossValidation:
     """A linear model judged on what it was not fitted on.
 
     folds : what was held out, in turn
@@ -77,13 +77,13 @@ class HeldOut:
         return float(sum((r**2).sum() for r in self.residual))
 
 
-def held_out(
+def cross_validate(
     residual: Sequence[Array],
     columns: Sequence[Array],
     folds: Sequence[Fold],
     basis: Array,
     settings: FitSettings = FitSettings(),
-) -> HeldOut:
+) -> CrossValidation:
     """Fit without each fold in turn, by normal equations.
 
     Parameters
@@ -98,6 +98,7 @@ def held_out(
     right = [residual[fold.log][fold.rows].ravel() for fold in folds]
     grams = np.stack([c.T @ c for c in seen])
     sides = np.stack([c.T @ r for c, r in zip(seen, right, strict=True)])
+    # Normal equations add up: to leave a fold out is a subtraction, no second pass.
     total, side = grams.sum(axis=0), sides.sum(axis=0)
     rounding = settings.min_held_out_share
     everything = _solve(total, side, rounding)
@@ -111,7 +112,7 @@ def held_out(
     left = tuple(
         (r - c @ step).reshape(-1, axes) for r, c, step in zip(right, seen, steps, strict=True)
     )
-    return HeldOut(tuple(folds), left, steps @ basis.T, basis @ everything)
+    return CrossValidation(tuple(folds), left, steps @ basis.T, basis @ everything)
 
 
 def _solve(gram: Array, side: Array, rounding: float) -> Array:
@@ -120,6 +121,7 @@ def _solve(gram: Array, side: Array, rounding: float) -> Array:
     ``rounding``: share of the largest eigenvalue under which a direction is not seen.
     """
     norm = np.sqrt(np.maximum(np.diag(gram), 1e-300))
+    # With a unit diagonal the units of the parameters do not decide what is rounding.
     scaled = gram / np.outer(norm, norm)
     return np.linalg.pinv(scaled, rcond=rounding, hermitian=True) @ (side / norm) / norm
 

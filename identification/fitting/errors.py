@@ -9,8 +9,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from identification.fitting.settings import FitSettings
-from identification.mechanisms.calibration_parts import cut
-from identification.mechanisms.mechanism import Mechanism, Samples
+from identification.mechanisms.mechanism import Mechanism
+from identification.mechanisms.samples import Samples, cut
 from identification.signals.filters import filter_samples, first_order, settled
 from identification.signals.noise import white_noise
 
@@ -50,20 +50,20 @@ def velocity_traces(mechanism: Mechanism, theta: Array, samples: Samples) -> Tra
 
 
 @dataclass(frozen=True)
-class Squares:
+class SumsOfSquares:
     """Sums of squares (A,) of residual and measured signal: they add up over logs."""
 
     residual: Array
     measured: Array
 
     @classmethod
-    def of(cls, traces: Traces, residual: Array | None = None) -> Squares:
+    def of(cls, traces: Traces, residual: Array | None = None) -> SumsOfSquares:
         """Of one log; ``residual`` replaces the traces' own (for a noise floor)."""
         error = traces.residual if residual is None else residual
         return cls((error**2).sum(axis=0), (traces.measured**2).sum(axis=0))
 
-    def __add__(self, other: Squares) -> Squares:
-        return Squares(self.residual + other.residual, self.measured + other.measured)
+    def __add__(self, other: SumsOfSquares) -> SumsOfSquares:
+        return SumsOfSquares(self.residual + other.residual, self.measured + other.measured)
 
     @property
     def ratio(self) -> float:
@@ -73,11 +73,12 @@ class Squares:
     @property
     def by_axis(self) -> Array:
         """(A,) the same for each axis alone; NaN for an axis that never moved."""
+        # 0 / 0 is NaN, and meant: such an axis has no error to speak of.
         with np.errstate(invalid="ignore", divide="ignore"):
             return np.sqrt(self.residual / self.measured)
 
 
-def add_up(parts: Iterable[Squares]) -> Squares:
+def add_up(parts: Iterable[SumsOfSquares]) -> SumsOfSquares:
     """All logs in one."""
     first, *rest = parts
     return sum(rest, start=first)
@@ -106,7 +107,7 @@ def force_floor(
     noise: NoiseLevel,
     seed: int,
     settings: FitSettings = FitSettings(),
-) -> Squares:
+) -> SumsOfSquares:
     """What measurement noise alone leaves in the force residual, whose ``clean`` traces are known.
 
     The noise is put on once more and what it changes is kept: right for every effect, since the
@@ -119,9 +120,10 @@ def force_floor(
     rng = np.random.default_rng(seed)
     noisy = mechanism.noisy(part, noise.speed, noise.torque, rng)
     again = force_traces(mechanism, theta, noisy, settings)
+    # Squares grow with the length: those of the part stand for the whole log.
     share = len(clean.time) / len(known.time)
-    left = Squares.of(known, again.residual - known.residual).residual * share
-    return Squares(left, Squares.of(clean).measured)
+    left = SumsOfSquares.of(known, again.residual - known.residual).residual * share
+    return SumsOfSquares(left, SumsOfSquares.of(clean).measured)
 
 
 def velocity_floor(
@@ -131,10 +133,10 @@ def velocity_floor(
     clean: Traces,
     noise: NoiseLevel,
     seed: int,
-) -> Squares:
+) -> SumsOfSquares:
     """What measurement noise alone leaves in the free run's velocity residual."""
     rng = np.random.default_rng(seed)
     again = velocity_traces(
         mechanism, theta, mechanism.noisy(samples, noise.speed, noise.torque, rng)
     )
-    return Squares.of(clean, again.residual - clean.residual)
+    return SumsOfSquares.of(clean, again.residual - clean.residual)

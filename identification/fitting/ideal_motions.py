@@ -5,13 +5,10 @@ from __future__ import annotations
 import numpy as np
 
 from identification.fitting.observability import Observability, observability
+from identification.fitting.settings import FitSettings
 from identification.mechanisms.paper_regressor import BASE, PAPER_ORDER, ideal_columns
 from youbot_env.motions.base import Motion
 from youbot_env.physics.geometry import Geometry
-
-IDEAL_BLIND = 1e-9
-"""Eigenvalue of the normalised Gramian under which a direction counts as blind in an ideal motion,
-where only rounding stands between blind and seen."""
 
 
 def motion_observability(
@@ -19,7 +16,7 @@ def motion_observability(
     geometry: Geometry | None = None,
     *,
     window: tuple[float, float] | None = None,
-    blind: float = IDEAL_BLIND,
+    blind: float = FitSettings.ideal_blind_eigenvalue,
     dt: float = 0.005,
 ) -> Observability:
     """What an ideal motion shows of the base model, without a filter: the paper's statements.
@@ -32,4 +29,4 @@ def motion_observability(
     time = np.arange(start, end - 0.5 * dt, dt)
     columns = ideal_columns(geometry or Geometry(), motion.twist(time), motion.acceleration(time))
     names = [BASE.parameter_names[k] for k in PAPER_ORDER]
-    return observability(names, columns, dt, blind)
+    return observability(names, columns, dt, blind=blind)

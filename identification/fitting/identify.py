@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from identification.fitting.errors import (
     NoiseLevel,
-    Squares,
+    SumsOfSquares,
     add_up,
     force_floor,
     force_traces,
@@ -25,12 +25,12 @@ from identification.fitting.observability import (
     refuse_blind,
 )
 from identification.fitting.recursive import EstimateHistory, recursive_course
-from identification.fitting.regression_rows import Rows, regression_rows
+from identification.fitting.regression import Regression, regression
 from identification.fitting.settings import FitSettings
 from identification.logs.log import Log
-from identification.mechanisms.calibration_parts import Part
-from identification.mechanisms.mechanism import Mechanism, Samples
+from identification.mechanisms.mechanism import Mechanism
 from identification.mechanisms.registry import AnyModel, kind_of, mechanism_of
+from identification.mechanisms.samples import Samples
 from youbot_env.errors import InputError
 from youbot_env.model.model_file import load_model
 from youbot_env.physics.geometry import Geometry
@@ -52,6 +52,19 @@ class PartReport:
     end: float
     observability: Observability
     estimates: Mapping[str, tuple[float, float]]
+
+    def to_dict(self, cutoff: float) -> dict[str, Any]:
+        """JSON form; ``cutoff``: share of a blind direction from which a parameter is named."""
+        return {
+            "log": self.log,
+            "kind": self.kind,
+            "from": self.start,
+            "to": self.end,
+            **self.observability.to_dict(cutoff),
+            "block_estimates": {
+                name: {"value": value, "std": std} for name, (value, std) in self.estimates.items()
+            },
+        }
 
 
 @dataclass(frozen=True)
@@ -82,59 +95,39 @@ class Identification:
 
     def to_dict(self) -> dict[str, Any]:
         """JSON form: parameters with 95 % intervals, observability, errors, warnings."""
-        values = self.model.values
-        std = dict(
-            zip(
-                self.model.covariance_names,
-                np.sqrt(np.maximum(np.diag(self.model.covariance), 0.0)),  # type: ignore[arg-type]
-                strict=True,
-            )
-        )
-        reach = self.settings.interval_deviations
-        units = {name: estimate.unit for name, estimate in _estimates(self.model).items()}
+        cutoff = self.settings.min_direction_share
         return {
-            "parameters": {
-                name: {
-                    "value": values[name],
-                    "unit": units[name],
-                    "std": std.get(name),
-                    "interval": None
-                    if name not in std
-                    else [values[name] - reach * std[name], values[name] + reach * std[name]],
-                }
-                for name in values
-            },
+            "parameters": self._parameters(),
             "errors": dict(self.model.errors),
             "observability": {
-                "total": _observability_dict(self.total),
-                "parts": [
-                    {
-                        "log": part.log,
-                        "kind": part.kind,
-                        "from": part.start,
-                        "to": part.end,
-                        **_observability_dict(part.observability),
-                        "block_estimates": {
-                            name: {"value": value, "std": std}
-                            for name, (value, std) in part.estimates.items()
-                        },
-                    }
-                    for part in self.parts
-                ],
+                "total": self.total.to_dict(cutoff),
+                "parts": [part.to_dict(cutoff) for part in self.parts],
             },
-            "recursive": None
-            if self.course is None
-            else dict(
-                zip(
-                    [self.mechanism.parameter_names[k] for k in self.force.free],
-                    self.course.theta[-1].tolist(),
-                    strict=True,
-                )
-            ),
+            "recursive": self._last_estimates(),
             "logs": [dict(log) for log in self.model.logs],
             "settings": self.settings.to_dict(),
             "warnings": list(self.warnings),
         }
+
+    def _parameters(self) -> dict[str, Any]:
+        """Value, unit, standard deviation and interval of each parameter; None where unknown."""
+        variance = np.maximum(np.diag(self.model.covariance), 0.0)
+        std = dict(zip(self.model.covariance_names, np.sqrt(variance), strict=True))
+        reach = self.settings.interval_deviations
+        units = {name: estimate.unit for name, estimate in _estimates(self.model).items()}
+        found = {}
+        for name, value in self.model.values.items():
+            known = std.get(name)
+            interval = None if known is None else [value - reach * known, value + reach * known]
+            found[name] = {"value": value, "unit": units[name], "std": known, "interval": interval}
+        return found
+
+    def _last_estimates(self) -> dict[str, float] | None:
+        """Where the recursive estimator has arrived, by name."""
+        if self.course is None:
+            return None
+        names = [self.mechanism.parameter_names[k] for k in self.force.free]
+        return dict(zip(names, self.course.theta[-1].tolist(), strict=True))
 
 
 def _estimates(model: Any) -> dict[str, Any]:
@@ -142,15 +135,6 @@ def _estimates(model: Any) -> dict[str, Any]:
         f"{effect}.{name}": estimate
         for effect, parameters in model.effects.items()
         for name, estimate in parameters.items()
-    }
-
-
-def _observability_dict(found: Observability) -> dict[str, Any]:
-    return {
-        "names": list(found.names),
-        "rank": found.rank,
-        "blind": found.describe_blind(),
-        "blocks": [list(block) for block in found.blocks],
     }
 
 
@@ -192,14 +176,9 @@ def identify(
     mechanism = mechanism_of(start, geometry)
     samples = tuple(mechanism.samples(log) for log in logs)
     free = np.flatnonzero(mechanism.free)
-    rows = [regression_rows(mechanism, start.theta, item, free, settings) for item in samples]
-    total = log_observability(mechanism, rows)
-    refuse_blind(mechanism, total)
-    parts = tuple(
-        _part_report(mechanism, start.theta, item.name, part, row)
-        for item, row in zip(samples, rows, strict=True)
-        for part in mechanism.parts(item)
-    )
+    rows = [regression(mechanism, start.theta, item, free, settings) for item in samples]
+    total = log_observability(mechanism, rows, settings)
+    refuse_blind(mechanism, total, settings)
     force = fit(
         *(mechanism, samples, start.theta),
         first=rows,
@@ -207,16 +186,9 @@ def identify(
         settings=settings,
         progress=progress,
     )
-    final = force
-    if output_error:
-        from identification.fitting.output_error import (
-            refine,
-        )  # numba, which the force fit does without
-
-        final = refine(mechanism, samples, force, settings=settings, progress=progress)
-    course = recursive_course(mechanism, force, settings) if recursive else None
-    of = kind_of(start)
-    model = of.fitted_model(
+    final = _refined(mechanism, samples, force, settings, progress) if output_error else force
+    kind = kind_of(start)
+    model = kind.fitted_model(
         mechanism,
         final,
         name=name,
@@ -225,19 +197,51 @@ def identify(
         provenance=provenance,
     )
     told = (line for log in logs for line in log.warnings)
-    warnings = (*told, *_fit_warnings(mechanism, final), *of.warnings(model))
     return Identification(
-        *(model, final, force, mechanism, samples, parts, total, course, warnings, settings)
+        *(model, final, force, mechanism, samples),
+        parts=_part_reports(mechanism, start.theta, samples, rows, settings),
+        total=total,
+        course=_course(mechanism, force, settings) if recursive else None,
+        warnings=(*told, *_fit_warnings(mechanism, final), *kind.warnings(model)),
+        settings=settings,
     )
 
 
-def _part_report(
-    mechanism: Mechanism, theta: Array, name: str, part: Part, rows: Rows
-) -> PartReport:
-    inside = rows.between(part.start, part.end)
-    seen = log_observability(mechanism, [inside])
-    estimates = block_estimates(mechanism, theta, inside, seen)
-    return PartReport(name, part.kind, part.start, part.end, seen, estimates)
+def _refined(
+    mechanism: Mechanism,
+    samples: Sequence[Samples],
+    force: Fit,
+    settings: FitSettings,
+    progress: Callable[[], None],
+) -> Fit:
+    # Imported here for numba's sake, which takes half a second and the force fit does without.
+    from identification.fitting.output_error import refine
+
+    return refine(mechanism, samples, force, settings=settings, progress=progress)
+
+
+def _course(mechanism: Mechanism, force: Fit, settings: FitSettings) -> EstimateHistory:
+    scale = mechanism.scale[force.free]
+    return recursive_course(force.rows, force.theta[force.free], scale, force.std, settings)
+
+
+def _part_reports(
+    mechanism: Mechanism,
+    theta: Array,
+    samples: Sequence[Samples],
+    rows: Sequence[Regression],
+    settings: FitSettings,
+) -> tuple[PartReport, ...]:
+    """What each stretch of the logs shows, from their rows at theta (P,)."""
+    reports = []
+    for item, row in zip(samples, rows, strict=True):
+        for part in mechanism.parts(item):
+            inside = row.between(part.start, part.end)
+            seen = log_observability(mechanism, [inside], settings)
+            estimates = block_estimates(mechanism, theta, inside, seen, settings)
+            place = (item.name, part.kind, part.start, part.end)
+            reports.append(PartReport(*place, seen, estimates))
+    return tuple(reports)
 
 
 def _errors(
@@ -256,12 +260,12 @@ def _errors(
         for item, trace, level in zip(samples, traces, noise, strict=True)
     ]
     found: dict[str, Any] = {
-        "force_error": add_up(map(Squares.of, traces)).ratio,
+        "force_error": add_up(map(SumsOfSquares.of, traces)).ratio,
         "noise_floor": {"force_error": add_up(floors).ratio},
     }
     if with_velocity:
-        speed = [Squares.of(velocity_traces(mechanism, final.theta, item)) for item in samples]
-        found["velocity_error"] = add_up(speed).ratio
+        speed = [velocity_traces(mechanism, final.theta, item) for item in samples]
+        found["velocity_error"] = add_up(map(SumsOfSquares.of, speed)).ratio
     return found
 
 

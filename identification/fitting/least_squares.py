@@ -8,10 +8,11 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from identification.fitting.covariance import hac_covariance
-from identification.fitting.regression_rows import Indices, Rows, regression_rows
+from identification.fitting.gauge import gauge_basis
+from identification.fitting.regression import Indices, Regression, covariance_of, regression
 from identification.fitting.settings import FitSettings
-from identification.mechanisms.mechanism import Mechanism, Samples
+from identification.mechanisms.mechanism import Mechanism
+from identification.mechanisms.samples import Samples
 from youbot_env.errors import InputError
 
 Array = NDArray[np.float64]
@@ -29,7 +30,7 @@ class Fit:
     theta: Array
     free: Indices
     covariance: Array
-    rows: tuple[Rows, ...]
+    rows: tuple[Regression, ...]
     bounded: tuple[int, ...] = ()
 
     @property
@@ -49,7 +50,7 @@ def fit(
     start: Array,
     *,
     free: NDArray[np.bool_] | None = None,
-    first: Sequence[Rows] | None = None,
+    first: Sequence[Regression] | None = None,
     robust: bool = False,
     settings: FitSettings = FitSettings(),
     progress: Callable[[], None] = lambda: None,
@@ -84,7 +85,7 @@ class _Iterate:
     """A point of the search: theta (P,), its rows, their weights (n,) and weighted squares."""
 
     theta: Array
-    rows: tuple[Rows, ...]
+    rows: tuple[Regression, ...]
     weights: tuple[Array, ...]
     square: float
     bounded: tuple[int, ...]
@@ -109,7 +110,7 @@ class _GaussNewton:
         self.linear = mechanism.is_linear and np.array_equal(mask, mechanism.free)
 
     def run(
-        self, start: Array, first: Sequence[Rows] | None, progress: Callable[[], None]
+        self, start: Array, first: Sequence[Regression] | None, progress: Callable[[], None]
     ) -> _Iterate:
         """The iterate of least squares that the search passes."""
         settings = self.settings
@@ -124,6 +125,7 @@ class _GaussNewton:
             best = here if here.square < best.square else best
             if waited > settings.max_steps_without_fall:
                 break
+            # Also where the squares are NaN: halfway back to the best iterate.
             if not here.square < settings.max_square_ratio * best.square:
                 here = self.at(0.5 * (here.theta + best.theta), here.bounded)
                 continue
@@ -136,11 +138,11 @@ class _GaussNewton:
         self,
         theta: Array,
         bounded: tuple[int, ...] = (),
-        rows: Sequence[Rows] | None = None,
+        rows: Sequence[Regression] | None = None,
     ) -> _Iterate:
         """The iterate at theta (P,), whose rows are computed unless they are known."""
         rows = rows or [
-            regression_rows(self.mechanism, theta, samples, self.chosen, self.settings)
+            regression(self.mechanism, theta, samples, self.chosen, self.settings)
             for samples in self.logs
         ]
         weights = (
@@ -167,69 +169,27 @@ class _GaussNewton:
         return self.at(theta, bounded, known), arrived or (self.linear and not self.robust)
 
 
-def covariance_of(
-    rows: Sequence[Rows], basis: Array, scale: Array, settings: FitSettings = FitSettings()
-) -> Array:
-    """Covariance (F, F) of the estimate that leaves the residuals of these rows."""
-    residuals, columns = [row.residual for row in rows], [row.columns for row in rows]
-    steps = [row.step for row in rows]
-    return hac_covariance(residuals, columns, steps, basis, scale, settings)
-
-
 def _squares_of_step(here: _Iterate, step: Array) -> float:
     """Squares that a step moves the prediction by."""
     moved = ((row.columns @ step) ** 2 for row in here.rows)
     return float(sum(w @ part.sum(axis=1) for w, part in zip(here.weights, moved, strict=True)))
 
 
-def _squares(rows: Sequence[Rows], weights: Sequence[Array]) -> float:
+def _squares(rows: Sequence[Regression], weights: Sequence[Array]) -> float:
     squares = ((row.residual**2).sum(axis=1) for row in rows)
     return float(sum(w @ part for w, part in zip(weights, squares, strict=True)))
 
 
-def _weighted(rows: Rows, weight: Array) -> Rows:
+def _weighted(rows: Regression, weight: Array) -> Regression:
     root = np.sqrt(weight)
     return replace(
         rows, residual=rows.residual * root[:, None], columns=rows.columns * root[:, None, None]
     )
 
 
-def gauge_groups(mechanism: Mechanism, free: Indices | None = None) -> list[Indices]:
-    """Places among the parameters ``free`` of those that are relative to each other, by group."""
-    labels = [mechanism.labels[k] for k in _chosen(mechanism, free)]
-    groups = dict.fromkeys(label.group for label in labels if label.group)
-    return [
-        np.array([k for k, label in enumerate(labels) if label.group == group], dtype=np.intp)
-        for group in groups
-    ]
-
-
-def _chosen(mechanism: Mechanism, free: Indices | None) -> Indices:
-    return np.flatnonzero(mechanism.free) if free is None else free
-
-
-def gauge_basis(mechanism: Mechanism, free: Indices | None = None) -> Array:
-    """(F, Q) directions of the parameters ``free`` that data can see at all.
-
-    Of values that are relative to each other (gains, extra frictions) only differences can be
-    seen: their sum is held at zero.
-    """
-    size = len(_chosen(mechanism, free))
-    groups = gauge_groups(mechanism, free)
-    alone = np.setdiff1d(np.arange(size), np.concatenate([[], *groups]))
-    columns = [np.eye(size)[:, alone]]
-    for members in groups:
-        block = np.zeros((size, len(members) - 1))
-        # Orthonormal complement of (1, ..., 1), from the QR factors of a full-rank matrix.
-        frame = np.column_stack([np.ones(len(members)), np.eye(len(members))[:, 1:]])
-        block[members] = np.linalg.qr(frame)[0][:, 1:]
-        columns.append(block)
-    return np.hstack(columns)
-
-
 def solve_step(
     mechanism: Mechanism,
-    rows: Sequence[Rows],
+    rows: Sequence[Regression],
     weights: Sequence[Array],
     theta: Array,
     free: Indices,
@@ -242,6 +202,7 @@ def solve_step(
     matrix = np.concatenate([p.columns.reshape(-1, len(free)) for p in parts]) / scale
     right = np.concatenate([p.residual.ravel() for p in parts])
     directions = scale[:, None] * basis
+    # Of unit length, so that the cut-off means the same for each.
     directions = directions / np.linalg.norm(directions, axis=0)
     rounding = settings.min_singular_value_share
     solution, *_ = np.linalg.lstsq(matrix @ directions, right, rcond=rounding)
@@ -260,6 +221,7 @@ def _bounded_step(
 
     box = ((lower - value) * scale, (upper - value) * scale)
     inside = np.clip(value, lower, upper) - value
+    # Rounding must leave no box empty or without width: lsq_linear refuses it.
     box = (np.minimum(box[0], inside * scale), np.maximum(box[1], inside * scale) + 1e-300)
     # The gauge needs no constraint here: bounds and the least norm settle the common part.
     result = lsq_linear(matrix, right, bounds=box)
@@ -267,7 +229,7 @@ def _bounded_step(
     return result.x / scale, active
 
 
-def huber_weights(rows: Sequence[Rows], threshold: float) -> list[Array]:
+def huber_weights(rows: Sequence[Regression], threshold: float) -> list[Array]:
     """One weight a row (n,): full inside Huber's threshold, falling as 1/size outside.
 
     ``threshold``: in robust standard deviations.

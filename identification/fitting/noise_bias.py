@@ -10,8 +10,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from identification.fitting.errors import NoiseLevel
-from identification.fitting.least_squares import Fit, fit, gauge_basis, solve_step
-from identification.fitting.regression_rows import regression_rows
+from identification.fitting.gauge import gauge_basis
+from identification.fitting.least_squares import Fit, fit, solve_step
+from identification.fitting.regression import regression
 from identification.fitting.settings import FitSettings
 from identification.mechanisms.mechanism import Mechanism
 
@@ -93,10 +94,9 @@ class _Noise:
         rng, found = np.random.default_rng(seed), self.found
         rows = []
         for item, of in zip(self.samples, self.noise, strict=True):
+            # Of the speeds only: their noise is in the columns, and so biases a fit.
             noisy = self.mechanism.noisy(item, size * of.speed, 0.0 * of.torque, rng)
-            rows.append(
-                regression_rows(self.mechanism, found.theta, noisy, found.free, self.settings)
-            )
+            rows.append(regression(self.mechanism, found.theta, noisy, found.free, self.settings))
         even = [np.ones(len(row.residual)) for row in rows]
         step, _ = solve_step(
             self.mechanism, rows, even, found.theta, found.free, self.basis, self.settings
@@ -114,7 +114,9 @@ def _without_noise_bias(found: Fit, noise: _Noise) -> Fit:
     (once, first), (twice, second) = noise.shift(1.0), noise.shift(2.0)
     lower, upper = (bound[found.free] for bound in noise.mechanism.bounds)
     theta = found.theta.copy()
+    # The parabola through 0, `once` and `twice` at 0, 1 and 2 times more noise, read at -1.
     inside = np.clip(theta[found.free] - 3.0 * once + twice, lower, upper)
+    # Where a noisy fit breaks down, the estimate stays as it was.
     theta[found.free] = np.where(np.isfinite(inside), inside, theta[found.free])
     covariance = found.covariance
     std = np.maximum(found.std, 1e-300)

@@ -4,28 +4,18 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from identification.fitting.least_squares import covariance_of, gauge_groups
-from identification.fitting.regression_rows import Indices, Rows
+from identification.fitting.gauge import gauge_groups
+from identification.fitting.regression import Indices, Regression, covariance_of
+from identification.fitting.settings import FitSettings
 from identification.mechanisms.mechanism import Mechanism
 from youbot_env.errors import InputError
 
 Array = NDArray[np.float64]
-
-BLIND = 3e-3
-"""Eigenvalue of the normalised Gramian under which a direction counts as blind in a real log.
-
-The Gramian of unit columns has the mean eigenvalue one; 3e-3 means that a standard deviation is
-18 times what it would be if the columns were orthogonal."""
-
-SHORT = 0.05
-"""Share of the longest column's length under which a column counts as nothing but noise."""
-
-COUPLED = 0.1
-"""Cosine between two columns above which their parameters belong to one block."""
 
 
 @dataclass(frozen=True)
@@ -47,9 +37,18 @@ class Observability:
     blind: Array
     blocks: tuple[tuple[str, ...], ...]
 
-    def describe_blind(self, cutoff: float = 0.15) -> list[str]:
+    def describe_blind(self, cutoff: float = FitSettings.min_direction_share) -> list[str]:
         """Each blind direction as a sum of parameters, such as ``x1 + x2 + x5``."""
         return [_combination(direction, cutoff) for direction in self.blind]
+
+    def to_dict(self, cutoff: float = FitSettings.min_direction_share) -> dict[str, Any]:
+        """JSON form: what is seen, what is blind in words, and what can be told apart."""
+        return {
+            "names": list(self.names),
+            "rank": self.rank,
+            "blind": self.describe_blind(cutoff),
+            "blocks": [list(block) for block in self.blocks],
+        }
 
 
 def _combination(direction: Array, cutoff: float) -> str:
@@ -68,26 +67,33 @@ def observability(
     names: Sequence[str],
     columns: Array,
     dt: float,
-    blind: float,
     gauge: Array | None = None,
+    *,
+    blind: float = FitSettings.blind_eigenvalue,
+    settings: FitSettings = FitSettings(),
 ) -> Observability:
     """From regressor columns (n, A, F) in paper units, rows ``dt`` [s] apart.
 
-    ``gauge`` (k, F): unit vectors that are settled by convention (the mean of gains), not by data.
+    Parameters
+    ----------
+    gauge : (k, F) unit vectors that are settled by convention (the mean of gains), not by data
+    blind : eigenvalue of the normalised Gramian under which a direction is not seen
     """
     flat = columns.reshape(-1, columns.shape[-1])
     gramian = flat.T @ flat * dt
     if gauge is not None:
+        # As strong as the strongest column: what is settled by convention counts as seen.
         gramian = gramian + gauge.T @ gauge * np.diag(gramian).max()
     norm = np.sqrt(np.diag(gramian))
     # Measurement noise alone gives every column some length: short ones must not be blown up.
-    norm = np.maximum(norm, SHORT * norm.max())
+    norm = np.maximum(norm, settings.min_column_share * norm.max())
     unit = gramian / np.outer(norm, norm)
     values, vectors = np.linalg.eigh(unit)
     unseen = values < blind
     directions = _orthonormal(vectors[:, unseen] / norm[:, None])
     rank = int(len(names) - unseen.sum())
-    return Observability(tuple(names), gramian, rank, directions, _blocks(names, unit))
+    blocks = _blocks(names, unit, settings.min_coupling)
+    return Observability(tuple(names), gramian, rank, directions, blocks)
 
 
 def _orthonormal(directions: Array) -> Array:
@@ -105,8 +111,9 @@ def _orthonormal(directions: Array) -> Array:
     return rows / np.linalg.norm(rows, axis=1, keepdims=True)
 
 
-def _blocks(names: Sequence[str], unit: Array) -> tuple[tuple[str, ...], ...]:
-    """Connected groups of parameters whose columns are not orthogonal to each other."""
+def _blocks(names: Sequence[str], unit: Array, coupling: float) -> tuple[tuple[str, ...], ...]:
+    """Connected groups of parameters whose columns' cosines exceed ``coupling``."""
+    # The diagonal falls below 1 where a column is too short to be more than noise.
     left = [k for k in range(len(names)) if unit[k, k] > 0.5]
     blocks = []
     while left:
@@ -114,14 +121,16 @@ def _blocks(names: Sequence[str], unit: Array) -> tuple[tuple[str, ...], ...]:
         while frontier:
             k = frontier.pop()
             block.add(k)
-            frontier += [j for j in left if j not in block and abs(unit[k, j]) > COUPLED]
+            frontier += [j for j in left if j not in block and abs(unit[k, j]) > coupling]
         left = [k for k in left if k not in block]
         blocks.append(tuple(names[k] for k in sorted(block)))
     return tuple(blocks)
 
 
 def log_observability(
-    mechanism: Mechanism, rows: Sequence[Rows], blind: float = BLIND
+    mechanism: Mechanism,
+    rows: Sequence[Regression],
+    settings: FitSettings = FitSettings(),
 ) -> Observability:
     """What one log (or several together) shows of the parameters, from its regression rows."""
     order = mechanism.order
@@ -131,17 +140,21 @@ def log_observability(
     for members in gauge_groups(mechanism):
         row = np.isin(_places(mechanism), members).astype(float)
         gauge = np.vstack([gauge, row / np.sqrt(row.sum())])
-    return observability(names, columns / mechanism.scale[order], rows[0].step, blind, gauge)
+    scaled = columns / mechanism.scale[order]
+    blind = settings.blind_eigenvalue
+    return observability(names, scaled, rows[0].step, gauge, blind=blind, settings=settings)
 
 
-def refuse_blind(mechanism: Mechanism, seen: Observability) -> None:
+def refuse_blind(
+    mechanism: Mechanism, seen: Observability, settings: FitSettings = FitSettings()
+) -> None:
     """Raise InputError if some direction is not seen: with the motion that would show it."""
     if seen.rank == len(seen.names):
         return
-    direction = seen.blind[0]
+    direction, least = seen.blind[0], settings.min_direction_share
     raise InputError(
-        f"these logs cannot show {seen.describe_blind()[0]} "
-        f"({', '.join(seen.names[k] for k in np.flatnonzero(np.abs(direction) > 0.15))}): "
+        f"these logs cannot show {seen.describe_blind(least)[0]} "
+        f"({', '.join(seen.names[k] for k in np.flatnonzero(np.abs(direction) > least))}): "
         f"{mechanism.advice(direction)}"
     )
 
@@ -152,7 +165,11 @@ def _places(mechanism: Mechanism) -> Indices:
 
 
 def block_estimates(
-    mechanism: Mechanism, theta: Array, rows: Rows, seen: Observability
+    mechanism: Mechanism,
+    theta: Array,
+    rows: Regression,
+    seen: Observability,
+    settings: FitSettings = FitSettings(),
 ) -> dict[str, tuple[float, float]]:
     """Value and standard deviation of each parameter whose block a motion shows whole.
 
@@ -166,12 +183,14 @@ def block_estimates(
     columns = rows.columns[..., places]
     measured = rows.residual + columns @ theta[order]
     flat = (columns / scale).reshape(-1, len(order))
-    x = np.linalg.lstsq(flat, measured.ravel(), rcond=1e-12)[0]
+    x = np.linalg.lstsq(flat, measured.ravel(), rcond=settings.min_singular_value_share)[0]
     left = replace(rows, residual=measured - columns @ (x / scale), columns=columns)
-    std = np.sqrt(np.maximum(np.diag(covariance_of([left], np.eye(len(order)), scale)), 0.0))
+    covariance = covariance_of([left], np.eye(len(order)), scale, settings)
+    std = np.sqrt(np.maximum(np.diag(covariance), 0.0))
     found = {}
     for block in seen.blocks:
         members = [seen.names.index(name) for name in block]
-        if not any(np.abs(direction[members]).max() > 0.15 for direction in seen.blind):
+        hidden = (np.abs(direction[members]).max() for direction in seen.blind)
+        if not any(share > settings.min_direction_share for share in hidden):
             found |= {seen.names[k]: (float(x[k] / scale[k]), float(std[k])) for k in members}
     return found

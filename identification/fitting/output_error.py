@@ -7,10 +7,12 @@ from collections.abc import Callable, Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from identification.fitting.least_squares import Fit, covariance_of, gauge_basis, solve_step
-from identification.fitting.regression_rows import Indices, Rows, stride
+from identification.fitting.gauge import gauge_basis
+from identification.fitting.least_squares import Fit, solve_step
+from identification.fitting.regression import Indices, Regression, covariance_of, stride
 from identification.fitting.settings import FitSettings
-from identification.mechanisms.mechanism import Mechanism, Samples
+from identification.mechanisms.mechanism import Mechanism
+from identification.mechanisms.samples import Samples
 from identification.signals.filters import block_mean
 from youbot_env.errors import InputError
 
@@ -70,12 +72,13 @@ def _line_search(
         tried = theta.copy()
         tried[free] += share * step
         lower = sum(float((_residual(mechanism, tried, s, settings) ** 2).sum()) for s in logs)
+        # A free run that diverges makes NaN, which is below no cost.
         if lower < cost:
             return tried, lower
     return theta, cost
 
 
-def _cost(rows: Sequence[Rows]) -> float:
+def _cost(rows: Sequence[Regression]) -> float:
     return sum(float((row.residual**2).sum()) for row in rows)
 
 
@@ -91,11 +94,12 @@ def _rows(
     free: Indices,
     settings: FitSettings,
     progress: Callable[[], None],
-) -> Rows:
+) -> Regression:
     """Residual and columns (sensitivities of the free run) by central differences."""
     columns = []
     size = stride(samples.dt, settings.row_rate)
     for index in free:
+        # The larger of both: far above rounding, small beside the parameter.
         step = settings.output_error_scaled_difference / mechanism.scale[index]
         step = max(step, settings.output_error_relative_difference * abs(theta[index]))
         ahead, behind = theta.copy(), theta.copy()
@@ -105,6 +109,7 @@ def _rows(
         columns.append(block_mean(difference / (2 * step), size))
         progress()
     residual = _residual(mechanism, theta, samples, settings)
+    # A free run starts at the first sample, and no filter has to settle.
     step = size * samples.dt
     time = samples.time[0] - samples.dt + step * np.arange(1, len(residual) + 1)
-    return Rows(time, step, residual, np.stack(columns, axis=-1))
+    return Regression(time, step, residual, np.stack(columns, axis=-1))

@@ -2,14 +2,14 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from identification.fitting.least_squares import Fit
+from identification.fitting.regression import Regression
 from identification.fitting.settings import FitSettings
-from identification.mechanisms.mechanism import Mechanism
 
 Array = NDArray[np.float64]
 
@@ -70,26 +70,36 @@ class EstimateHistory:
 
 
 def recursive_course(
-    mechanism: Mechanism, fit: Fit, settings: FitSettings = FitSettings()
+    rows: Sequence[Regression],
+    theta: Array,
+    scale: Array,
+    std: Array,
+    settings: FitSettings = FitSettings(),
 ) -> EstimateHistory:
     """Run the recursive estimator through a fit's rows; effects enter linearised at the fit.
 
     The filter's rows are correlated, so P alone would state too little; its shape over time is
     kept and each parameter's end is set to the batch estimate's standard deviation.
+
+    Parameters
+    ----------
+    rows : per log, residual and columns at the fit
+    theta, std : (F,) fitted parameters and their standard deviations
+    scale : (F,) factors from the parameters to numbers of one size
     """
-    scale, free = mechanism.scale[fit.free], fit.free
     estimator = RecursiveLeastSquares(
-        len(free),
+        len(theta),
         variance=settings.recursive_prior_variance,
         forgetting=settings.recursive_forgetting,
     )
     course, spread = [], []
-    for rows in fit.rows:
-        measured = rows.residual + rows.columns @ fit.theta[free]
-        for columns, z in zip(rows.columns / scale, measured, strict=True):
+    for log in rows:
+        # The residual is that at the fit: with the fit's own prediction it is the measured force.
+        measured = log.residual + log.columns @ theta
+        for columns, z in zip(log.columns / scale, measured, strict=True):
             course.append(estimator.update(columns, z) / scale)
             spread.append(np.sqrt(np.diag(estimator.covariance)) / scale)
-    ends = np.cumsum([0.0, *(rows.time[-1] for rows in fit.rows)])
-    time = np.concatenate([end + rows.time for end, rows in zip(ends, fit.rows, strict=False)])
-    std = np.array(spread)
-    return EstimateHistory(time, np.array(course), std * (fit.std / std[-1]))
+    ends = np.cumsum([0.0, *(log.time[-1] for log in rows)])
+    time = np.concatenate([end + log.time for end, log in zip(ends, rows, strict=False)])
+    shape = np.array(spread)
+    return EstimateHistory(time, np.array(course), shape * (std / shape[-1]))

@@ -122,6 +122,45 @@ class FitSettings:
         },
     )
 
+    # Observability
+    blind_eigenvalue: float = field(
+        default=3e-3,
+        metadata={
+            "unit": "1",
+            "reason": "of the Gramian of unit columns, whose mean is 1: a direction with less is "
+            "blind; its standard deviation is 18 times that of orthogonal columns",
+        },
+    )
+    ideal_blind_eigenvalue: float = field(
+        default=1e-9,
+        metadata={
+            "unit": "1",
+            "reason": "the same for an ideal motion: only rounding stands between blind and seen",
+        },
+    )
+    min_column_share: float = field(
+        default=0.05,
+        metadata={
+            "unit": "share of the longest column",
+            "reason": "noise alone gives every column some length: shorter ones count as noise",
+        },
+    )
+    min_coupling: float = field(
+        default=0.1,
+        metadata={
+            "unit": "cosine between two columns",
+            "reason": "from here on their parameters belong to one block",
+        },
+    )
+    min_direction_share: float = field(
+        default=0.15,
+        metadata={
+            "unit": "1",
+            "reason": "parameters with less of a blind unit vector are not named, nor their "
+            "estimates withheld",
+        },
+    )
+
     # Bias by noise on the speeds
     max_shape_square_ratio: float = field(
         default=1.001,

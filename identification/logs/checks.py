@@ -18,6 +18,7 @@ from identification.logs.log import Log
 from identification.logs.settings import LogSettings
 from identification.logs.timebase import runs_of
 from identification.logs.wheel_checks import CheckLimits, power_share
+from identification.signals.filters import integral_of
 from identification.signals.noise import thinned, white_noise
 from youbot_env.physics.geometry import WHEELS, Geometry
 
@@ -153,6 +154,7 @@ def _frozen_channels(log: Log, limits: CheckLimits) -> Iterator[Finding]:
         length = longest[1] - longest[0]
         elsewhere = (same.sum() - length) / max(len(same) - length, 1)
         value = signal[longest[0]]
+        # A torque at its limit stands still without being frozen.
         at_limit = value in (signal.min(), signal.max()) and column.startswith("effort")
         coarse = elsewhere >= settings.max_repeated_share
         if length >= least and not coarse and not at_limit and np.ptp(signal) > 0:
@@ -164,6 +166,7 @@ def _frozen_channels(log: Log, limits: CheckLimits) -> Iterator[Finding]:
 def _stale_rows(log: Log, limits: CheckLimits) -> Iterator[Finding]:
     """Rows that repeat all the row before while something moves: logged faster than measured."""
     data = np.hstack([log.velocity, log.effort])
+    # At rest all rows are alike.
     moving = np.abs(log.velocity).max(axis=1) > 0
     stale = (data[1:] == data[:-1]).all(axis=1) & moving[1:]
     if stale.mean() > limits.settings.max_stale_share:
@@ -179,6 +182,7 @@ def _saturation(log: Log, limits: CheckLimits) -> Iterator[Finding]:
             held = signal == extreme
             long = held.sum() >= settings.saturated_samples
             long = long and held.mean() > settings.max_saturated_share
+            # Zero is where a channel rests.
             if extreme != 0 and long and np.ptp(signal) > 0:
                 message = (
                     f"stays at its extreme {extreme:.4g} for {100 * held.mean():.2g} % of time"
@@ -206,8 +210,7 @@ def _position(log: Log, limits: CheckLimits) -> Iterator[Finding]:
     piece = max(int(limits.settings.position_time / log.dt), 1)
     if len(log) <= 2 * piece:
         return
-    middle = 0.5 * (log.velocity[1:] + log.velocity[:-1]) * log.dt
-    travelled = np.vstack([np.zeros(len(log.joints)), np.cumsum(middle, axis=0)])[::piece]
+    travelled = integral_of(log.velocity, log.dt)[::piece]
     for i, column in enumerate(joint_columns("position", log.joints)):
         way, expected = np.diff(log.position[::piece, i]), np.diff(travelled[:, i])
         gain = float(way @ expected / max(expected @ expected, 1e-300))

@@ -71,6 +71,7 @@ class Log:
         for name, shape in shapes.items():
             value = getattr(self, name)
             if value is not None:
+                # Frozen: the checked copy takes the place of what was given, once, here.
                 object.__setattr__(self, name, self._checked(name, value, shape))
         if n < 2 or not (np.diff(self.time) > 0).all():
             raise InputError(f"log {self.name}: time does not increase; sort the samples")

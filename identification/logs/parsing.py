@@ -85,6 +85,7 @@ def _parse_regular(content: bytes) -> LogTable | None:
     except UnicodeDecodeError:
         return None
     plain = all(re.fullmatch(r"[A-Za-z_]\w*", name) for name in names)
+    # numpy would take all this in silence: it goes the way that can name the place.
     if not plain or len(set(names)) < len(names) or not body.endswith(b"\n") or body.isspace():
         return None
     try:
@@ -122,6 +123,7 @@ def _parse_cells(source: str, text: str) -> LogTable:
             raise _ragged(source, cells, len(names), row)
         rows.append(_numbers(source, cells[: len(names)], names, row))
     values = np.array(rows, float).reshape(len(rows), len(names))
+    # A logger's infinity is no value either.
     values[~np.isfinite(values)] = np.nan
     lines_used = np.array(used[1:], dtype=np.int64) + 1
     return LogTable(names, values, lines_used, findings, header_row=used[0] + 1)
@@ -134,6 +136,7 @@ def _split(line: str) -> list[str]:
 def _is_cut(lines: list[str], used: list[int]) -> bool:
     """Whether the last line, which no newline ends, looks as if its end were missing."""
     last = _split(lines[used[-1]])
+    # Fifty rows tell what a whole row looks like.
     before = [_split(lines[i]) for i in used[max(1, len(used) - 51) : -1]]
     if len(last) < min(len(cells) for cells in before):
         return True
@@ -171,6 +174,7 @@ def _is_number(cell: str) -> bool:
 
 def _ragged(source: str, cells: list[str], width: int, row: int) -> InputError:
     cure = "complete the row or remove it"
+    # Decimal commas make two cells of nearly every number.
     if len(cells) >= 2 * width - 1:
         cure = "write decimals with a point, not a comma"
     return fault(source, f"has {len(cells)} cells, the header {width}", cure, row=row)

@@ -85,6 +85,7 @@ def read_log(
     findings = (*draft.findings, *checks.check(log, limits))
     if any(finding.level == "error" for finding in findings):
         raise LogError(str(path), findings)
+    # The checks need the log that their findings are to be in.
     object.__setattr__(log, "findings", findings)
     return log
 

@@ -43,6 +43,7 @@ def trim_ends(draft: Draft) -> None:
         return
     if dropped > draft.settings.max_missing_share * len(draft.time):
         _refuse_missing(draft)
+    # The first row that goes: at the start if rows go there, else after the last whole one.
     at = 0 if first else last + 1
     message = f"{dropped} row(s) at an end of the log lack values: dropped"
     draft.report("repaired", message, _NO_LOSS, at)
@@ -74,6 +75,7 @@ def fill_missing(draft: Draft, joints: tuple[str, ...]) -> None:
     limit = gap_limit(nominal_step(draft.time), draft.settings)
     inserted = ~draft.valid
     for name in draft.names:
+        # A channel before may have taken its whole group away.
         if name not in draft.names or not np.isnan(draft.channel(name)).any():
             continue
         missing = np.isnan(draft.channel(name))
@@ -129,6 +131,7 @@ def replace_outliers(draft: Draft) -> None:
             continue
         message = f"{count} outlier(s) such as {channel[at]:.4g}: interpolated"
         draft.report("repaired", message, _NO_LOSS, at, name)
+        # All are taken out first: a bridge must not lean on the outlier beside it.
         for start, stop in runs:
             channel[start:stop] = np.nan
         for start, stop in runs:
@@ -154,6 +157,7 @@ def find_outliers(
     found: list[tuple[int, int]] = []
     for leap in leaps.tolist():
         start = leap + 1
+        # The way back from an outlier is a leap too.
         if found and start <= found[-1][1]:
             continue
         width = _outlier_width(signal, start, threshold, settings)

@@ -31,6 +31,7 @@ def interpolate_at(
         others = [j for j in range(4) if j != i]
         weight = np.prod([(at - nodes[:, j]) / (nodes[:, i] - nodes[:, j]) for j in others], axis=0)
         contribution = weight[:, None] * data[first + i]
+        # At a sample itself the others have no weight: one that is missing must not spoil it.
         result += np.where(weight[:, None] == 0, 0, contribution)
     return result
 
@@ -48,7 +49,9 @@ def bridge(
     before = before[np.isfinite(signal[before])][-side:]
     after = after[np.isfinite(signal[after])][:side]
     around = np.r_[before, after]
+    # From one side alone a cubic would run away.
     degree = 3 if min(before.size, after.size) >= 2 else 1 if around.size >= 2 else 0
+    # Centred and scaled, since high powers of sample numbers are badly conditioned.
     centre, scale = (start + stop - 1) / 2, float(np.ptp(around)) or 1.0
     powers = np.arange(degree + 1)
     basis = ((around - centre) / scale)[:, None] ** powers
@@ -129,6 +132,7 @@ def _fill_time(draft: Draft) -> None:
     ):
         cure = "write the time of every row, in seconds"
         raise draft.fault(f"{missing.sum()} rows have no time", cure, first, "time")
+    # From neighbours that both have a time.
     step = np.median(np.diff(draft.time[known])[runs == 0])
     spans = np.diff(draft.time[known])[runs > 0] / (runs[runs > 0] + 1)
     if np.abs(spans / step - 1).max() > draft.settings.max_step_offset:
@@ -156,6 +160,7 @@ def _check_order(draft: Draft) -> None:
         return
     at = int(np.argmax(steps <= 0)) + 1
     now, before = draft.time[at], draft.time[at - 1]
+    # Mostly backwards: the log as a whole is unsorted, no single row is to blame.
     if (steps < 0).mean() > 0.5 or not steps.any():
         cure = "sort the rows by time, and write it in seconds"
         raise draft.fault("time does not increase", cure, at, "time")
@@ -252,6 +257,7 @@ def resample(draft: Draft) -> None:
     at = int(np.argmax(np.abs(steps - step))) + 1
     draft.report("repaired", message, "log at a constant rate", at, "time")
     draft.data = interpolate_at(grid, old, draft.data)
+    # What is interpolated across a gap is no measurement.
     near = steps[after - 1] < 2.5 * step
     draft.valid = draft.valid[after - 1] & draft.valid[after] & near
     draft.time, draft.lines = grid, draft.lines[after - 1]

@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from identification.logs.findings import Finding
 from identification.logs.log import Log
 from identification.logs.settings import LogSettings
+from identification.signals.filters import integral_of
 from youbot_env.physics.geometry import WHEELS, Geometry
 
 
@@ -83,6 +84,7 @@ def _moments_of_slip(log: Log, limits: CheckLimits) -> Iterator[Finding]:
     noise = float(np.sqrt(np.mean(log.speed_noise**2)))
     by_noise = settings.slip_noise_deviations * noise
     slips_a_little = along > max(settings.min_slip_of_still_wheel * usual, by_noise)
+    # A wheel may rest; that it stands while the identity fails makes it suspect.
     still = (np.ptp(pieces, axis=1) == 0) & slips_a_little[:, None]
     slips = along > max(settings.max_slip * usual, by_noise)
     if still.any():
@@ -101,13 +103,16 @@ def _moments_of_slip(log: Log, limits: CheckLimits) -> Iterator[Finding]:
 
 def _sign_cure(log: Log, ratio: float, settings: LogSettings) -> str:
     """What to do if other signs or another order would make the identity hold; else ""."""
+    # All signs turned at once say the same, so the first wheel's is held.
     signs = [np.array([1.0, *rest]) / 2 for rest in product((1.0, -1.0), repeat=3)]
     ratios = [slip_ratio(log.velocity, sign) for sign in signs]
     best = int(np.argmin(ratios))
     if ratios[best] > min(settings.max_remaining_slip * ratio, settings.max_slip):
         return ""
     wrong = np.sign(signs[best] * NO_SLIP)
+    # Of the two sides of a split the smaller one is called wrong.
     wrong *= 1.0 if wrong.sum() >= 0 else -1.0
+    # A speed of the wrong sign makes the power negative too, which tells the wheels at fault.
     against = power_share(log, settings) < -settings.max_fed_back_power
     if against.any() and not against.all():
         turned = [wheel for wheel, bad in zip(WHEELS, against, strict=True) if bad]
@@ -129,6 +134,7 @@ def _columns(kind: str, wheels: list[str]) -> str:
 
 def _scale_cure(wheel_speed: NDArray[np.float64], ratio: float, settings: LogSettings) -> str:
     """What to do if another scale of one wheel would make the identity hold; else ""."""
+    # The combination of wheels that stays nearest to zero: NO_SLIP, if all scales are right.
     values, vectors = np.linalg.eigh(wheel_speed.T @ wheel_speed)
     unique = values[0] < settings.max_scale_eigenvalue * values[1]
     most = min(settings.max_remaining_slip * ratio, settings.max_slip)
@@ -154,7 +160,7 @@ def _turning(log: Log, limits: CheckLimits) -> Iterator[Finding]:
     if log.pose is not None:
         stride = max(int(limits.settings.pose_time / log.dt), 1)
         turned = np.diff(log.pose[::stride, 2])
-        expected = np.diff(_integral(rate, log.dt)[::stride])
+        expected = np.diff(integral_of(rate, log.dt)[::stride])
         unit = ("rad", _DEGREES, "degrees")
         yield from _compare("pose_yaw", turned, expected, unit, limits.settings)
 
@@ -165,13 +171,9 @@ def _travel(log: Log, limits: CheckLimits) -> Iterator[Finding]:
         return
     stride = max(int(limits.settings.pose_time / log.dt), 1)
     speed = np.hypot(*limits.geometry.body_twist(log.velocity)[:, :2].T)
-    expected = np.diff(_integral(speed, log.dt)[::stride])
+    expected = np.diff(integral_of(speed, log.dt)[::stride])
     way = np.hypot(*np.diff(log.pose[::stride, :2], axis=0).T)
     yield from _compare("pose_x", way, expected, ("m", 1e3, "millimetres"), limits.settings)
-
-
-def _integral(rate: NDArray[np.float64], dt: float) -> NDArray[np.float64]:
-    return np.r_[0.0, np.cumsum(0.5 * (rate[1:] + rate[:-1]) * dt)]
 
 
 def _compare(

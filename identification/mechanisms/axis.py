@@ -1,280 +1,212 @@
-"""A mechanism of one axis as the identification engine sees it: the same methods as `Mecanum`.
+"""One axis, which slides or turns: its physics and how it is identified.
 
 Units are those of the log: m, m/s, N of an axis that slides, rad, rad/s, N m of one that turns.
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterable
-from dataclasses import dataclass, replace
-from functools import cached_property
+from collections.abc import Mapping, Sequence
 
 import numpy as np
 from numpy.typing import NDArray
 
-from identification.logs.log import AXIS, Log
-from identification.mechanisms import axis_dynamics as dynamics
-from identification.mechanisms.axis_dynamics import SYSTEM, AxisStructure, Instant
-from identification.mechanisms.axis_effects import AXIS_CATALOGUE, TURNING, Scales, fitted_to
-from identification.mechanisms.axis_samples import AxisSamples, axis_samples
-from identification.mechanisms.calibration_parts import Part
-from identification.mechanisms.mechanism import Mechanism, ParameterLabel
-from identification.signals.filters import slope_ends
-from identification.signals.resampling import RATE_SMOOTHING, moved, smoothed
+from identification.logs.log import AXIS as AXIS_JOINTS, Log
+from identification.mechanisms.axis_effects import (
+    AXIS_BASE,
+    AXIS_CATALOGUE,
+    JOINT,
+    TURNING,
+    Base,
+    Joint,
+    Scales,
+    fitted_to,
+)
+from identification.mechanisms.mechanism import Conventions, Mechanism, Variables
+from identification.mechanisms.quantities import of_axis
+from identification.mechanisms.samples import Samples
+from identification.signals.filters import FilterSettings, block_mean, integral_of
+from identification.signals.noise import white_noise
 from youbot_env.errors import InputError
-from youbot_env.physics.effect import Actuator, Registry
+from youbot_env.physics.mechanism import Components, EffectPoints, MechanismKind, Site
+from youbot_env.physics.structure import ModelStructure
 
 Array = NDArray[np.float64]
 
-MAX_SUBSTEPS = 5000
-STEP = 0.25
-"""Share of the stiffest mode's time constant that the stepper takes at once."""
+# --- physics ----------------------------------------------------------------------------------
 
 
-@dataclass(frozen=True)
-class Axis(Mechanism):
-    """One axis with given effects: what it measures, demands and simulates.
+def _joint(points: EffectPoints) -> list[Joint]:
+    at = points.at
+    return [Joint(at.twist[0], at.acceleration[0], at.pose[0], at.torque[0], at.time, points.base)]
 
-    Forces are (N, 1) as the effort's unit, speeds (N, 1).
+
+def _same(_: object, values: Sequence[Components]) -> Components:
+    """Of one axis its joint's rate and torque are its own."""
+    return tuple(values)
+
+
+SITE = Site(_joint, _same)
+
+
+def _fault(scales: Scales, values: Mapping[str, float]) -> str:
+    return "inertia must be positive" if values["inertia"] == 0 else ""
+
+
+AXIS = MechanismKind(
+    name="axis",
+    home="identification.mechanisms.axis:AXIS",
+    axes=("speed",),
+    joints=AXIS_JOINTS,
+    base=AXIS_BASE,
+    catalogue=AXIS_CATALOGUE,
+    velocity_state=("speed",),
+    pose_state=("position",),
+    angle_state=(),
+    drive_state=("force",),
+    lengths=(),
+    geometry=Scales(True, 1.0, 1.0, 1.0, 1.0),
+    sites={JOINT: SITE, TURNING: SITE},
+    base_of=lambda points: Base(*points.theta[: len(Base._fields)]),
+    joint_rates=_same,
+    force_of=_same,
+    torque_of=_same,
+    pose_rates=lambda xp, pose, twist: tuple(twist),
+    full_speed=lambda scales: (scales.speed,),
+    full_torque=lambda scales: scales.force,
+    declared=fitted_to,
+    holds=lambda item, scales: scales.turns or item.acts_at is not TURNING,
+    fault=_fault,
+)
+"""One axis that slides or turns."""
+
+# --- logs -------------------------------------------------------------------------------------
+
+
+def axis_samples(log: Log, scales: Scales | None = None) -> Samples:
+    """Motion and effort of a log; without a position column the position starts at 0.
+
+    Raises
+    ------
+    InputError
+        If the log is not that of one axis.
     """
-
-    scales: Scales
-    structure: AxisStructure = AxisStructure()
-
-    axes = ("axis",)
-    joints = AXIS
-    scaling = "by what is typical for the axis"
-
-    @property
-    def filter_rate(self) -> float:
-        """Rate [rad/s] of the filter through which forces are fitted."""
-        return self.scales.bandwidth
-
-    @cached_property
-    def catalogue(self) -> Registry:
-        """The effects that this axis can have, with its units and sizes."""
-        found = Registry()
-        for item in AXIS_CATALOGUE:
-            if self.scales.turns or item.acts_at is not TURNING:
-                found.add(fitted_to(item, self.scales))
-        return found
-
-    def with_effects(self, effects: tuple[str, ...]) -> Axis:
-        """The same axis with other effects beside the base model."""
-        return replace(self, structure=AxisStructure(effects))
-
-    @property
-    def default_theta(self) -> Array:
-        """(P,) typical inertia, no friction, no effect; shape constants at their defaults."""
-        values = [label.parameter.default or 0.0 for label in self.labels]
-        values[0] = self.labels[0].parameter.size
-        return np.array(values)
-
-    @cached_property
-    def labels(self) -> tuple[ParameterLabel, ...]:
-        """What is known of each parameter beforehand, in the order of theta."""
-        components = [fitted_to(item, self.scales) for item in self.structure.components]
-        return tuple(
-            ParameterLabel(item.name, name, item.parameter(name), None)
-            for item in components
-            for name in item.parameter_names
-        )
-
-    @cached_property
-    def bounds(self) -> tuple[Array, Array]:
-        """(P,) and (P,): physical bounds."""
-        declared = [label.parameter for label in self.labels]
-        return np.array([p.lower for p in declared]), np.array([p.upper for p in declared])
-
-    @property
-    def is_linear(self) -> bool:
-        """Whether the demanded force is linear in the free parameters."""
-        return self.structure.is_linear
-
-    @cached_property
-    def scale(self) -> Array:
-        """(P,) factors from theta to numbers of the size one, where an effect matters."""
-        return np.array([1.0 / label.parameter.size for label in self.labels])
-
-    @cached_property
-    def order(self) -> NDArray[np.intp]:
-        """Indices of the free parameters in the order of x1, x2, ..."""
-        return np.flatnonzero(self.free)
-
-    def parts(self, samples: AxisSamples) -> list[Part]:
-        """Stretches that are judged apart: an axis has one motion."""
-        return [Part("run", samples)]
-
-    def advice(self, direction: Array) -> str:
-        """What to record where the parameters' ``direction`` (F,) cannot be seen."""
-        return (
-            "record a motion both ways with several speeds and accelerations "
-            "(trapezoids of different height, a multisine) and give it too"
-        )
-
-    def samples(self, log: Log) -> AxisSamples:
-        """See :func:`axis_samples`."""
-        return axis_samples(log)
-
-    def measured_force(self, samples: AxisSamples) -> Array:
-        """(N, 1) logged effort."""
-        return samples.effort[:, None]
-
-    def measured_speed(self, samples: AxisSamples) -> Array:
-        """(N, 1) logged speed."""
-        return samples.velocity[:, None]
-
-    def joint_speed(self, speed: Array) -> Array:
-        """(N, 1) speeds of the log's joint for ``measured_speed`` (N, 1)."""
-        return speed
-
-    def noisy(
-        self, samples: AxisSamples, speed: Array, effort: Array, rng: np.random.Generator
-    ) -> AxisSamples:
-        """The samples with white noise of these standard deviations (1,) put on."""
-        shape = samples.effort.shape
-        return replace(
-            samples,
-            velocity=samples.velocity + speed[0] * rng.standard_normal(shape),
-            effort=samples.effort + effort[0] * rng.standard_normal(shape),
-        )
-
-    def demand(
-        self, theta: Array, samples: AxisSamples, like: AxisDemand | None = None
-    ) -> AxisDemand:
-        """Force that the logged motion demands at parameters theta (P,)."""
-        return AxisDemand(self, np.asarray(theta, float), samples, like)
-
-    def free_run(self, theta: Array, samples: AxisSamples) -> Array:
-        """(N, 1) speed from the log's first sample, driven by its efforts alone.
-
-        A run that diverges holds inf or NaN from there on.
-
-        Raises
-        ------
-        InputError
-            If a friction's smoothing or a drive's time constant is next to zero.
-        """
-        from youbot_env.simulation.compiled import rollout  # numba, which a force fit does without
-
-        theta = np.ascontiguousarray(theta, float)
-        effort = self._true_effort(theta, samples)
-        start = [samples.velocity[0], samples.position[0], samples.time[0]]
-        if self.structure.has_actuator:
-            start.append(effort[0])
-        out = np.empty((len(samples), len(start)))
-        rollout(self.structure, SYSTEM)(
-            np.array(start),
-            np.ascontiguousarray(effort[:, None]),
-            np.full(len(samples) - 1, samples.dt),
-            np.empty(0),
-            theta,
-            self.substeps(theta, samples),
-            out,
-        )
-        return out[:, :1]
-
-    def _true_effort(self, theta: Array, samples: AxisSamples) -> Array:
-        """(N,) effort (behind a drive: its command) that acts at the samples."""
-        late = dynamics.delay(self.structure, theta)
-        return np.interp(samples.time, samples.time + late, samples.effort)
-
-    def substeps(self, theta: Array, samples: AxisSamples) -> int:
-        """Runge-Kutta steps in a sample: the stiffest mode moves by ``STEP`` in each."""
-        fast = self.scales.speed
-        shift = 1e-2 * float(theta[self.parameter_names.index("smoothing")])
-        at, top = np.array([-shift, shift, fast, 2 * fast]), self.scales.force
-        rates = []
-        with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
-            for force in (-top, 0.0, top):
-                rate = dynamics.acceleration(
-                    np, self.structure, theta, Instant(at, force=force + 0 * at)
-                )
-                rates += [(rate[1] - rate[0]) / (2 * shift), (rate[3] - rate[2]) / fast]
-            if self.structure.has_actuator:
-                slow, quick = (
-                    dynamics.drive_command(np, self.structure, theta, Actuator(0.0, r, 0.0))
-                    for r in (0.0, 1.0)
-                )
-                rates.append(1.0 / (quick - slow))
-            count = samples.dt * max(float(np.abs(rates).max()), 10.0) / STEP
-        if not 0 <= count <= MAX_SUBSTEPS:
-            raise InputError(
-                f"too stiff to simulate in steps of {samples.dt:g} s "
-                "(a friction's smoothing or a drive's time constant is next to zero)"
-            )
-        return max(int(np.ceil(count)), 1)
+    if tuple(log.joints) != AXIS_JOINTS:
+        raise InputError(f"{log.source or log.name}: not the log of one axis")
+    time = log.time - log.time[0]
+    known = log.position is not None
+    position = log.position if log.position is not None else integral_of(log.velocity, log.dt)
+    none = np.empty((len(time), 0))
+    return Samples(
+        log.name, time, log.dt, log.velocity, position, none, log.velocity, log.effort, known
+    )
 
 
-def _ends(signal: Array) -> Array:
-    """(2, N - 1): a signal at the start and at the end of each interval."""
-    return np.stack([signal[:-1], signal[1:]])
+BANDS = (100.0, 30.0)
+"""Bandwidths [rad/s] that a fit may take beyond the filter's own 10 rad/s."""
+
+ATTENUATION = 1e-3
+"""Share of the inertia that noise of the speed may hide in a fit."""
+
+_ACCELERATION_TIME = 0.05
+"""Seconds over which a speed is averaged before its typical rate is judged."""
 
 
-class AxisDemand:
-    """Force (2, N - 1, 1) demanded at both ends of each interval, and its columns in theta.
+def typical(logs: Sequence[Log], *, turns: bool) -> Scales:
+    """What is typical for the axis that some logs are of.
 
-    The acceleration's mean over an interval is the difference of the speed.
+    Raises
+    ------
+    InputError
+        If the axis never moves or no effort is ever made.
     """
-
-    def __init__(
-        self,
-        mechanism: Axis,
-        theta: Array,
-        samples: AxisSamples,
-        like: AxisDemand | None = None,
-    ) -> None:
-        self.mechanism, self.theta, self.samples = mechanism, theta, samples
-        self.instant = like.instant if like else self._instant()
-
-    def _instant(self) -> Instant:
-        samples = self.samples
-        return Instant(
-            rate=_ends(samples.velocity),
-            acceleration=slope_ends(samples.velocity, samples.dt),
-            position=_ends(samples.position),
-            time=_ends(samples.time),
-        )
-
-    @cached_property
-    def force(self) -> Array:
-        """(2, N - 1, 1) in units of the logged effort."""
-        return self._at(self.theta)[..., None]
-
-    def _at(self, theta: Array) -> Array:
-        structure = self.mechanism.structure
-        force = dynamics.acting_force(np, structure, theta, self.instant)
-        if structure.has_actuator:
-            drive = Actuator(force, self._rate(force), self.instant.time)
-            force = dynamics.drive_command(np, structure, theta, drive)
-        # What acts at t + delay was logged at t. The measured side stays as it is: to shift it
-        # would change its noise.
-        return moved(force, dynamics.delay(structure, theta) / self.samples.dt)
-
-    def _rate(self, force: Array) -> Array:
-        dt = self.samples.dt
-        rate = np.diff(smoothed(_nodes(force), RATE_SMOOTHING / dt)) / dt
-        return np.stack([rate, rate])
-
-    def columns(self, indices: Iterable[int]) -> Array:
-        """d force / d theta[i] for each index: (len(indices), 2, N - 1, 1).
-
-        Central differences over a small part of each parameter's size: exact, up to rounding, for
-        what enters linearly.
-        """
-        return np.stack([self._column(int(i)) for i in indices])[..., None]
-
-    def _column(self, index: int) -> Array:
-        step = self.mechanism.labels[index].parameter.difference
-        # Not beyond the bounds: a period at its least would be tried at zero.
-        room = self.theta[index] - self.mechanism.bounds[0][index]
-        back = float(np.clip(room, 0.0, step))
-        ahead, behind = self.theta.copy(), self.theta.copy()
-        ahead[index] += step
-        behind[index] -= back
-        return (self._at(ahead) - self._at(behind)) / (step + back)
+    samples = [axis_samples(log) for log in logs]
+    speed = _rms([item.twist[:, 0] for item in samples])
+    force = _rms([item.torque[:, 0] for item in samples])
+    if not speed or not force:
+        raise InputError("the axis never moves in these logs: record a motion that excites it")
+    width = [max(1, round(_ACCELERATION_TIME / item.dt)) for item in samples]
+    rates = [
+        np.diff(block_mean(item.twist[:, 0], n)) / (n * item.dt)
+        for item, n in zip(samples, width, strict=True)
+    ]
+    travel = max(float(np.ptp(item.pose[:, 0])) for item in samples)
+    numbers = (speed, _rms(rates), force, travel)
+    # Three digits: the scales stand in the model file, and nothing depends on more.
+    rounded = [float(f"{value:.3g}") for value in numbers]
+    return Scales(turns, *rounded, bandwidth=_bandwidth(samples, rounded[1]))
 
 
-def _nodes(force: Array) -> Array:
-    """(N,) force at the samples from (2, N - 1): the mean of the two ends that meet there."""
-    return np.concatenate([force[0, :1], 0.5 * (force[1, :-1] + force[0, 1:]), force[1, -1:]])
+def _bandwidth(samples: Sequence[Samples], acceleration: float) -> float:
+    """How fast a filter all logs bear: noise in the acceleration attenuates the inertia.
+
+    White noise s of the speed leaves 2 a^3 s^2 dt of variance in the acceleration that has passed
+    a filter of the rate a and the mean over a row of 1/(2 a).
+    """
+    for band in BANDS:
+        noise = [2 * band**3 * white_noise(s.twist)[0] ** 2 * s.dt for s in samples]
+        fine = all(band * s.dt <= 0.3 for s in samples)
+        if fine and max(noise) <= ATTENUATION * acceleration**2:
+            return band
+    return FilterSettings.rate
+
+
+def _rms(parts: list[Array]) -> float:
+    return float(np.sqrt(np.mean(np.concatenate(parts) ** 2)))
+
+
+# --- identification ---------------------------------------------------------------------------
+
+
+def _variables(samples: Samples, scales: Scales) -> Variables:
+    return Variables(
+        axes=("",),
+        joints=("",),
+        places=("",),
+        twist=samples.twist,
+        rates=samples.twist,
+        position=samples.pose,
+        turns=scales.turns,
+    )
+
+
+def _force_scale(scales: Scales) -> Array:
+    return np.ones(1)
+
+
+def _filter_rate(scales: Scales) -> float:
+    return scales.bandwidth
+
+
+def _advice(scales: Scales, direction: Array) -> str:
+    return (
+        "record a motion both ways with several speeds and accelerations "
+        "(trapezoids of different height, a multisine) and give it too"
+    )
+
+
+CONVENTIONS: Conventions[Scales] = Conventions(
+    kind=AXIS,
+    axes=("axis",),
+    force_scale=_force_scale,
+    samples=axis_samples,
+    variables=_variables,
+    quantities=of_axis,
+    advice=_advice,
+    scaling="by what is typical for the axis",
+    filter_rate=_filter_rate,
+)
+"""Of one axis."""
+
+
+class Axis(Mechanism[Scales]):
+    """One axis with given effects, as its logs show it; ``geometry`` holds its scales."""
+
+    def __init__(self, scales: Scales, structure: ModelStructure | None = None) -> None:
+        super().__init__(scales, structure or ModelStructure((), AXIS), CONVENTIONS)
+
+
+def default_theta(axis: Mechanism[Scales]) -> Array:
+    """(P,) typical inertia, no friction, no effect; shape constants at their defaults."""
+    values = [label.parameter.default or 0.0 for label in axis.labels]
+    values[0] = axis.labels[0].parameter.size
+    return np.array(values)

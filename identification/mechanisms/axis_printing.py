@@ -1,4 +1,4 @@
-"""One axis in print: its equation and its effects, from their own functions on sympy symbols.
+"""One axis in print: its symbols, and its equation from its effects' own functions.
 
 Position x, speed v (a prime is the time derivative), force F that acts, time t. Of an axis that
 turns the same letters are an angle, its rate and a torque. M is a drive's effort.
@@ -7,16 +7,19 @@ turns the same letters are an angle, its rate and a torque. M is a drive's effor
 from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
-from typing import Any, Literal
+from functools import partial
+from typing import Literal
 
 import sympy
 
-from identification.mechanisms.axis_dynamics import AxisStructure
+from identification.mechanisms.axis import AXIS
 from identification.mechanisms.axis_effects import AXIS_BASE, JOINT, TURNING, Base, Joint
 from youbot_env.equations import equations as symbolic
+from youbot_env.equations.equations import PLATFORM, Notation
 from youbot_env.equations.printing import collected, join, latex, text
 from youbot_env.physics.effect import Effect
 from youbot_env.physics.namespaces import symbols
+from youbot_env.physics.structure import ModelStructure
 
 Form = Literal["text", "latex"]
 
@@ -29,15 +32,17 @@ def _real(names: Iterable[str]) -> list[sympy.Symbol]:
 
 _BASE = Base(*_real(name for item in AXIS_BASE for name in item.parameter_names))
 _JOINT = Joint(*_real(("v", "v'", "x", FORCE, "t")), base=_BASE)
-_MOTION = set(_JOINT[:-1])
 
+NOTATION = Notation(
+    # Drives and clocks act on the effort alone, as those of the platform do.
+    points={**PLATFORM.points, JOINT: _JOINT, TURNING: _JOINT},
+    words={**PLATFORM.words, JOINT: (f"d{FORCE}",), TURNING: (f"d{FORCE}",)},
+    base=tuple(_BASE),
+)
+"""Symbols of one axis."""
 
-def formula(item: Effect, form: Form = "text") -> str:
-    """One line: what an effect adds to the force that a motion demands."""
-    if item.acts_at not in (JOINT, TURNING):
-        return symbolic.formula(item, form)
-    added = item.function(symbols(), _JOINT, *_real(item.parameter_names))
-    return _sum(f"d{FORCE}", [added], form)
+formula = partial(symbolic.formula, notation=NOTATION)
+"""One line: what an effect adds to the force that a motion demands."""
 
 
 def equation(effects: Sequence[str] = (), form: Form = "text") -> str:
@@ -48,23 +53,13 @@ def equation(effects: Sequence[str] = (), form: Form = "text") -> str:
     InputError
         If an effect is unknown or named twice.
     """
-    structure = AxisStructure(tuple(effects))
-    terms = [
-        item.function(symbols(), _JOINT, *_real(item.parameter_names))
-        for item, _ in structure.wrenches
-    ]
+    structure, show = ModelStructure(tuple(effects), AXIS), latex if form == "latex" else text
+    groups = [group for item, _ in structure.wrenches for group in _groups(item)]
+    first = f"{show(sympy.Symbol(FORCE))} = {join(groups, show)}"
     others = [item for item in structure.components if item.acts_at.kind != "wrench"]
-    return "\n".join([_sum(FORCE, terms, form), *(formula(item, form) for item in others)])
+    return "\n".join([first, *(formula(item, form) for item in others)])
 
 
-def _sum(name: str, terms: Iterable[Any], form: Form) -> str:
-    show = latex if form == "latex" else text
-    groups = [group for term in terms for group in collected(_turns(term), _MOTION)]
-    return f"{show(sympy.Symbol(name))} = {join(groups, show)}"
-
-
-def _turns(term: Any) -> Any:
-    """A full turn, a number in an effect's function, as 2 pi."""
-    numbers = sympy.sympify(term).atoms(sympy.Float)
-    turn = {n: 2 * sympy.pi for n in numbers if abs(float(n) / (2 * sympy.pi) - 1) < 1e-12}
-    return sympy.sympify(term).xreplace(turn)
+def _groups(item: Effect) -> list[symbolic.Group]:
+    term = item.function(symbols(), _JOINT, *_real(item.parameter_names))
+    return collected(term, NOTATION.motion(JOINT))

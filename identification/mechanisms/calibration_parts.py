@@ -2,12 +2,9 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, fields, replace
-from typing import Any
-
 import numpy as np
 
-from identification.mechanisms.mecanum_samples import MecanumSamples
+from identification.mechanisms.samples import Part, Samples, cut
 
 WINDOW = 5.0
 """Seconds that are judged at once: about one period of a calibration motion."""
@@ -26,25 +23,7 @@ ARM = 0.4
 """Lever [m] by which a yaw rate is compared with a speed: about L of the youBot."""
 
 
-@dataclass(frozen=True)
-class Part:
-    """A stretch of a log: its kind (I, II, III, IV or "free"; "run" of an axis) and its samples."""
-
-    kind: str
-    samples: Any
-
-    @property
-    def start(self) -> float:
-        """Seconds from the log's start."""
-        return float(self.samples.time[0])
-
-    @property
-    def end(self) -> float:
-        """Seconds from the log's start."""
-        return float(self.samples.time[-1])
-
-
-def parts_of(samples: MecanumSamples) -> list[Part]:
+def parts_of(samples: Samples) -> list[Part]:
     """The motions of a log in order; a log too short to be judged is one part."""
     width = round(WINDOW / samples.dt)
     starts = range(0, len(samples) - width, max(1, round(STEP / samples.dt)))
@@ -62,15 +41,7 @@ def parts_of(samples: MecanumSamples) -> list[Part]:
     return parts or [Part("free", samples)]
 
 
-def cut(samples: Any, start: int, stop: int) -> Any:
-    """Rows ``start`` to ``stop`` of any mechanism's samples, under the same name and time."""
-    arrays = {field.name: getattr(samples, field.name) for field in fields(samples)}
-    return replace(
-        samples, **{k: v[start:stop] for k, v in arrays.items() if isinstance(v, np.ndarray)}
-    )
-
-
-def kind_of_motion(samples: MecanumSamples) -> str:
+def kind_of_motion(samples: Samples) -> str:
     """Which of the paper's motions a stretch looks like: I, II, III, IV or "free"."""
     wheel = np.sqrt((samples.wheel_speed**2).mean(axis=0))
     still = wheel < STILL * wheel.max()

@@ -6,9 +6,9 @@ from collections.abc import Mapping
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.signal import bilinear, lfilter
 
-from identification.mechanisms.mecanum_samples import MecanumSamples
+from identification.mechanisms.samples import Samples
+from identification.signals.filters import integral_of
 from youbot_env.motions.base import Motion
 from youbot_env.motions.calibration import CALIBRATION
 from youbot_env.motions.multisine import multisine
@@ -61,6 +61,9 @@ def followed(twist: Array, geometry: Geometry, values: Mapping[str, float]) -> A
     ----------
     values : of theta's base parameters, by name
     """
+    # Its import takes 1.5 s of processor time, which every command would wait for.
+    from scipy.signal import bilinear, lfilter
+
     radius = geometry.R
     inertia = values["m0"] * radius**2 / 4 + values["I1"]
     loop = (
@@ -70,21 +73,15 @@ def followed(twist: Array, geometry: Geometry, values: Mapping[str, float]) -> A
     return np.asarray(lfilter(*bilinear(*loop, fs=1 / DT), twist, axis=0))
 
 
-def expected_samples(
-    motion: Motion, geometry: Geometry, values: Mapping[str, float]
-) -> MecanumSamples:
+def expected_samples(motion: Motion, geometry: Geometry, values: Mapping[str, float]) -> Samples:
     """What a log of a motion would hold, without noise; torques are left at zero."""
     time = np.arange(0.0, motion.duration, DT)
     twist = followed(motion.twist(time), geometry, values)
-    yaw = _integrate(twist[:, 2])
+    yaw = integral_of(twist[:, 2], DT)
     c, s = np.cos(yaw), np.sin(yaw)
-    x = _integrate(c * twist[:, 0] - s * twist[:, 1])
-    y = _integrate(s * twist[:, 0] + c * twist[:, 1])
+    x = integral_of(c * twist[:, 0] - s * twist[:, 1], DT)
+    y = integral_of(s * twist[:, 0] + c * twist[:, 1], DT)
     speed = geometry.wheel_speeds(twist)
-    angle = np.column_stack([_integrate(speed[:, k]) for k in range(4)])
+    angle = integral_of(speed, DT)
     pose = np.column_stack([x, y, yaw])
-    return MecanumSamples(motion.name, time, DT, twist, pose, angle, speed, np.zeros_like(speed))
-
-
-def _integrate(rate: Array) -> Array:
-    return np.concatenate([[0.0], np.cumsum(0.5 * DT * (rate[1:] + rate[:-1]))])
+    return Samples(motion.name, time, DT, twist, pose, angle, speed, np.zeros_like(speed))

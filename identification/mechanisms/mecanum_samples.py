@@ -2,79 +2,23 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-from functools import cached_property
-
 import numpy as np
 from numpy.typing import NDArray
 
 from identification.logs.log import Log
+from identification.mechanisms.samples import Samples, planar_pose
+from identification.signals.filters import integral_of
 from identification.signals.noise import white_noise
-from identification.signals.resampling import smoothed
 from youbot_env.errors import InputError
 from youbot_env.physics.geometry import WHEELS, Geometry
 
 Array = NDArray[np.float64]
-
-
-@dataclass(frozen=True)
-class MecanumSamples:
-    """One log as motion and torque on a uniform time base.
-
-    name : of the log; time (N,) [s] from the log's start; dt [s]
-    twist (N, 3) body frame [m/s, m/s, rad/s]; pose (N, 3) world [m, m, rad]
-    wheel_angle, wheel_speed (N, 4) [rad, rad/s]; torque (N, 4) as logged [N m]
-    internal (N,): the part of the torque that does not move the platform, see INTERNAL [N m]
-    angle_measured : whether the angles have columns of their own, or are integrated
-    """
-
-    name: str
-    time: Array
-    dt: float
-    twist: Array
-    pose: Array
-    wheel_angle: Array
-    wheel_speed: Array
-    torque: Array
-    angle_measured: bool = False
-
-    def __len__(self) -> int:
-        return len(self.time)
-
-    @property
-    def channels(self) -> tuple[Array, Array]:
-        """Wheel speeds and torques (N, 4)."""
-        return self.wheel_speed, self.torque
-
-    @cached_property
-    def internal(self) -> Array:
-        """(N,) how much of ``INTERNAL`` the logged torques hold [N m]."""
-        return internal_of(self.torque, self.dt)
-
-
-INTERNAL = np.array([1.0, 1.0, -1.0, -1.0])
-"""Four torques that exert no force: what a motion demands settles three, and leaves this free."""
-
-INTERNAL_SMOOTHING = 0.05
-"""Window [s] over which the internal torque is averaged: its noise would enter the columns."""
-
-
-def internal_of(torque: Array, dt: float) -> Array:
-    """(N,) how much of ``INTERNAL`` torques (N, 4) hold, smoothed [N m]."""
-    return smoothed(torque @ INTERNAL / 4.0, INTERNAL_SMOOTHING / dt)
-
 
 SLIPPING = 4.0
 """Deviations of the random walk that noise on a wheel's speed makes; beyond them it slips."""
 
 ROUGH = 0.02
 """Angle [rad] that a pose may be off by rounding and by turning between samples."""
-
-
-def integral_of(rate: Array, dt: float) -> Array:
-    total = np.zeros_like(rate)
-    np.cumsum(0.5 * dt * (rate[1:] + rate[:-1]), axis=0, out=total[1:])
-    return total
 
 
 def _wheel_angles(log: Log, geometry: Geometry, dt: float) -> tuple[Array, bool]:
@@ -103,7 +47,7 @@ def _wheel_angles(log: Log, geometry: Geometry, dt: float) -> tuple[Array, bool]
     return (integrated, False) if slips.any() else (rolled, True)
 
 
-def samples_of(log: Log, geometry: Geometry) -> MecanumSamples:
+def samples_of(log: Log, geometry: Geometry) -> Samples:
     """Motion and torque of a log.
 
     The twist is the least-squares projection of the four wheel speeds. Without pose columns the
@@ -119,16 +63,6 @@ def samples_of(log: Log, geometry: Geometry) -> MecanumSamples:
     time = log.time - log.time[0]
     dt = float(time[-1] / (len(time) - 1))
     twist = geometry.body_twist(log.velocity)
-    if log.pose is not None:
-        pose = log.pose
-    else:
-        yaw = integral_of(twist[:, 2], dt)
-        c, s = np.cos(yaw), np.sin(yaw)
-        velocity = np.column_stack(
-            [c * twist[:, 0] - s * twist[:, 1], s * twist[:, 0] + c * twist[:, 1]]
-        )
-        pose = np.column_stack([integral_of(velocity, dt), yaw])
+    pose = log.pose if log.pose is not None else planar_pose(twist, dt)
     angle, measured = _wheel_angles(log, geometry, dt)
-    return MecanumSamples(
-        log.name, time, dt, twist, pose, angle, log.velocity, log.effort, measured
-    )
+    return Samples(log.name, time, dt, twist, pose, angle, log.velocity, log.effort, measured)

@@ -1,23 +1,32 @@
-"""What the engine asks of a mechanism: all that it ever knows of the robot at hand.
+"""A mechanism as its logs show it: all that the engine ever knows of the robot at hand.
 
-Residuals, columns, fits, free runs, candidates and reports work on whatever derives from
-:class:`Mechanism`. N samples, P parameters, F of them free, A axes, k joints.
+Residuals, columns, fits, free runs, candidates and reports work on :class:`Mechanism`: a kind of
+mechanism with its lengths and effects, and the :class:`Conventions` by which that kind is
+identified. N samples, P parameters, F of them free, A axes, J joints.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import Any, NamedTuple, Protocol, Self
+from typing import Generic, NamedTuple, Protocol, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
 
 from identification.logs.log import Log
+from identification.mechanisms.quantities import Quantities
+from identification.mechanisms.samples import DemandedForce, Part, Samples
+from identification.signals.filters import FilterSettings, integral_of
+from youbot_env.physics import inverse_dynamics as dynamics
 from youbot_env.physics.effect import Parameter, Registry
-from youbot_env.physics.structure import Composition
+from youbot_env.physics.mechanism import MechanismKind
+from youbot_env.physics.structure import ModelStructure
 
 Array = NDArray[np.float64]
+Known = TypeVar("Known")
+"""What is known of a mechanism beforehand: of a platform its geometry."""
 
 
 class ParameterLabel(NamedTuple):
@@ -27,17 +36,6 @@ class ParameterLabel(NamedTuple):
     name: str
     parameter: Parameter
     group: str | None
-
-
-def labels_of(structure: Composition) -> tuple[ParameterLabel, ...]:
-    """What is known of each parameter of a structure beforehand, in the order of theta."""
-    found = []
-    for item in structure.components:
-        for name in item.parameter_names:
-            parameter = item.parameter(name)
-            group = f"{item.name}.{parameter.name}" if parameter.relative_to else None
-            found.append(ParameterLabel(item.name, name, parameter, group))
-    return tuple(found)
 
 
 class FitResult(Protocol):
@@ -53,23 +51,6 @@ class FitResult(Protocol):
     def std(self) -> Array: ...
 
 
-class Samples(Protocol):
-    """One log on a uniform time base: its name, time (N,) [s] from the log's start, and dt [s].
-
-    channels: speeds and efforts (N, k) of the joints, as logged.
-    """
-
-    @property
-    def name(self) -> str: ...
-    @property
-    def time(self) -> Array: ...
-    @property
-    def dt(self) -> float: ...
-    @property
-    def channels(self) -> tuple[Array, Array]: ...
-    def __len__(self) -> int: ...
-
-
 class Experiment(NamedTuple):
     """A motion that could be recorded.
 
@@ -78,83 +59,194 @@ class Experiment(NamedTuple):
     """
 
     name: str
-    content: Mapping[str, Any]
+    content: Mapping[str, object]
     samples: Callable[[Array], Samples]
 
 
-class DemandedForce(Protocol):
-    """Force that a logged motion demands."""
+class Variables(NamedTuple):
+    """What a residual may depend on in a log of N samples; what a mechanism lacks is None.
 
-    @property
-    def force(self) -> Array:
-        """(2, N - 1, A) at the start and at the end of each interval."""
-        ...
-
-    def columns(self, indices: Iterable[int], /) -> Array:
-        """d force / d theta[i] for each index: (len(indices), 2, N - 1, A)."""
-        ...
-
-
-class Mechanism(Protocol):
-    """A mechanism with given effects: what it measures, demands and simulates.
-
-    axes : names of the axes of force and speed; joints : names of the joints in its logs
-    catalogue : the effects that it can have
-    filter_rate : of the filter through which forces are fitted [rad/s]
-    scaling : how ``scale`` scales the parameters, in words
-    structure : which effects it holds (``effects``), and what is known of them (``nonlinear``:
-        in whose own parameters the force is not linear)
+    axes, places, joints : names of accelerations, of coordinates (N, D) and of joints, as variables
+        end on them
+    twist : (N, A) as people state it; rates (N, K): where surfaces slide
+    heading : (N,) [rad]; angle, speed : (N, J) of the joints
+    departure : (N, J) what no rigid motion explains in the speeds
+    turns : of one axis, whether it turns (rad, N m) or slides (m, N)
     """
 
-    structure: Any
     axes: tuple[str, ...]
     joints: tuple[str, ...]
-    catalogue: Registry
-    filter_rate: float
-    scaling: str
+    places: tuple[str, ...]
+    twist: Array
+    rates: Array
+    position: Array
+    heading: Array | None = None
+    angle: Array | None = None
+    speed: Array | None = None
+    departure: Array | None = None
+    turns: bool | None = None
+
+
+def _whole(samples: Samples) -> list[Part]:
+    return [Part("run", samples)]
+
+
+def _nothing(*_: object) -> tuple[()]:
+    return ()
+
+
+def _no_scale(known: object) -> dict[str, float]:
+    return {}
+
+
+def _no_fault(known: object, values: object) -> str:
+    return ""
+
+
+def _usual_rate(known: object) -> float:
+    return FilterSettings.rate
+
+
+@dataclass(frozen=True)
+class Conventions(Generic[Known]):
+    """How mechanisms of one kind are identified: what the physics leaves open.
+
+    kind : the physics; ``known`` below is what is known beforehand of the mechanism at hand
+    axes : names of the axes of force and speed in reports
+    force_scale(known) : (A,) factors by which all axes weigh alike; speeds are divided by them
+    samples(log, known) : motion and torque of a log
+    variables(samples, known) : what the residual may depend on
+    quantities(known) : symbols and units of forces and speeds, for figures
+    advice(known, direction) : what to record where ``direction`` (F,) of the parameters is not seen
+    base_scale(known) : factors of base parameters, by name, to numbers of one size; others are
+        scaled by their catalogue size
+    scaling : how that scales the parameters, in words
+    order : indices of base parameters in the order in which they are shown; () for theta's
+    filter_rate(known) : of the filter through which forces are fitted [rad/s]
+    parts(samples) : stretches of a log that are judged apart
+    motions(known, seed) : motions that could be recorded next
+    fault_of_fit(known, values) : why base parameters that were fitted cannot be, and what to do;
+        "" if they can
+    motion_that_shows(known, direction) : name of the motion that does, where motions have names
+    """
+
+    kind: MechanismKind
+    axes: tuple[str, ...]
+    force_scale: Callable[[Known], Array]
+    samples: Callable[[Log, Known], Samples]
+    variables: Callable[[Samples, Known], Variables]
+    quantities: Callable[[Known], Quantities]
+    advice: Callable[[Known, Array], str]
+    base_scale: Callable[[Known], Mapping[str, float]] = _no_scale
+    scaling: str = "by catalogue size"
+    order: tuple[int, ...] = ()
+    filter_rate: Callable[[Known], float] = _usual_rate
+    parts: Callable[[Samples], list[Part]] = _whole
+    motions: Callable[[Known, int], Sequence[Experiment]] = _nothing
+    fault_of_fit: Callable[[Known, Mapping[str, float]], str] = _no_fault
+    motion_that_shows: Callable[[Known, Array], str] | None = None
+
+
+@dataclass(frozen=True)
+class Mechanism(Generic[Known]):
+    """A mechanism with given effects: what it measures, demands and simulates.
+
+    geometry : what is known of it beforehand; structure : which effects it holds
+    """
+
+    geometry: Known
+    structure: ModelStructure
+    conventions: Conventions[Known]
+
+    @property
+    def kind(self) -> MechanismKind:
+        """Its physics."""
+        return self.structure.mechanism
+
+    @property
+    def axes(self) -> tuple[str, ...]:
+        """Names of the axes of force and speed."""
+        return self.conventions.axes
+
+    @property
+    def joints(self) -> tuple[str, ...]:
+        """Names of the joints in its logs."""
+        return self.kind.joints
+
+    @property
+    def scaling(self) -> str:
+        """How ``scale`` scales the parameters, in words."""
+        return self.conventions.scaling
+
+    @cached_property
+    def filter_rate(self) -> float:
+        """Of the filter through which forces are fitted [rad/s]."""
+        return self.conventions.filter_rate(self.geometry)
+
+    @cached_property
+    def catalogue(self) -> Registry:
+        """The effects that it can have, with units and sizes of the mechanism at hand."""
+        found = Registry()
+        for item in self.kind.catalogue:
+            if self.kind.holds(item, self.geometry):
+                found.add(self.kind.declared(item, self.geometry))
+        return found
+
+    def with_effects(self, effects: Sequence[str]) -> Mechanism[Known]:
+        """The same mechanism with other effects beside the base model."""
+        return Mechanism(self.geometry, self.structure.with_effects(effects), self.conventions)
+
+    def extended(self, name: str) -> Mechanism[Known]:
+        """The same mechanism with one effect more."""
+        return self.with_effects((*self.structure.effects, name))
+
+    # Parameters ---------------------------------------------------------------------------------
 
     @cached_property
     def parameter_names(self) -> tuple[str, ...]:
         """Order of theta."""
         return self.structure.parameter_names
 
-    @property
+    @cached_property
     def labels(self) -> tuple[ParameterLabel, ...]:
         """(P,) what is known of each parameter beforehand."""
-        ...
+        found: list[ParameterLabel] = []
+        for item in self.structure.components:
+            declared = self.kind.declared(item, self.geometry)
+            for name in item.parameter_names:
+                parameter = declared.parameter(name)
+                group = f"{item.name}.{parameter.name}" if parameter.relative_to else None
+                found.append(ParameterLabel(item.name, name, parameter, group))
+        return tuple(found)
 
     @cached_property
     def free(self) -> NDArray[np.bool_]:
         """(P,) whether a parameter is identified linearly (shape constants stay as they are)."""
         return np.array([not label.parameter.is_shape for label in self.labels])
 
-    @property
+    @cached_property
     def order(self) -> NDArray[np.intp]:
         """(F,) indices of the free parameters, in the order in which they are shown."""
-        ...
+        first = self.conventions.order
+        return np.array([*first, *np.flatnonzero(self.free)[len(first) :]], dtype=np.intp)
 
-    @property
+    @cached_property
     def bounds(self) -> tuple[Array, Array]:
-        """(P,) and (P,): physical bounds."""
-        ...
+        """(P,) and (P,): physical bounds; none on values relative to each other."""
+        free = Parameter("", "")
+        declared = [free if label.group else label.parameter for label in self.labels]
+        return np.array([p.lower for p in declared]), np.array([p.upper for p in declared])
 
-    @property
+    @cached_property
     def scale(self) -> Array:
         """(P,) factors from theta to numbers of one size."""
-        ...
+        base = self.conventions.base_scale(self.geometry)
+        return np.array([base.get(label.name, 1.0 / label.parameter.size) for label in self.labels])
 
     @property
     def is_linear(self) -> bool:
         """Whether the demanded force is linear in the free parameters."""
-        ...
-
-    def with_effects(self, effects: tuple[str, ...]) -> Self:
-        """The same mechanism with other effects beside the base model."""
-        ...
-
-    def extended(self, name: str) -> Self:
-        """The same mechanism with one effect more."""
-        return self.with_effects((*self.structure.effects, name))
+        return self.structure.is_linear and not self.structure.nonlinear
 
     def extend_theta(self, theta: Array, name: str, shapes: Mapping[str, float]) -> Array:
         """theta (P,) followed by those of effect ``name``: no strength, shapes as given."""
@@ -162,49 +254,127 @@ class Mechanism(Protocol):
         values = {**effect.defaults, **shapes}
         return np.concatenate([theta, [values[key] for key in effect.parameter_names]])
 
-    def samples(self, log: Log, /) -> Any:
-        """Motion and effort of a log."""
-        ...
+    # Logs ---------------------------------------------------------------------------------------
 
-    def parts(self, samples: Any, /) -> list[Any]:
-        """Stretches of a log (`segments.Part`) that are judged apart."""
-        ...
+    @cached_property
+    def force_scale(self) -> Array:
+        """(A,) factors that turn generalised forces into those of the engine."""
+        return self.conventions.force_scale(self.geometry)
 
-    def noisy(self, samples: Any, speed: Array, effort: Array, rng: np.random.Generator, /) -> Any:
-        """The samples with white noise of these standard deviations (k,) put on."""
-        ...
+    @cached_property
+    def speed_scale(self) -> Array:
+        """(A,) factors that turn a twist into the engine's speeds."""
+        return 1.0 / self.force_scale
 
-    def measured_force(self, samples: Any, /) -> Array:
-        """(N, A) generalised force of the logged efforts."""
-        ...
+    @cached_property
+    def jacobian(self) -> Array:
+        """(J, A): rates of the joints per twist."""
+        units = np.eye(len(self.kind.axes))
+        return np.array([self.kind.joint_rates(self.geometry, tuple(row)) for row in units]).T
 
-    def measured_speed(self, samples: Any, /) -> Array:
-        """(N, A) measured speed."""
-        ...
+    @cached_property
+    def least_squares(self) -> Array:
+        """(J, A): makes a twist of joint rates; its transpose makes torques of a force."""
+        gram = self.jacobian.T @ self.jacobian
+        if np.abs(gram - np.diag(np.diag(gram))).max() < 1e-12 * np.diag(gram).max():
+            # Orthogonal columns: a mean with signs, without the rounding of a decomposition.
+            return self.jacobian / (self.jacobian**2).sum(axis=0)
+        return np.asarray(np.linalg.pinv(self.jacobian).T, float)
 
-    def demand(self, theta: Array, samples: Any, /, like: Any = None) -> DemandedForce:
-        """Force that the logged motion demands at parameters theta.
+    def samples(self, log: Log) -> Samples:
+        """Motion and torque of a log."""
+        return self.conventions.samples(log, self.geometry)
 
-        ``like``: the demand of the same samples at a structure that this one extends by what has
-        no strength at theta; it may take over what that one has found out.
+    def parts(self, samples: Samples) -> list[Part]:
+        """Stretches of a log that are judged apart."""
+        return self.conventions.parts(samples)
+
+    def variables(self, samples: Samples) -> Variables:
+        """What the residual may depend on."""
+        return self.conventions.variables(samples, self.geometry)
+
+    def measured_force(self, samples: Samples) -> Array:
+        """(N, A) generalised force of the logged torques."""
+        return (samples.torque @ self.jacobian) * self.force_scale
+
+    def measured_speed(self, samples: Samples) -> Array:
+        """(N, A) measured speeds."""
+        return samples.twist * self.speed_scale
+
+    def joint_speed(self, speed: Array) -> Array:
+        """(N, J) rates of the joints at speeds (N, A)."""
+        return (speed / self.speed_scale) @ self.jacobian.T
+
+    def joint_torque(self, force: Array) -> Array:
+        """(N, J) least-norm torques of the joints that exert forces (N, A)."""
+        return (force / self.force_scale) @ self.least_squares.T
+
+    def noisy(
+        self, samples: Samples, speed: Array, torque: Array, rng: np.random.Generator
+    ) -> Samples:
+        """The samples with white noise of these standard deviations (J,) put on."""
+        shape = samples.torque.shape
+        extra = speed * rng.standard_normal(shape)
+        # Angles that are integrated from the speeds drift with their noise; a ripple sees it.
+        drifts = samples.wheel_angle.size and not samples.angle_measured
+        drift = integral_of(extra, samples.dt) if drifts else 0.0
+        return replace(
+            samples,
+            wheel_angle=samples.wheel_angle + drift,
+            twist=samples.twist + extra @ self.least_squares,
+            wheel_speed=samples.wheel_speed + extra,
+            torque=samples.torque + torque * rng.standard_normal(shape),
+        )
+
+    def demand(
+        self, theta: Array, samples: Samples, like: DemandedForce | None = None
+    ) -> DemandedForce:
+        """Generalised force that the logged motion demands at parameters theta (P,).
+
+        ``like``: that of the same samples at a structure which this one extends by what has no
+        strength at theta; what it has found out is taken over.
         """
-        ...
+        declared = tuple(label.parameter for label in self.labels)
+        return DemandedForce(
+            self.structure,
+            self.geometry,
+            self.force_scale,
+            declared,
+            np.asarray(theta, float),
+            samples,
+            like,
+        )
 
-    def motions(self, seed: int, /) -> Sequence[Experiment]:
+    def free_run(self, theta: Array, samples: Samples) -> Array:
+        """(N, A) speeds from the log's first sample, driven by its torques alone.
+
+        A run that diverges holds inf or NaN from there on.
+
+        Raises
+        ------
+        InputError
+            If the parameters are too stiff to simulate.
+        """
+        # numba, which a force fit does without
+        from youbot_env.simulation.free_run import simulate_theta
+
+        s = samples
+        start = [*s.twist[0], *s.pose[0], *s.wheel_angle[0], s.time[0]]
+        if self.structure.has_actuator:
+            start += dynamics.channel_torque(np, self.structure, theta, tuple(s.torque[0]), 0.0)
+        duration = np.full(len(s) - 1, s.dt)
+        states = simulate_theta(self.structure, self.geometry, theta, duration, s.torque, start)
+        return states[:, : len(self.kind.axes)] * self.speed_scale
+
+    # What to do next ----------------------------------------------------------------------------
+
+    def motions(self, seed: int) -> Sequence[Experiment]:
         """Motions that could be recorded next, for a diagnosis to choose from; () if none is known.
 
         ``seed``: of those that are random.
         """
-        return ()
+        return self.conventions.motions(self.geometry, seed)
 
-    def free_run(self, theta: Array, samples: Any, /) -> Array:
-        """(N, A) speed from the log's first sample, driven by its efforts alone."""
-        ...
-
-    def joint_speed(self, speed: Array, /) -> Array:
-        """(N, k) speeds of the log's joints at a speed (N, A)."""
-        ...
-
-    def advice(self, direction: Array, /) -> str:
-        """What to record where the free parameters' ``direction`` (F,) cannot be seen."""
-        ...
+    def advice(self, direction: Array) -> str:
+        """What to record where the parameters' ``direction`` (F,) cannot be seen."""
+        return self.conventions.advice(self.geometry, direction)

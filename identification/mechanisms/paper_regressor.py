@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 from youbot_env.motions.calibration import CALIBRATION
 from youbot_env.physics.geometry import Geometry
 from youbot_env.physics.inverse_dynamics import wrench
-from youbot_env.physics.points import Instant
+from youbot_env.physics.mechanism import Instant
 from youbot_env.physics.structure import ModelStructure
 
 Array = NDArray[np.float64]

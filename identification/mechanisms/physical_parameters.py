@@ -1,4 +1,4 @@
-"""From fitted theta to the paper's physical parameters, with the covariance carried along."""
+"""From fitted theta to parameters as people state them, with the covariance carried along."""
 
 from __future__ import annotations
 
@@ -8,16 +8,15 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from identification.mechanisms.mecanum import Mecanum
-from identification.mechanisms.mechanism import FitResult
+from identification.mechanisms.mechanism import FitResult, Mechanism
 from youbot_env.errors import InputError
-from youbot_env.model.model import BASE_UNITS, Estimate, Model
+from youbot_env.model.model import Estimate, Model
 from youbot_env.physics.stated_parameters import jacobian, public_parameters, to_public
 
 Array = NDArray[np.float64]
 
 
-def settle_gauge(mechanism: Mecanum, theta: Array) -> tuple[Array, Array]:
+def settle_gauge(mechanism: Mechanism[Any], theta: Array) -> tuple[Array, Array]:
     """Give what only differences show its stated zero: the least wheel, or the wheels' mean.
 
     Returns the new theta (P,) and the (P, P) map that it came by, for the covariance. The common
@@ -42,7 +41,7 @@ def settle_gauge(mechanism: Mecanum, theta: Array) -> tuple[Array, Array]:
     return theta, change
 
 
-def physical_covariance(mechanism: Mecanum, fit: FitResult) -> tuple[tuple[str, ...], Array]:
+def physical_covariance(mechanism: Mechanism[Any], fit: FitResult) -> tuple[tuple[str, ...], Array]:
     """Names (F,) of the fitted parameters as people state them, and their covariance (F, F).
 
     First order. What the fit leaves without any place (the anchor of a tether that does not pull)
@@ -51,21 +50,21 @@ def physical_covariance(mechanism: Mecanum, fit: FitResult) -> tuple[tuple[str, 
     structure = mechanism.structure
     theta, change = settle_gauge(mechanism, fit.theta)
     slope = (jacobian(structure, mechanism.geometry, theta) @ change)[:, fit.free]
-    declared = public_parameters(structure)
+    declared = public_parameters(structure, mechanism.geometry)
     kept = [k for k, row in enumerate(slope) if row.any()]
     names = list(declared)
     return tuple(names[k] for k in kept), slope[kept] @ fit.covariance @ slope[kept].T
 
 
 def fitted_model(
-    mechanism: Mecanum,
+    mechanism: Mechanism[Any],
     fit: FitResult,
     *,
     name: str = "model",
     logs: tuple[Mapping[str, str], ...] = (),
     errors: Mapping[str, Any] | None = None,
     provenance: Mapping[str, Any] | None = None,
-) -> Model:
+) -> Model[Any]:
     """The model that a fit stands for.
 
     Raises
@@ -76,14 +75,10 @@ def fitted_model(
     theta, _ = settle_gauge(mechanism, fit.theta)
     names, covariance = physical_covariance(mechanism, fit)
     std = dict(zip(names, np.sqrt(np.maximum(np.diag(covariance), 0.0)), strict=True))
-    declared = public_parameters(mechanism.structure)
+    declared = public_parameters(mechanism.structure, mechanism.geometry)
     values = to_public(mechanism.structure, mechanism.geometry, theta)
-    if values["m0"] <= 4 * mechanism.geometry.m1:
-        raise InputError(
-            f"the fitted mass m0 = {values['m0']:.3g} kg is below that of the four wheels "
-            f"({4 * mechanism.geometry.m1:.3g} kg): the logs do not show it; record motions "
-            "I and II, or check the torques' unit and the geometry"
-        )
+    if fault := mechanism.conventions.fault_of_fit(mechanism.geometry, values):
+        raise InputError(fault)
 
     def entry(key: str) -> Estimate:
         return Estimate(values[key], declared[key].unit, float(std[key]) if key in std else None)
@@ -95,7 +90,7 @@ def fitted_model(
             effects[effect][parameter] = entry(key)
     return Model(
         geometry=mechanism.geometry,
-        parameters={key: entry(key) for key in BASE_UNITS},
+        parameters={key: entry(key) for key in mechanism.kind.base_parameters(mechanism.geometry)},
         effects=effects,
         covariance=covariance,
         covariance_names=names,
@@ -103,4 +98,5 @@ def fitted_model(
         errors=errors or {},
         name=name,
         provenance=provenance or {},
+        mechanism=mechanism.kind,
     )

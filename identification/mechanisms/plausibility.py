@@ -2,24 +2,27 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
+from typing import Any
+
 import numpy as np
 
 from youbot_env.model.model import Model
-from youbot_env.physics.effect import CATALOGUE
+from youbot_env.physics.geometry import Geometry
 
 BARELY = 0.2
 """A standard deviation above this share of the value is called barely observable."""
 
-OFFSETS = ("aX", "aY")
-"""Parameters that may well be zero: judged by the footprint, not by their own size."""
 
-
-def warnings_of(model: Model) -> list[str]:
+def warnings_of(model: Model[Geometry]) -> list[str]:
     """Plain sentences on implausible or barely observable parameters."""
-    return [*_inertia(model), *_wheel(model), *_centre_of_mass(model), *_barely(model)]
+    # A centre of mass may well lie at O: it is judged by the footprint.
+    footprint = {"aX": model.geometry.l, "aY": model.geometry.l}
+    barely = barely_observable(model, footprint)
+    return [*_inertia(model), *_wheel(model), *_centre_of_mass(model), *barely]
 
 
-def _inertia(model: Model) -> list[str]:
+def _inertia(model: Model[Geometry]) -> list[str]:
     g, value = model.geometry, model.values
     radius = float(np.sqrt(value["I0"] / value["m0"]))
     corner = float(np.hypot(g.l, g.h))
@@ -37,7 +40,7 @@ def _inertia(model: Model) -> list[str]:
     return []
 
 
-def _wheel(model: Model) -> list[str]:
+def _wheel(model: Model[Geometry]) -> list[str]:
     solid = 0.5 * model.geometry.m1 * model.geometry.R**2
     ratio = model.values["I1"] / solid if solid > 0 else 1.0
     if ratio > 2:
@@ -53,7 +56,7 @@ def _wheel(model: Model) -> list[str]:
     return []
 
 
-def _centre_of_mass(model: Model) -> list[str]:
+def _centre_of_mass(model: Model[Geometry]) -> list[str]:
     g, value = model.geometry, model.values
     if abs(value["aX"]) > g.h or abs(value["aY"]) > g.l:
         return [
@@ -63,21 +66,28 @@ def _centre_of_mass(model: Model) -> list[str]:
     return []
 
 
-def _barely(model: Model) -> list[str]:
-    found = []
+def barely_observable(model: Model[Any], sizes: Mapping[str, float] | None = None) -> list[str]:
+    """A sentence on each parameter that the logs hardly show, of any mechanism.
+
+    Parameters
+    ----------
+    sizes : of parameters that may well be zero: by these they are judged, not by their values
+    """
+    sizes = sizes or {}
+    found: list[str] = []
     estimates = dict(model.parameters) | {
         f"{effect}.{name}": estimate
         for effect, parameters in model.effects.items()
         for name, estimate in parameters.items()
-        if CATALOGUE[effect].public_parameter(name).relative_to is None
+        if model.effect(effect).public_parameter(name).relative_to is None
     }
     for name, estimate in estimates.items():
-        scale = model.geometry.l if name in OFFSETS else abs(estimate.value)
+        size = sizes.get(name, abs(estimate.value))
         effect, _, key = name.partition(".")
-        if key and CATALOGUE[effect].public is not None:
+        if key and model.effect(effect).public is not None:
             # A place or a phase may well be zero: judged by its catalogue size.
-            scale = max(scale, CATALOGUE[effect].public_parameter(key).size)
-        if estimate.std is not None and estimate.std > BARELY * scale:
+            size = max(size, model.effect(effect).public_parameter(key).size)
+        if estimate.std is not None and estimate.std > BARELY * size:
             found.append(
                 f"{name} = {estimate.value:.3g} +- {estimate.std:.2g} {estimate.unit} is barely "
                 "observable in these logs"

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Any, NamedTuple
+from typing import NamedTuple, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
@@ -28,13 +28,20 @@ class Quantities(NamedTuple):
     speed_scale: NDArray[np.float64]
 
 
+class Turning(Protocol):
+    """What tells whether an axis turns."""
+
+    @property
+    def turns(self) -> bool: ...
+
+
 def of_platform(geometry: Geometry) -> Quantities:
     """(L F_X, L F_Y, M_W) and (VX, VY, W); the engine divides VX and VY by L."""
     return Quantities(FORCES, VELOCITIES, np.array([geometry.L, geometry.L, 1.0]))
 
 
-def of_axis(model: Any) -> Quantities:
-    """One axis (AxisModel): it slides (N, m/s) or turns (N m, rad/s)."""
-    turns = model.scales.turns
+def of_axis(scales: Turning) -> Quantities:
+    """One axis: it slides (N, m/s) or turns (N m, rad/s)."""
+    turns = scales.turns
     force = ("torque", "N m") if turns else ("force", "N")
     return Quantities((force,), (("speed", "rad/s" if turns else "m/s"),), np.ones(1))

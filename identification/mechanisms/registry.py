@@ -5,15 +5,16 @@ from __future__ import annotations
 import os
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
-from functools import cache
-from typing import TYPE_CHECKING, Any
+from functools import cache, partial
+from math import inf
+from typing import Any
 
-from identification.logs.log import AXIS, Log
-from identification.mechanisms import plausibility
-from identification.mechanisms.mecanum import Mecanum
-from identification.mechanisms.mechanism import Mechanism
+from identification.logs.log import Log
+from identification.mechanisms.mecanum import CONVENTIONS
+from identification.mechanisms.mechanism import Conventions, FitResult, Mechanism
 from identification.mechanisms.physical_parameters import fitted_model
-from identification.mechanisms.quantities import Quantities, of_axis, of_platform
+from identification.mechanisms.plausibility import barely_observable, warnings_of
+from identification.mechanisms.quantities import Quantities
 from youbot_env.errors import InputError
 from youbot_env.model.model import Model
 from youbot_env.model.model_file import (
@@ -22,87 +23,77 @@ from youbot_env.model.model_file import (
     read_content,
     save_model,
 )
-from youbot_env.physics.geometry import WHEELS, Geometry
+from youbot_env.physics.geometry import Geometry
 
-if TYPE_CHECKING:
-    from identification.mechanisms.axis_model import AxisModel
+AnyModel = Model[Any]
+"""A model of any mechanism."""
 
-    AnyModel = Model | AxisModel
-else:
-    AnyModel = Any
+
+def _no_file(*_: object) -> Any:
+    raise InputError("models of this mechanism have no file")
 
 
 @dataclass(frozen=True)
-class MechanismKind:
-    """One kind of mechanism: its model, what its logs hold, and how both become a mechanism.
+class Entry:
+    """One kind of mechanism that can be identified, and its model files.
 
-    model: its class; joints: of its logs; build(model, geometry); start(logs, unit): base model
-    to fit; read(data, source): from a model file's content; save(path, model);
-    quantities(model, geometry): symbols and units of what is measured;
-    fitted_model(mechanism, fit, **about): the model that a fit stands for; about: name, logs,
-    errors, provenance; warnings(model): plain sentences on what is implausible or barely observable
+    conventions : how it is identified
+    start(logs, unit) : base model to fit
+    read(data, source), save(path, model) : its model files
+    warnings(model) : plain sentences on what is implausible or barely observable
+    takes_geometry : whether a geometry can be given for it (``--geometry``)
     """
 
-    model: type
-    joints: tuple[str, ...]
-    build: Callable[[Any, Geometry | None], Mechanism]
-    start: Callable[[Sequence[Log], str], Any]
-    read: Callable[[Mapping[str, Any], str], Any]
-    save: Callable[[str | os.PathLike[str], Any], None]
-    quantities: Callable[[Any, Geometry | None], Quantities]
-    fitted_model: Callable[..., Any]
-    warnings: Callable[[Any], list[str]]
+    conventions: Conventions[Any]
+    start: Callable[[Sequence[Log], str], AnyModel]
+    read: Callable[[Mapping[str, Any], str], AnyModel] = _no_file
+    save: Callable[[str | os.PathLike[str], AnyModel], None] = _no_file
+    warnings: Callable[[AnyModel], list[str]] = barely_observable
+    takes_geometry: bool = False
+
+    @property
+    def joints(self) -> tuple[str, ...]:
+        """Names of the joints in its logs."""
+        return self.conventions.kind.joints
+
+    def fitted_model(self, mechanism: Mechanism[Any], fit: FitResult, **about: Any) -> AnyModel:
+        """The model that a fit stands for; about: name, logs, errors, provenance."""
+        return fitted_model(mechanism, fit, **about)
 
 
-def _mecanum() -> MechanismKind:
-    return MechanismKind(
-        Model,
-        WHEELS,
-        lambda model, geometry: Mecanum(geometry or model.geometry, model.structure),
+def _mecanum() -> Entry:
+    return Entry(
+        CONVENTIONS,
         lambda logs, unit: load_model("paper"),
         model_from_dict,
         save_model,
-        lambda model, geometry: of_platform(geometry or model.geometry),
-        fitted_model,
-        plausibility.warnings_of,
+        warnings_of,
+        takes_geometry=True,
     )
 
 
 @cache
-def _axis() -> MechanismKind:
+def _axis() -> Entry:
     # Imported when one is met: most users have a platform, and starting is part of every command.
-    from identification.mechanisms.axis_model import (
-        AxisModel,
-        axis_from_dict,
-        base_axis_model,
-        fitted_axis_model,
-        save_axis_model,
-        warnings_of,
-    )
+    from identification.mechanisms import axis_model
+    from identification.mechanisms.axis import CONVENTIONS as OF_AXIS
 
-    def build(model: Any, geometry: Geometry | None) -> Mechanism:
-        if geometry is not None:
-            raise InputError("--geometry is of a mecanum platform; the axis of this model has none")
-        return model.axis
-
-    return MechanismKind(
-        AxisModel,
-        AXIS,
-        build,
-        lambda logs, unit: base_axis_model(logs, unit=unit),
-        axis_from_dict,
-        save_axis_model,
-        lambda model, geometry: of_axis(model),
-        fitted_axis_model,
-        warnings_of,
+    return Entry(
+        OF_AXIS,
+        lambda logs, unit: axis_model.base_axis_model(logs, unit=unit),
+        axis_model.axis_from_dict,
+        axis_model.save_axis_model,
+        partial(barely_observable, sizes={"offset": inf}),  # which may well be zero
     )
 
 
-MECHANISMS: dict[str, Callable[[], MechanismKind]] = {"mecanum": cache(_mecanum), "axis": _axis}
-"""Kinds of mechanism by the name that model files and ``--mechanism`` give them."""
+MECHANISMS: dict[str, Callable[[], Entry]] = {"mecanum": cache(_mecanum), "axis": _axis}
+"""Kinds of mechanism by the name that model files and ``--mechanism`` give them.
+
+To identify another, put it here under its name."""
 
 
-def kind(name: str) -> MechanismKind:
+def kind(name: str) -> Entry:
     """A kind of mechanism by name.
 
     Raises
@@ -115,10 +106,9 @@ def kind(name: str) -> MechanismKind:
     return MECHANISMS[name]()
 
 
-def kind_of(model: AnyModel) -> MechanismKind:
+def kind_of(model: AnyModel) -> Entry:
     """The kind of mechanism that a model is of."""
-    kinds = (make() for make in MECHANISMS.values())
-    return next(item for item in kinds if isinstance(model, item.model))
+    return kind(model.mechanism.name)
 
 
 def check_mechanism(model: AnyModel, name: str | None) -> None:
@@ -133,14 +123,34 @@ def check_mechanism(model: AnyModel, name: str | None) -> None:
         raise InputError(f"model {model.name} is not of mechanism {name!r}; leave --mechanism out")
 
 
-def mechanism_of(model: AnyModel, geometry: Geometry | None = None) -> Mechanism:
-    """The mechanism that a model is of; ``geometry`` replaces a platform's own."""
-    return kind_of(model).build(model, geometry)
+def mechanism_of(model: AnyModel, geometry: Geometry | None = None) -> Mechanism[Any]:
+    """The mechanism that a model is of; ``geometry`` replaces a platform's own.
+
+    Raises
+    ------
+    InputError
+        If a geometry is given for a mechanism that has none.
+    """
+    of = kind_of(model)
+    return Mechanism(_known(model, geometry), model.structure, of.conventions)
 
 
 def quantities_of(model: AnyModel, geometry: Geometry | None = None) -> Quantities:
     """Symbols and units of what is measured of a model's mechanism."""
-    return kind_of(model).quantities(model, geometry)
+    return kind_of(model).conventions.quantities(_known(model, geometry))
+
+
+def _known(model: AnyModel, geometry: Geometry | None) -> Any:
+    if geometry is None:
+        return model.geometry
+    if not kind_of(model).takes_geometry:
+        raise InputError("--geometry is of a mecanum platform; the axis of this model has none")
+    return geometry
+
+
+def platform_geometry(model: AnyModel) -> Geometry | None:
+    """Lengths that a log's wheels can be checked with, if the model's mechanism has wheels."""
+    return model.geometry if kind_of(model).takes_geometry else None
 
 
 def load_any_model(source: str | os.PathLike[str]) -> Any:

@@ -10,17 +10,15 @@ import numpy as np
 from numpy.typing import NDArray
 
 from identification.fitting.cross_validation import rows_per_block
-from identification.fitting.regression_rows import residual_and_columns, stride
+from identification.fitting.regression import residual_and_columns, stride
 from identification.fitting.settings import FitSettings
-from identification.mechanisms.mecanum import Mecanum
-from identification.mechanisms.mecanum_samples import MecanumSamples
 from identification.mechanisms.mechanism import Mechanism
+from identification.mechanisms.samples import Samples
 from identification.residual_map.features import FeatureGroup, FeatureScales, feature_groups
 from identification.residual_map.held_out_gain import FoldRows
 from identification.residual_map.settings import ResidualMapSettings
 from identification.residual_map.variables import MotionVariables, RowReduction, smooth
 from identification.signals.filters import block_mean
-from youbot_env.physics.geometry import WHEELS
 
 Array = NDArray[np.float64]
 Indices = NDArray[np.intp]
@@ -89,7 +87,7 @@ def residual_table(
     )
 
 
-def averaged_down(samples: Any, rate: float) -> Any:
+def averaged_down(samples: Samples, rate: float) -> Samples:
     """The samples averaged over successive blocks, to ``rate`` [Hz] or just above."""
     size = max(1, int(1.0 / (rate * samples.dt) + 1e-6))
     if size == 1:
@@ -103,7 +101,7 @@ def averaged_down(samples: Any, rate: float) -> Any:
 
 
 def motion_variables(
-    mechanism: Mechanism, samples: Any, demanded: Array, smoothing: float
+    mechanism: Mechanism, samples: Samples, demanded: Array, smoothing: float
 ) -> MotionVariables:
     """Variables of a log.
 
@@ -115,49 +113,11 @@ def motion_variables(
     force = np.concatenate(
         [demanded[0, :1], 0.5 * (demanded[1, :-1] + demanded[0, 1:]), demanded[1, -1:]]
     )
-    if isinstance(mechanism, Mecanum):
-        return _of_platform(mechanism, samples, force, smoothing)
-    return _of_axis(mechanism, samples, force, smoothing)
-
-
-def _of_platform(
-    mechanism: Mecanum, samples: MecanumSamples, force: Array, smoothing: float
-) -> MotionVariables:
-    geometry = mechanism.geometry
-    rolling = geometry.wheel_speeds(samples.twist)
-    rollers = samples.twist @ geometry.roller_jacobian[::2].T
-    torque = geometry.wheel_torque(force / mechanism.force_scale)
-    return MotionVariables(
-        axes=("x", "y", "yaw"),
-        joints=WHEELS,
-        places=("x", "y"),
-        time=samples.time,
-        twist=samples.twist,
-        rates=np.column_stack([samples.twist, rolling, rollers]),
-        **_derived(samples.twist, torque, smoothing, samples.dt),
-        position=samples.pose[:, :2],
-        heading=samples.pose[:, 2],
-        angle=samples.wheel_angle,
-        speed=samples.wheel_speed,
-        departure=samples.wheel_speed - rolling,
-        turns=None,
-    )
-
-
-def _of_axis(mechanism: Any, samples: Any, force: Array, smoothing: float) -> MotionVariables:
-    """Of one axis: its speed is its twist; what it lacks stays None."""
-    twist = mechanism.measured_speed(samples)
-    return MotionVariables(
-        axes=("",),
-        joints=("",),
-        places=("",),
-        time=samples.time,
-        twist=twist,
-        rates=twist,
-        **_derived(twist, force, smoothing, samples.dt),
-        position=samples.position[:, None],
-        turns=mechanism.scales.turns,
-    )
+    found = mechanism.variables(samples)
+    torque = mechanism.joint_torque(force)
+    derived = _derived(found.twist, torque, smoothing, samples.dt)
+    known: dict[str, Any] = found._asdict() | derived
+    return MotionVariables(time=samples.time, **known)
 
 
 def _derived(twist: Array, torque: Array, smoothing: float, dt: float) -> dict[str, Array]:

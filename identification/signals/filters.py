@@ -117,3 +117,13 @@ def slope_ends(signal: Array, dt: float) -> Array:
     bend = np.zeros_like(slope)
     bend[1:-1] = 0.25 * (slope[2:] - slope[:-2])
     return np.stack([slope - bend, slope + bend])
+
+
+def integral_of(rate: Array, dt: float) -> Array:
+    """Integral (N, ...) of a sampled rate (N, ...) from the first sample on, by trapezoids.
+
+    The same numbers as scipy.integrate.cumulative_trapezoid, whose import takes 0.3 s.
+    """
+    total = np.zeros_like(rate)
+    np.cumsum(0.5 * dt * (rate[1:] + rate[:-1]), axis=0, out=total[1:])
+    return total

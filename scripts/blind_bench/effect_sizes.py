@@ -9,7 +9,13 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from identification.fitting.errors import NoiseLevel, Squares, add_up, force_floor, force_traces
+from identification.fitting.errors import (
+    NoiseLevel,
+    SumsOfSquares,
+    add_up,
+    force_floor,
+    force_traces,
+)
 from identification.fitting.least_squares import fit
 from identification.mechanisms.mecanum import Mecanum
 from youbot_env.model.model_file import load_model
@@ -54,7 +60,7 @@ def force_ratio(sizing: Sizing) -> float:
         force_floor(mechanism, theta, item, trace, NoiseLevel.of(item), sizing.seed)
         for item, trace in zip(samples, traces, strict=True)
     ]
-    return add_up(map(Squares.of, traces)).ratio / add_up(floor).ratio
+    return add_up(map(SumsOfSquares.of, traces)).ratio / add_up(floor).ratio
 
 
 def size_table(found: Iterable[tuple[Sizing, float]]) -> dict[str, dict[str, Any]]:

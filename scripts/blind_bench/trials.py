@@ -12,7 +12,7 @@ from typing import Any
 
 import numpy as np
 
-from identification.fitting.errors import Squares, add_up, velocity_traces
+from identification.fitting.errors import SumsOfSquares, add_up, velocity_traces
 from identification.logs.log import Log
 from identification.mechanisms.mecanum import Mecanum
 from youbot_env.errors import InputError
@@ -48,7 +48,7 @@ def velocity_error(model: Model, logs: Sequence[Log]) -> float:
     """Velocity error of a model's free run over all logs."""
     mechanism = Mecanum(model.geometry, model.structure)
     runs = (velocity_traces(mechanism, model.theta, mechanism.samples(log)) for log in logs)
-    return add_up(map(Squares.of, runs)).ratio
+    return add_up(map(SumsOfSquares.of, runs)).ratio
 
 
 def stated_sizes(found: Any, report: dict[str, Any]) -> dict[str, dict[str, float]]:

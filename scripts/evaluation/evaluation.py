@@ -24,7 +24,7 @@ from youbot_env import __version__
 from youbot_env.model.model import Model
 from youbot_env.model.model_file import load_model, model_from_dict, model_to_dict
 from youbot_env.tracking.randomisation import episode_streams
-from youbot_env.tracking.task import DIVERGED, twist_scale
+from youbot_env.tracking.task import TrackingTask
 from youbot_scripts.evaluation import tables
 from youbot_scripts.evaluation.conditions import (
     DIAGNOSED,
@@ -176,7 +176,7 @@ class EvaluationTrial:
                 episode_streams(np.random.default_rng(noise)).noise,
                 count=round(reference.length * stated.rate),
                 show_pose=stated.pose,
-                bound=DIVERGED * twist_scale(plant.truth.geometry),
+                bound=TrackingTask().largest_twist(plant.truth.geometry),
             )
 
     def __call__(self) -> Record:

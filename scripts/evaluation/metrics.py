@@ -10,6 +10,7 @@ import numpy as np
 
 from controllers.interface import Array
 from controllers.loop import Trace
+from identification.signals.filters import integral_of
 
 AXES = ("VX", "VY", "W")
 """Axes of a twist, in every list of three below."""
@@ -28,15 +29,11 @@ def integrated_pose(twist: Array, period: float, start: Array) -> Array:
 
     Trapezoidal rule, one twist a period [s]: 1e-5 m for the references here.
     """
-    yaw = start[2] + _sums(twist[:, 2], period)
+    yaw = start[2] + integral_of(twist[:, 2], period)
     c, s = np.cos(yaw), np.sin(yaw)
-    x = start[0] + _sums(c * twist[:, 0] - s * twist[:, 1], period)
-    y = start[1] + _sums(s * twist[:, 0] + c * twist[:, 1], period)
+    x = start[0] + integral_of(c * twist[:, 0] - s * twist[:, 1], period)
+    y = start[1] + integral_of(s * twist[:, 0] + c * twist[:, 1], period)
     return np.column_stack([x, y, yaw])
-
-
-def _sums(rate: Array, period: float) -> Array:
-    return np.concatenate([[0.0], np.cumsum(0.5 * period * (rate[1:] + rate[:-1]))])
 
 
 def judge(trace: Trace, start: float = 0.0) -> dict[str, Any]:

@@ -44,7 +44,12 @@ def read_inputs(
         If a file cannot be used, or the model is of another mechanism.
     """
     from identification.logs.reading import read_logs
-    from identification.mechanisms.registry import check_mechanism, kind_of, load_any_model
+    from identification.mechanisms.registry import (
+        check_mechanism,
+        kind_of,
+        load_any_model,
+        platform_geometry,
+    )
     from youbot_env.model.model_file import load_geometry
 
     if effects:
@@ -54,7 +59,7 @@ def read_inputs(
     loaded = load_any_model(model)
     check_mechanism(loaded, mechanism)
     lengths = load_geometry(geometry) if geometry else None
-    own = getattr(loaded, "geometry", None)  # an axis has none
+    own = platform_geometry(loaded)
     return Inputs(loaded, read_logs(logs, kind_of(loaded).joints, geometry=lengths or own), lengths)
 
 
@@ -74,11 +79,17 @@ def read_logs_to_fit(
         If a file cannot be used, or there is no such mechanism.
     """
     from identification.logs.reading import read_logs
-    from identification.mechanisms.registry import kind, kind_of, load_any_model
+    from identification.mechanisms.registry import (
+        kind,
+        kind_of,
+        load_any_model,
+        platform_geometry,
+    )
     from youbot_env.model.model_file import load_geometry
 
     start = load_any_model(model) if model else None
     lengths = load_geometry(geometry) if geometry else None
     of = kind_of(start) if start else kind(mechanism)
-    read = read_logs(logs, of.joints, geometry=lengths or getattr(start, "geometry", None))
+    own = platform_geometry(start) if start else None
+    read = read_logs(logs, of.joints, geometry=lengths or own)
     return Inputs(start or of.start(read, unit), read, lengths)

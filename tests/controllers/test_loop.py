@@ -26,11 +26,11 @@ from youbot_env.motions.multisine import multisine
 from youbot_env.physics.hardware import MAX_WHEEL_TORQUE
 from youbot_env.simulation.plant import Plant
 from youbot_env.tracking.randomisation import episode_streams
-from youbot_env.tracking.task import DIVERGED, twist_scale
+from youbot_env.tracking.task import TrackingTask
 
 MOTION = multisine(np.random.default_rng(0), band=(1.0, 3.0), duration=5.0)
 OTHER = multisine(np.random.default_rng(1), band=(1.0, 3.0), duration=5.0)
-BOUND = DIVERGED * twist_scale(PAPER.geometry)
+BOUND = TrackingTask().largest_twist(PAPER.geometry)
 LATE_LOOP = Loop(0.01, delay=0.02, speed_noise=0.0)
 
 

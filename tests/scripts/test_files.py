@@ -21,8 +21,7 @@ from controllers.policy.policy_file import load_policy, save_policy
 from controllers.tuning.gains_file import load_gains, save_gains
 from identification.logs.log import Log
 from identification.logs.recorded_motion import recorded_motion
-from identification.mechanisms.axis import Axis
-from identification.mechanisms.axis_dynamics import AxisStructure
+from identification.mechanisms.axis import AXIS, Axis, default_theta
 from identification.mechanisms.axis_effects import Scales
 from identification.mechanisms.axis_model import axis_model, save_axis_model
 from identification.mechanisms.registry import load_any_model
@@ -31,6 +30,7 @@ from youbot_env.files import MAX_DEPTH, FileKind, read_bytes, read_json
 from youbot_env.model.model_file import load_geometry, load_model, save_model
 from youbot_env.motions.calibration import motion_iii
 from youbot_env.physics.geometry import WHEELS
+from youbot_env.physics.structure import ModelStructure
 from youbot_scripts.recording.named_motions import motions_named
 from youbot_scripts.shared.results_folder import append_result, read_results
 
@@ -60,8 +60,8 @@ def write_model(path: Path) -> None:
 
 
 def write_axis(path: Path) -> None:
-    axis = Axis(Scales(True, 1.0, 2.0, 3.0, 4.0), AxisStructure(("spring",)))
-    model = axis_model(axis, axis.default_theta)
+    axis = Axis(Scales(True, 1.0, 2.0, 3.0, 4.0), ModelStructure(("spring",), AXIS))
+    model = axis_model(axis, default_theta(axis))
     covariance = np.array([[0.04, 1e-4], [1e-4, 1e-4]])
     names = ("inertia", "viscous")
     save_axis_model(path, replace(model, covariance=covariance, covariance_names=names))

@@ -27,25 +27,22 @@ NO_SETTING = {
         "DECIMALS": "of a written file",
     },
     "mechanisms": {
-        "SYSTEM": "a function of the physics, made once",
-        "UNITS": "physical units by name",
         "_MOTION": "names of a formula's arguments",
         "PAPER_ORDER": "the paper's order of parameters",
-        "INTERNAL": "geometry: wheel speeds that no rigid motion makes",
-        "MAX_SUBSTEPS": "a bound on time, refused with one line where it is reached",
         "DT": "sample time of simulated motions, of which one is proposed",
-        "LOAD_STEP": "width of a rounded absolute value, against division by zero",
+        "AXIS": "a kind of mechanism, made once",
+        "LOAD_TOLERANCE": "rounding: where torques under load count as found",
+        "LOAD_STEP": "of a central difference: far above rounding, far below a torque",
     },
 }
 """Numbers by room that are no settings, and why: units, formats, geometry, bounds on resources."""
 
 TO_BECOME_SETTINGS = {
-    "fitting": {"IDEAL_BLIND", "BLIND", "SHORT", "COUPLED"},
     "mechanisms": {
         "STEP", "BARELY", "BANDS", "ATTENUATION", "_ACCELERATION_TIME", "WINDOW", "SHORTEST",
         "STILL", "ARM", "INTERNAL_SMOOTHING", "SLIPPING", "ROUGH",
     },
-    "signals": {"RATE_SMOOTHING", "_BLOCK"},
+    "signals": {"RATE_SMOOTHING"},
 }  # fmt: skip
 """Numbers that still stand beside the code that reads them. No name is added here."""
 

@@ -14,7 +14,7 @@ from youbot_env.contact.settings import Contact, EngineSettings
 from youbot_env.errors import optional_library
 from youbot_env.model.model import Model
 from youbot_env.physics.geometry import COS_ROLLER, SIGN_X, WHEELS
-from youbot_env.physics.structure import STATE
+from youbot_env.physics.mecanum import STATE
 from youbot_env.simulation.plant import DRIVES, POSE, TWIST, WHEEL_ANGLE, drive_delay
 
 Array = NDArray[np.float64]
@@ -111,7 +111,7 @@ class Bodies:
         if self._lost:
             return
         steps = max(1, math.ceil(duration / self._timestep - 1e-9))
-        passed = self._line.passed(command[None], duration)
+        passed = self._line.passed(command[None].copy(), duration)
         pieces = [(torque[0], length) for torque, length in passed]
         if len(pieces) == 1 and not self._lag and not self._load_is_due(duration):
             self.acting = pieces[0][0].copy()

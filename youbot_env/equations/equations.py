@@ -6,7 +6,7 @@ Nothing here states physics. Wheel and roller rates stay symbols of their own (`
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from types import SimpleNamespace
@@ -37,8 +37,9 @@ from youbot_env.physics.effect import (
     World,
 )
 from youbot_env.physics.geometry import Geometry, body_force, roller_rates, wheel_rates
+from youbot_env.physics.mecanum import MECANUM, Base
+from youbot_env.physics.mechanism import EffectPoints, Instant, component_force
 from youbot_env.physics.namespaces import floats, symbols
-from youbot_env.physics.points import Base, EffectPoints, Instant, component_wrench
 from youbot_env.physics.structure import ModelStructure
 
 Form = Literal["text", "latex", "numeric"]
@@ -86,28 +87,48 @@ def equation(what: ModelStructure | Model, form: Form = "text") -> str:
     return "\n".join(lines + motion.legend(show, values))
 
 
-def formula(item: Effect, form: Literal["text", "latex"] = "text") -> str:
+@dataclass(frozen=True)
+class Notation:
+    """Symbols in which the effects of one kind of mechanism are printed.
+
+    points : where an effect is evaluated, by place; words : what its function returns there
+    base : symbols of the base parameters that effects may refer to
+    """
+
+    points: Mapping[Place, Any]
+    words: Mapping[Place, tuple[str, ...]]
+    base: tuple[sympy.Symbol, ...]
+
+    def motion(self, place: Place) -> set[sympy.Symbol]:
+        """Symbols of the motion at a place, as opposed to parameters."""
+        parts = (sympy.sympify(part).free_symbols for part in _flat(self.points[place]))
+        return set().union(*parts) - set(self.base)
+
+
+def formula(
+    item: Effect, form: Literal["text", "latex"] = "text", notation: Notation | None = None
+) -> str:
     """One line: what an effect adds to the motion's demand (``d...``), from its own function.
 
     Printed in its public form; that of the base model as in the paper, with m = m0 - 4 m1.
     ``[...]`` is one where it is true and zero elsewhere; ``T_late`` is how late torques act.
     Parameters and points are those of one wheel: ``phi'`` its rate, ``phi''`` its acceleration,
     ``M`` the torque that acts on it, ``gamma'`` its roller's rate; ``xC``, ``yC`` lead from O to
-    the centre of mass along world axes.
+    the centre of mass along world axes. Another ``notation`` is that of another mechanism.
     """
+    notation = notation or PLATFORM
     if item.public is not None and item.name not in BASE:
         stated = _real(parameter.name for parameter in item.public_parameters)
         values = item.public.inverse(symbols(), _LENGTHS, *stated)
     else:
         values = _real(_SPACED.get(parameter.name, parameter.name) for parameter in item.parameters)
-    point = _POINTS[item.acts_at]
-    found = item.function(symbols(), point, *values)
+    found = item.function(symbols(), notation.points[item.acts_at], *values)
     returned = found if isinstance(found, tuple) else (found,)
-    motion = set().union(*(sympy.sympify(part).free_symbols for part in _flat(point)))
+    motion = notation.motion(item.acts_at)
     show = latex if form == "latex" else text
     return ";  ".join(
-        f"{show(sympy.Symbol(word))} = {join(collected(value, motion - set(_BASE)), show)}"
-        for word, value in zip(WORDS[item.acts_at], returned, strict=True)
+        f"{show(sympy.Symbol(word))} = {join(collected(value, motion), show)}"
+        for word, value in zip(notation.words[item.acts_at], returned, strict=True)
     )
 
 
@@ -201,6 +222,10 @@ _POINTS: dict[Place, Any] = {
 }
 
 
+PLATFORM = Notation(_POINTS, WORDS, tuple(_BASE))
+"""That of the mecanum platform."""
+
+
 class _OpenPoints(EffectPoints):
     """Points whose wheel and roller rates are symbols, so that each component can be read."""
 
@@ -213,6 +238,10 @@ class _OpenPoints(EffectPoints):
     @cached_property
     def rollers(self) -> list[Roller]:
         return [Roller(*_real(f"gamma{i}' gamma{i}'' t"), base=self.base) for i in range(1, 5)]
+
+    def of(self, place: Place) -> Sequence[Any]:
+        open_points = {WHEEL: self.wheels, ROLLER: self.rollers}
+        return open_points.get(place) or super().of(place)
 
 
 @dataclass(frozen=True)
@@ -241,7 +270,9 @@ class Equations:
     def points(self) -> _OpenPoints:
         """Where the components are evaluated."""
         at = Instant(tuple(_TWIST), tuple(_ACCELERATION), tuple(_POSE), time=_TIME)  # type: ignore[arg-type]
-        return _OpenPoints(symbols(), self.geometry, self.theta, at, self.structure.carriers)
+        return _OpenPoints(
+            symbols(), MECANUM, self.geometry, self.theta, at, self.structure.carriers
+        )
 
     @cached_property
     def no_slip(self) -> dict[sympy.Symbol, Any]:
@@ -268,7 +299,7 @@ class Equations:
         """Demanded F_X, F_Y, M_W."""
         totals = [sympy.Integer(0)] * 3
         for item, where in self.structure.wrenches:
-            force = component_wrench(symbols(), item, self.theta[where], self.points)
+            force = component_force(item, self.theta[where], self.points)
             for axis in range(3):
                 totals[axis] += self._readable(tidy(sympy.sympify(force[axis])))
         return tuple(sympy.expand(total) for total in totals)  # type: ignore[return-value]

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import re
 from collections.abc import Callable, Sequence
 from fractions import Fraction
@@ -33,7 +34,7 @@ def collected(side: Any, motion: set[Any]) -> list[Group]:
 
 
 def tidy(expression: Any) -> Any:
-    """Numbers that rounding left beside a fraction or a root, as that fraction or root."""
+    """Numbers that rounding left beside a fraction, a root or a part of a turn, as just that."""
     floats = expression.atoms(sympy.Float)
     return expression.xreplace({number: _exact(number) for number in floats})
 
@@ -45,6 +46,9 @@ def _exact(number: Any) -> Any:
         if fraction and abs(float(fraction) / value**power - 1) < 1e-12:
             exact = restore(fraction.numerator, fraction.denominator)
             return exact if value > 0 or power == 1 else -exact
+    turn = Fraction(value / math.pi).limit_denominator(64)
+    if turn and abs(float(turn) * math.pi / value - 1) < 1e-12:
+        return sympy.Rational(turn.numerator, turn.denominator) * sympy.pi
     return number
 
 

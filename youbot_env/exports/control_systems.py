@@ -18,8 +18,8 @@ from youbot_env.model.model_file import load_model
 from youbot_env.physics import inverse_dynamics as dynamics
 from youbot_env.physics.effect import WORLD
 from youbot_env.physics.geometry import WHEELS
+from youbot_env.physics.mecanum import DRIVE_STATE, STATE
 from youbot_env.physics.stated_parameters import to_theta
-from youbot_env.physics.structure import DRIVE_STATE, STATE
 from youbot_env.simulation.compiled import kernel
 from youbot_env.simulation.free_run import initial_state
 
@@ -186,7 +186,7 @@ class Platform:
         model = signals.model
         self._model, self._places = model, signals.places
         self._size = len(model.structure.state_names)
-        self._derivative: Any = kernel(model.structure).derivative
+        self._derivative: Any = kernel(model.structure, dynamics).derivative
         self._known: tuple[dict[str, float], Array] = (dict(model.values), model.theta)
 
     def derivative(self, t: float, x: Array, u: Array, params: Mapping[str, float]) -> Array:

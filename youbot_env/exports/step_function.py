@@ -11,6 +11,7 @@ from numpy.typing import ArrayLike, NDArray
 from youbot_env.errors import InputError
 from youbot_env.model.model import Model
 from youbot_env.model.model_file import load_model
+from youbot_env.physics import inverse_dynamics as dynamics
 from youbot_env.simulation.compiled import kernel
 from youbot_env.simulation.plant import plant_substeps
 
@@ -38,7 +39,7 @@ class StepFunction:
             raise InputError("step function: substeps must be at least 1")
         refuse_delay(model, "a step function", "youbot_env.Plant")
         self.substeps = substeps or plant_substeps(model, self.duration)
-        self._advance: Any = kernel(model.structure).advance
+        self._advance: Any = kernel(model.structure, dynamics).advance
 
     def __call__(self, state: ArrayLike, torque: ArrayLike) -> Array:
         """State (..., S) after ``duration`` under interface torques (..., 4) [N m], held constant.
@@ -65,7 +66,7 @@ class StepFunction:
 
     def __setstate__(self, state: dict[str, Any]) -> None:
         self.__dict__.update(state)
-        self._advance = kernel(self.model.structure).advance
+        self._advance = kernel(self.model.structure, dynamics).advance
 
 
 def step_function(

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
-from typing import Any
+from typing import Any, Generic, TypeVar
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -13,13 +13,16 @@ from numpy.typing import ArrayLike, NDArray
 from youbot_env.errors import InputError
 from youbot_env.model.covariance import check_covariance
 from youbot_env.physics import inverse_dynamics as dynamics
-from youbot_env.physics.effect import CATALOGUE
-from youbot_env.physics.geometry import Geometry
-from youbot_env.physics.points import Instant
+from youbot_env.physics.effect import Effect, Parameter
+from youbot_env.physics.mecanum import MECANUM
+from youbot_env.physics.mechanism import Instant, MechanismKind
 from youbot_env.physics.stated_parameters import to_public, to_theta
 from youbot_env.physics.structure import ModelStructure
 
 Array = NDArray[np.float64]
+
+Known = TypeVar("Known")
+"""What is known of a mechanism beforehand."""
 
 BASE_UNITS = {
     "m0": "kg",
@@ -43,18 +46,21 @@ class Estimate:
 
 
 @dataclass(frozen=True)
-class Model:
-    """Dynamic model of one mecanum platform. Immutable; every change returns a new model.
+class Model(Generic[Known]):
+    """Dynamic model of one mechanism, a mecanum platform unless another is named. Immutable; every
+    change returns a new model.
 
     Attributes
     ----------
-    geometry : lengths and wheel mass that are known beforehand
-    parameters : the paper's seven by name: m0, I0, I1, aX, aY, mu1, mu2
+    geometry : what is known of the mechanism beforehand: of a platform lengths and wheel mass
+    parameters : of the base model by name: of a platform the paper's seven, m0, I0, I1, aX, aY,
+        mu1, mu2
     effects : for each added effect its parameters by name
     covariance : (k, k) of the parameters named in ``covariance_names``, SI units, or None
     logs : name and sha256 of each log that it was fitted on
     errors : its errors on those logs
     provenance : seed, versions, settings of the fit
+    mechanism : the kind of mechanism
 
     Raises
     ------
@@ -62,7 +68,7 @@ class Model:
         If a parameter is missing, not finite or not physical.
     """
 
-    geometry: Geometry
+    geometry: Known
     parameters: Mapping[str, Estimate]
     effects: Mapping[str, Mapping[str, Estimate]] = field(default_factory=dict)
     covariance: Array | None = None
@@ -71,9 +77,10 @@ class Model:
     errors: Mapping[str, Any] = field(default_factory=dict)
     name: str = "model"
     provenance: Mapping[str, Any] = field(default_factory=dict)
+    mechanism: MechanismKind = MECANUM
 
     def __post_init__(self) -> None:
-        missing = [name for name in BASE_UNITS if name not in self.parameters]
+        missing = [name for name in self.base_parameters if name not in self.parameters]
         if missing:
             raise InputError(f"model {self.name}: parameter {missing[0]!r} is missing")
         for name, value in self.values.items():
@@ -86,26 +93,19 @@ class Model:
 
     def _check_bounds(self) -> None:
         for effect in self.effects:
-            for key in CATALOGUE[effect].public_names:
-                known = CATALOGUE[effect].public_parameter(key)
+            item = self.effect(effect)
+            for key in item.public_names:
+                known = item.public_parameter(key)
                 if fault := known.fault(self.values[f"{effect}.{key}"]):
                     raise InputError(f"model {self.name}: effect {effect}: {key} = {fault}")
 
     def _check_physical(self) -> None:
-        value = {name: self.parameters[name].value for name in BASE_UNITS}
-        for name in ("m0", "I0"):
-            if value[name] <= 0:
-                raise InputError(f"model {self.name}: {name} = {value[name]:g} must be positive")
-        for name in ("I1", "mu1", "mu2"):
-            if value[name] < 0:
-                raise InputError(
-                    f"model {self.name}: {name} = {value[name]:g} must not be negative"
-                )
-        if value["m0"] <= 4 * self.geometry.m1:
-            raise InputError(
-                f"model {self.name}: m0 = {value['m0']:g} kg must exceed the mass of the four "
-                f"wheels, {4 * self.geometry.m1:g} kg"
-            )
+        base = {name: self.parameters[name].value for name in self.base_parameters}
+        if fault := self.mechanism.fault(self.geometry, base):
+            raise InputError(f"model {self.name}: {fault}")
+        for name, known in self.base_parameters.items():
+            if fault := known.fault(base[name]):
+                raise InputError(f"model {self.name}: {name} = {fault}")
         if np.linalg.eigvalsh(self.mass_matrix()).min() <= 0:
             raise InputError(
                 f"model {self.name}: the mass matrix is not positive definite "
@@ -113,16 +113,25 @@ class Model:
             )
 
     @cached_property
+    def base_parameters(self) -> dict[str, Parameter]:
+        """Declarations of the base parameters, by name."""
+        return self.mechanism.base_parameters(self.geometry)
+
+    def effect(self, name: str) -> Effect:
+        """An effect of the mechanism's catalogue, with units and bounds of the one at hand."""
+        return self.mechanism.effect(name, self.geometry)
+
+    @cached_property
     def structure(self) -> ModelStructure:
         """Which effects it holds, and so the order of ``theta``."""
-        return ModelStructure(tuple(self.effects))
+        return ModelStructure(tuple(self.effects), self.mechanism)
 
     @cached_property
     def values(self) -> dict[str, float]:
         """All parameters by full name: m0 ... mu2, then ``effect.parameter``."""
-        found = {name: float(self.parameters[name].value) for name in BASE_UNITS}
+        found = {name: float(self.parameters[name].value) for name in self.base_parameters}
         for effect, parameters in self.effects.items():
-            for name in CATALOGUE[effect].public_names:
+            for name in self.effect(effect).public_names:
                 if name not in parameters:
                     raise InputError(f"model {self.name}: effect {effect} lacks {name!r}")
                 found[f"{effect}.{name}"] = float(parameters[name].value)
@@ -135,9 +144,8 @@ class Model:
 
     @cached_property
     def lengths(self) -> Array:
-        """(4,): l, h, R, r [m], as the kernels take them."""
-        g = self.geometry
-        return np.array([g.l, g.h, g.R, g.r])
+        """What the kernels take of the geometry: of a platform (4,) l, h, R, r [m]."""
+        return np.array([getattr(self.geometry, name) for name in self.mechanism.lengths], float)
 
     @cached_property
     def delay(self) -> float:
@@ -162,13 +170,15 @@ class Model:
                 f"model {self.name}: no parameter {unknown[0]!r}; it has {', '.join(self.values)}"
             )
         merged = self.values | {name: float(value) for name, value in values.items()}
-        parameters = {name: Estimate(merged[name], unit) for name, unit in BASE_UNITS.items()}
+        parameters = {
+            name: Estimate(merged[name], known.unit) for name, known in self.base_parameters.items()
+        }
         effects = {
             effect: {
                 name: Estimate(
-                    merged[f"{effect}.{name}"], CATALOGUE[effect].public_parameter(name).unit
+                    merged[f"{effect}.{name}"], self.effect(effect).public_parameter(name).unit
                 )
-                for name in CATALOGUE[effect].public_names
+                for name in self.effect(effect).public_names
             }
             for effect in self.effects
         }
@@ -186,7 +196,7 @@ class Model:
         InputError
             If the effect or a parameter is unknown or a value is out of its bounds.
         """
-        effect = CATALOGUE[name]
+        effect = self.effect(name)
         estimates = {
             key: Estimate(float(value), effect.public_parameter(key).unit)
             for key, value in (effect.public_defaults | values).items()
@@ -262,11 +272,15 @@ class Model:
         )
 
     def mass_matrix(self) -> Array:
-        """(3, 3) mass matrix of (VX', VY', W') at rest [kg, kg m, kg m^2]."""
-        rows = dynamics.mass_matrix(
-            np, self.structure, self.geometry, self.theta, Instant((0.0, 0.0, 0.0))
-        )
+        """(A, A) mass matrix at rest: of (VX', VY', W') [kg, kg m, kg m^2]."""
+        rows = dynamics.mass_matrix(np, self.structure, self.geometry, self.theta, self._at_rest)
         return np.array(rows, dtype=float)
+
+    @property
+    def _at_rest(self) -> Instant:
+        mechanism = self.mechanism
+        still = (0.0,) * len(mechanism.axes)
+        return Instant(still, still, pose=(0.0,) * len(mechanism.pose_state))
 
     def linearise(
         self, state: ArrayLike, torque: ArrayLike, *, step: float = 1e-6

@@ -181,7 +181,7 @@ def _advice() -> str:
     return f"give a model file or a shipped model ({', '.join(shipped_models())})"
 
 
-def load_model(source: str | os.PathLike[str] | Model) -> Model:
+def load_model(source: str | os.PathLike[str] | Model[Geometry]) -> Model[Geometry]:
     """Load a model file, or a model that ships with the package by name (``paper``).
 
     Raises
@@ -203,12 +203,12 @@ def load_geometry(source: str | os.PathLike[str]) -> Geometry:
     return GEOMETRY_FILE.from_content({"geometry": content.get("geometry", content)}, name)
 
 
-def save_model(path: str | os.PathLike[str], model: Model) -> None:
+def save_model(path: str | os.PathLike[str], model: Model[Geometry]) -> None:
     """Write a model file: complete or not at all."""
     write_json(path, model_to_dict(model))
 
 
-def model_to_dict(model: Model) -> dict[str, Any]:
+def model_to_dict(model: Model[Geometry]) -> dict[str, Any]:
     """The model file's content."""
     return {
         "schema_version": SCHEMA_VERSION,
@@ -221,7 +221,7 @@ def model_to_dict(model: Model) -> dict[str, Any]:
     }
 
 
-def model_from_dict(data: Any, source: str = "model") -> Model:
+def model_from_dict(data: Any, source: str = "model") -> Model[Geometry]:
     """Build and check a model from a model file's content; ``source`` names it in errors."""
     MODEL_FILE.check_version(data, source)
     # Before the schema, which another mechanism's file does not fit.
@@ -230,7 +230,7 @@ def model_from_dict(data: Any, source: str = "model") -> Model:
     return MODEL_FILE.from_content(data, source)
 
 
-def _model(content: dict[str, Any], source: str) -> Model:
+def _model(content: dict[str, Any], source: str) -> Model[Geometry]:
     return Model(
         geometry=_geometry(content, source),
         parameters=estimates(content["parameters"], BASE_UNITS, "parameters"),

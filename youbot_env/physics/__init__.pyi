@@ -5,5 +5,9 @@ from .inverse_dynamics import (
     mass_matrix as mass_matrix,
     wrench as wrench,
 )
-from .points import EffectPoints as EffectPoints, Instant as Instant
+from .mechanism import (
+    EffectPoints as EffectPoints,
+    Instant as Instant,
+    MechanismKind as MechanismKind,
+)
 from .structure import ModelStructure as ModelStructure

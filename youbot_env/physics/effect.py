@@ -27,14 +27,14 @@ effect has a :class:`Public` form, and models, files and tables hold that one.
 from __future__ import annotations
 
 import inspect
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Generator, Iterable
 from contextlib import contextmanager
 from dataclasses import dataclass
 from math import isfinite
 from typing import Any, NamedTuple
 
 from youbot_env.errors import InputError
-from youbot_env.physics.geometry import WHEELS
+from youbot_env.physics.hardware import WHEELS
 
 
 class Body(NamedTuple):
@@ -138,7 +138,8 @@ class Parameter:
     default : a shape constant's value; None for a parameter that is identified linearly
     lower, upper : physical bounds
     size : the size at which the effect matters ("catalogue size"), also the scale of its column
-    each_wheel : one value a wheel, called ``<name>_fl`` ... ``<name>_br``
+    each_wheel : one value a joint, called ``<name>_fl`` ... ``<name>_br``
+    joints : names of the joints that ``each_wheel`` speaks of, where they are not the four wheels
     relative_to : "mean" or "least" for values of which only differences can be seen; the common
         part belongs to ``absorbed_by``, a base parameter (None: it cannot be known)
     grid : values of a shape constant that a search should try
@@ -159,12 +160,13 @@ class Parameter:
     grid: tuple[float, ...] = ()
     instant: bool = False
     whole: bool = False
+    joints: tuple[str, ...] = WHEELS
 
     @property
     def names(self) -> tuple[str, ...]:
         """The scalar parameters that this one stands for."""
         if self.each_wheel:
-            return tuple(f"{self.name}_{wheel}" for wheel in WHEELS)
+            return tuple(f"{self.name}_{wheel}" for wheel in self.joints)
         return (self.name,)
 
     @property
@@ -272,7 +274,8 @@ class Effect:
 
     def evaluate(self, xp: Any, point: Any, values: Any, wheel: int = 0) -> Any:
         """Call the function at ``point`` (of wheel number ``wheel``) with scalar ``values``."""
-        arguments, start = [], 0
+        arguments: list[Any] = []
+        start = 0
         for parameter in self.parameters:
             arguments.append(values[start + wheel] if parameter.each_wheel else values[start])
             start += len(parameter.names)
@@ -329,7 +332,7 @@ class Registry:
         return tuple(self._effects)
 
     @contextmanager
-    def restored_on_error(self) -> Iterator[None]:
+    def restored_on_error(self) -> Generator[None, None, None]:
         """Take back what was registered in this block if it ends in an exception."""
         before = dict(self._effects)
         try:

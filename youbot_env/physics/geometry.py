@@ -14,9 +14,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from youbot_env.errors import InputError
-
-WHEELS = ("fl", "fr", "bl", "br")
-"""Wheel order everywhere: front left, front right, back left, back right."""
+from youbot_env.physics.hardware import WHEELS as WHEELS
 
 SIGN_X = (+1.0, +1.0, -1.0, -1.0)
 """x_i = SIGN_X[i] h: front wheels lie ahead of O."""

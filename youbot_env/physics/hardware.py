@@ -1,4 +1,7 @@
-"""What the KUKA youBot's drives can do, with the source of each number."""
+"""The KUKA youBot's wheels, and what its drives can do, with the source of each number."""
+
+WHEELS = ("fl", "fr", "bl", "br")
+"""Wheel order everywhere: front left, front right, back left, back right."""
 
 TORQUE_CONSTANT = 0.0335
 """Motor torque per current [N m/A]: Maxon EC 45 flat, as in KUKA's youBot driver."""

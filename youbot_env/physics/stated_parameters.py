@@ -6,28 +6,29 @@ effect's as ``effect.parameter``.
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from youbot_env.physics.effect import BASE, Effect, Parameter
-from youbot_env.physics.geometry import Geometry
+from youbot_env.physics.effect import Effect, Parameter
+from youbot_env.physics.mechanism import Geometry
 from youbot_env.physics.structure import ModelStructure
 
 Array = NDArray[np.float64]
 
 
-def full_name(item: Effect, name: str) -> str:
+def full_name(structure: ModelStructure, item: Effect, name: str) -> str:
     """``effect.parameter``; a base parameter's own name."""
-    return name if item.name in BASE else f"{item.name}.{name}"
+    return name if item.name in structure.mechanism.base else f"{item.name}.{name}"
 
 
-def public_parameters(structure: ModelStructure) -> dict[str, Parameter]:
+def public_parameters(structure: ModelStructure, geometry: Geometry) -> dict[str, Parameter]:
     """The declarations of all parameters as people state them, by full name."""
+    declared = structure.mechanism.declared
     return {
-        full_name(item, name): item.public_parameter(name)
+        full_name(structure, item, name): declared(item, geometry).public_parameter(name)
         for item in structure.components
         for name in item.public_names
     }
@@ -40,7 +41,7 @@ def to_public(structure: ModelStructure, geometry: Geometry, theta: ArrayLike) -
     for item, where in structure.slices:
         stated = item.to_public(geometry, values[where])
         for name, value in zip(item.public_names, stated, strict=True):
-            found[full_name(item, name)] = float(value)
+            found[full_name(structure, item, name)] = float(value)
     return found
 
 
@@ -55,7 +56,7 @@ def internal_values(
     """The P components of theta in the arithmetic of ``xp``, from values by full name."""
     theta: list[Any] = []
     for item in structure.components:
-        stated = [values[full_name(item, name)] for name in item.public_names]
+        stated = [values[full_name(structure, item, name)] for name in item.public_names]
         theta += item.to_internal(xp, geometry, stated)
     return theta
 
@@ -67,13 +68,26 @@ def jacobian(structure: ModelStructure, geometry: Geometry, theta: ArrayLike) ->
     not pull).
     """
     theta = np.asarray(theta, float)
+    found: list[Array] = []
+    for item, where in structure.slices:
+        count = len(item.public_names)
+        block = np.zeros((count, len(theta)))
+        # Without a form of its own a parameter is stated as it is.
+        block[:, where] = _slopes(item, geometry, theta[where]) if item.public else np.eye(count)
+        found.append(block)
+    return np.concatenate(found)
+
+
+def _slopes(item: Effect, geometry: Geometry, theta: Array) -> Array:
+    """(q, p): derivatives of an effect's public values with respect to its own."""
 
     def stated(shifted: Array) -> Array:
-        return np.array(list(to_public(structure, geometry, shifted).values()))
+        return np.array(item.to_public(geometry, shifted), float)
 
     here = stated(theta)
-    columns = []
-    for index, step in enumerate(1e-6 * np.array(_sizes(structure.components))):
+    sizes = np.array([item.parameter(name).size for name in item.parameter_names])
+    columns: list[Array] = []
+    for index, step in enumerate(1e-6 * sizes):
         move = step * np.eye(len(theta))[index]
         ahead, behind = stated(theta + move) - here, here - stated(theta - move)
         # Of the two sides the flatter: a phase may wrap on the other.
@@ -81,7 +95,3 @@ def jacobian(structure: ModelStructure, geometry: Geometry, theta: ArrayLike) ->
         smooth = np.abs(ahead - behind) < 1e-2 * np.abs(smaller)
         columns.append(np.where(smooth, 0.5 * (ahead + behind), smaller) / step)
     return np.stack(columns, axis=1)
-
-
-def _sizes(components: Sequence[Effect]) -> list[float]:
-    return [item.parameter(name).size for item in components for name in item.parameter_names]

@@ -19,7 +19,15 @@ import numpy as np
 import platformdirs
 
 import youbot_env
-from youbot_env.simulation.generated_code import INVERSE, LENGTHS, MECANUM, MOTION, System
+from youbot_env.simulation.generated_code import (
+    LENGTHS,
+    MOTION,
+    SOURCES,
+    Dynamics,
+    Inverse,
+    Structure,
+    System,
+)
 
 
 @dataclass(frozen=True)
@@ -35,7 +43,7 @@ class Kernel:
         Rates of the state's components, a tuple of scalars.
     """
 
-    structure: Any
+    structure: Structure
     advance: Any
     derivative: Any
 
@@ -60,49 +68,49 @@ class InverseKernel:
         the acting torques (Simpson's rule) and their mean rate. ``torque`` (3, 4) as above.
     """
 
-    structure: Any
+    structure: Structure
     acting: Any
     several: Any
     interface: Any
     held: Any
 
 
-@lru_cache(maxsize=64)
-def kernel(structure: Any, system: System = MECANUM) -> Kernel:
-    """The compiled kernel of a structure of a mechanism; compiles at the first use on a machine.
+def kernel(structure: Structure, dynamics: Dynamics) -> Kernel:
+    """The compiled kernel of a structure of any mechanism; compiles at the first use on a machine.
 
     A cached file that is torn or damaged is written again.
     """
-    return _built(structure, system, _compiled)
+    return _built(structure, System(dynamics), _compiled)
 
 
-@lru_cache(maxsize=64)
-def rollout(structure: Any, system: System = MECANUM) -> Any:
+def rollout(structure: Structure, dynamics: Dynamics) -> Any:
     """The compiled free run of the same module, alone: half of what there is to compile.
 
     rollout(start, torque, duration, lengths, theta, substeps, out)
         From ``start`` (S,) under ``torque`` (N, 4), linear between samples that lie ``duration``
         (N - 1,) [s] apart; fills ``out`` (N, S).
     """
-    return _built(structure, system, _compiled_rollout)
+    return _built(structure, System(dynamics), _compiled_rollout)
 
 
-@lru_cache(maxsize=64)
-def inverse_kernel(structure: Any) -> InverseKernel:
+def inverse_kernel(structure: Structure, dynamics: Dynamics) -> InverseKernel:
     """The same of the platform's inverse dynamics: a module of its own, since few need it."""
-    return _built(structure, INVERSE, _compiled_inverse)
+    return _built(structure, Inverse(dynamics), _compiled_inverse)
 
 
-def _built(structure: Any, system: Any, compiled: Callable[[Any, Any, Path], Any]) -> Any:
+@lru_cache(maxsize=192)
+def _built(
+    structure: Structure, system: System | Inverse, compiled: Callable[[Any, Path], Any]
+) -> Any:
     for _ in range(2):
         path = _cached_source(structure, system)
         try:
-            return compiled(structure, system, path)
+            return compiled(structure, path)
         except Exception:
             # Whatever a damaged cache raises (it holds Python source and numba's pickles), the cure
             # is the same; if the physics itself does not compile, the last attempt says so.
             _forget(path)
-    return compiled(structure, system, _private_source(structure, system))
+    return compiled(structure, _private_source(structure, system))
 
 
 def cache_folder() -> Path:
@@ -111,25 +119,39 @@ def cache_folder() -> Path:
     return Path(chosen) if chosen else Path(platformdirs.user_cache_dir("youbot")) / "kernels"
 
 
-def _compiled(structure: Any, system: System, path: Path) -> Kernel:
+def _compiled(structure: Structure, path: Path) -> Kernel:
     """Load a generated module and run what is wanted of it once, so that damage shows here."""
     module = _load(path)
     size, count = len(structure.state_names), len(structure.parameter_names)
     found = Kernel(structure, module.advance, module.derivative)
-    state, torque = np.zeros((2, size)), np.zeros((2, system.inputs))
-    found.advance(state, torque, np.ones(len(system.lengths)), np.ones((2, count)), 0.0, 1)
+    state, torque = np.zeros((2, size)), np.zeros((2, len(structure.mechanism.joints)))
+    found.advance(
+        state, torque, np.ones(len(structure.mechanism.lengths)), np.ones((2, count)), 0.0, 1
+    )
     return found
 
 
-def _compiled_rollout(structure: Any, system: System, path: Path) -> Any:
+def _compiled_rollout(structure: Structure, path: Path) -> Any:
     run = _load(path).rollout
     size, count = len(structure.state_names), len(structure.parameter_names)
-    start, torque, out = np.zeros(size), np.zeros((2, system.inputs)), np.empty((2, size))
-    run(start, torque, np.zeros(1), np.ones(len(system.lengths)), np.ones(count), 1, out)
+    start, torque, out = (
+        np.zeros(size),
+        np.zeros((2, len(structure.mechanism.joints))),
+        np.empty((2, size)),
+    )
+    run(
+        start,
+        torque,
+        np.zeros(1),
+        np.ones(len(structure.mechanism.lengths)),
+        np.ones(count),
+        1,
+        out,
+    )
     return run
 
 
-def _compiled_inverse(structure: Any, system: Any, path: Path) -> InverseKernel:
+def _compiled_inverse(structure: Structure, path: Path) -> InverseKernel:
     module = _load(path)
     found = InverseKernel(structure, module.acting, module.several, module.interface, module.held)
     motion, torque = np.zeros((3, len(MOTION))), np.zeros((3, 4))
@@ -141,7 +163,7 @@ def _compiled_inverse(structure: Any, system: Any, path: Path) -> InverseKernel:
     return found
 
 
-def _cached_source(structure: Any, system: Any = MECANUM) -> Path:
+def _cached_source(structure: Structure, system: System | Inverse) -> Path:
     path = cache_folder() / f"{system.prefix}_{_key(structure, system)}.py"
     if _is_intact(path):
         return path
@@ -151,13 +173,13 @@ def _cached_source(structure: Any, system: Any = MECANUM) -> Path:
         return _private_source(structure, system)
 
 
-def _private_source(structure: Any, system: Any) -> Path:
+def _private_source(structure: Structure, system: System | Inverse) -> Path:
     """A read-only home must not keep anybody from simulating: compile for this process alone."""
     path = _private_folder() / f"{system.prefix}_{_key(structure, system)}.py"
     return _write(path, _sealed_source(structure, system))
 
 
-def _sealed_source(structure: Any, system: Any) -> str:
+def _sealed_source(structure: Structure, system: System | Inverse) -> str:
     source = system.source(structure)
     return f"{_SEAL}{_checksum(source)}\n{source}"
 
@@ -207,10 +229,10 @@ def _forget(path: Path) -> None:
             continue  # not ours to remove; the next attempt goes elsewhere or fails by itself
 
 
-def _key(structure: Any, system: Any = MECANUM) -> str:
+def _key(structure: Structure, system: System | Inverse) -> str:
     """Changes with whatever could change the generated source."""
     digest = hashlib.sha256(youbot_env.__version__.encode())
-    for name in system.sources:
+    for name in (*SOURCES, system.dynamics.__name__, structure.mechanism.module):
         digest.update(Path(str(sys.modules[name].__file__)).read_bytes())
     for item in structure.components:
         digest.update(repr((item.name, item.acts_at.name, item.parameter_names)).encode())

@@ -24,31 +24,32 @@ class DelayLine:
     Parameters
     ----------
     delay : from a command to its effect [s], at least 0
-    platforms : how many stand side by side
+    shape : (n, 4) of the commands of n platforms that stand side by side, or (4,)
 
     Attributes
     ----------
     acting : (n, 4) torques [N m] that left the line last; the last command where there is no delay
     """
 
-    def __init__(self, delay: float, platforms: int = 1) -> None:
+    def __init__(self, delay: float, shape: tuple[int, ...] = (1, 4)) -> None:
         self.delay = delay
-        self.acting: Array = np.zeros((platforms, 4))
+        self.acting: Array = np.zeros(shape)
         self._queue: deque[tuple[Array, float]] = deque()
         if delay > 0.0:
-            self._queue.append((np.zeros((platforms, 4)), delay))
+            self._queue.append((np.zeros(shape), delay))
 
     def passed(self, command: Array, duration: float) -> Sequence[tuple[Array, float]]:
         """What acts while ``command`` (n, 4) [N m] is held for ``duration`` [s].
 
         Returns the torques (n, 4), the earliest first, each with the time [s] for which it acts;
-        the times add up to ``duration``. No array is returned twice, so the caller may keep them.
+        the times add up to ``duration``. A command is kept as it is, not copied: nobody may write
+        into it afterwards.
         """
         queue = self._queue
         if not queue:
             self.acting = command
             return ((command, duration),)
-        queue.append((command.copy(), duration))
+        queue.append((command, duration))
         rounding = ROUNDING * duration
         torque, length = queue[0]
         # A delay of whole periods, the usual one, needs no cutting.
@@ -76,9 +77,14 @@ class DelayLine:
     def clear(self, rows: int | slice) -> None:
         """Nothing is on its way to some platforms; the others' commands stay.
 
-        What acts may have been handed out, so it is replaced, not changed.
+        The arrays are others' too, so they are replaced, not written into.
         """
-        self.acting = self.acting.copy()
-        self.acting[rows] = 0.0
-        for torque, _ in self._queue:
-            torque[rows] = 0.0
+        self.acting = _without(self.acting, rows)
+        for at, (torque, held) in enumerate(self._queue):
+            self._queue[at] = (_without(torque, rows), held)
+
+
+def _without(torque: Array, rows: int | slice) -> Array:
+    rest = torque.copy()
+    rest[rows] = 0.0
+    return rest

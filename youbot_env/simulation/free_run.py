@@ -3,20 +3,23 @@
 from __future__ import annotations
 
 import math
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from youbot_env.errors import InputError
-from youbot_env.model.model import Model
 from youbot_env.physics import inverse_dynamics as dynamics
-from youbot_env.physics.geometry import Geometry, wheel_rates
-from youbot_env.physics.hardware import MAX_BODY_SPEED, MAX_WHEEL_TORQUE
-from youbot_env.physics.points import Instant
+from youbot_env.physics.mechanism import Geometry as Lengths, Instant
 from youbot_env.physics.structure import ModelStructure
 from youbot_env.simulation.compiled import rollout
 
 Array = NDArray[np.float64]
+
+
+Model = Any
+"""A `Model`. Not named, so that mechanisms whose logs are simulated stand below models and their
+files; no Protocol either, which pyright does not match with cached properties."""
 
 SLOWEST = 15.0
 """Rate [1/s] that is resolved even by a model without anything so fast: a log at 50 Hz then gets
@@ -24,9 +27,9 @@ two steps a sample."""
 
 MAX_SUBSTEPS = 2000
 
-FULL_SPEED = (MAX_BODY_SPEED, 0.25 * MAX_BODY_SPEED, 0.5)
-"""Twist [m/s, m/s, rad/s] at which one wheel turns at its greatest speed."""
-
+SPEED_STEP = 1.25e-5
+"""Share of the greatest speed over which the slope of the acceleration is taken: narrower than the
+kink of any dry friction."""
 
 PHASE_SHARE = 1.0 / 3.0
 """Share of a ripple's frequency that counts as stiffness: it drives the twist and does not feed
@@ -61,45 +64,55 @@ def _vector(name: str, value: ArrayLike, size: int) -> Array:
     return array
 
 
-def stiffness(structure: ModelStructure, geometry: Geometry, theta: Array) -> float:
+def stiffness(structure: ModelStructure, geometry: Lengths, theta: Array) -> float:
     """Fastest rate [1/s] of the twist (and drives) under full torque.
 
     Sought at rest, where dry friction is stiffest, and at full speed, where drag is.
     """
-    shift = 1e-5 * np.concatenate([np.eye(3), -np.eye(3)])
-    twists = np.array([np.zeros(3), FULL_SPEED])[:, None] + shift
-    at = Instant((twists[..., 0], twists[..., 1], twists[..., 2]), torque=(MAX_WHEEL_TORQUE,) * 4)
+    mechanism = structure.mechanism
+    size, joints = len(mechanism.axes), len(mechanism.joints)
+    fast = np.asarray(mechanism.full_speed(geometry), float)
+    step = SPEED_STEP * float(np.abs(fast).max())
+    shift = step * np.concatenate([np.eye(size), -np.eye(size)])
+    twists = np.array([np.zeros(size), fast])[:, None] + shift
+    at = Instant(
+        tuple(np.moveaxis(twists, -1, 0)), torque=(mechanism.full_torque(geometry),) * joints
+    )
     acceleration = np.stack(
         np.broadcast_arrays(*dynamics.forward_dynamics(np, structure, geometry, theta, at)), axis=-1
     )
-    jacobian = (acceleration[:, :3] - acceleration[:, 3:]) / 2e-5
+    jacobian = (acceleration[:, :size] - acceleration[:, size:]) / (2 * step)
     if not np.isfinite(jacobian).all():
         return float("nan")
     rates = [float(np.abs(np.linalg.eigvals(jacobian)).max())]
     if structure.has_actuator:
-        slow, fast = (
+        slow, quick = (
             dynamics.drive_rates(
-                np, structure, theta, Instant((0.0, 0.0, 0.0), torque=(t,) * 4), (0.0,) * 4
+                *(np, structure, theta),
+                Instant((0.0,) * size, torque=(t,) * joints),
+                (0.0,) * joints,
             )
             for t in (0.0, 1.0)
         )
-        rates.append(float(np.max(np.abs(np.subtract(fast, slow)))))
+        rates.append(float(np.max(np.abs(np.subtract(quick, slow)))))
     if structure.depends_on_angle:
         rates.append(PHASE_SHARE * ripple_rate(structure, geometry, theta))
     return float(np.max(rates))  # not max(): a rate that is no number must show
 
 
-def ripple_rate(structure: ModelStructure, geometry: Geometry, theta: Array) -> float:
-    """Angular frequency [rad/s] at full speed of forces that vary with the wheels' angles."""
+def ripple_rate(structure: ModelStructure, geometry: Lengths, theta: Array) -> float:
+    """Angular frequency [rad/s] at full speed of forces that vary with the joints' angles."""
+    mechanism = structure.mechanism
+    fast = mechanism.full_speed(geometry)
     step = 0.01
     angle = step * np.arange(700)
-    at = Instant(FULL_SPEED, wheel_angle=(angle,) * 4)
+    at = Instant(fast, wheel_angle=(angle,) * len(mechanism.joints))
     force = np.stack(np.broadcast_arrays(*dynamics.wrench(np, structure, geometry, theta, at)))
     swing = np.abs(force - force.mean(axis=1, keepdims=True)).max()
     if swing <= 1e-9 * np.abs(force).max():
         return 0.0
     bend = np.abs(np.diff(force, 2, axis=1)).max() / step**2
-    fastest = np.abs(wheel_rates(geometry, FULL_SPEED)).max()
+    fastest = np.abs(mechanism.joint_rates(geometry, fast)).max()
     return float(np.sqrt(bend / swing) * fastest)
 
 
@@ -114,7 +127,7 @@ def substeps(model: Model, duration: float) -> int:
     return _substeps(model.structure, model.geometry, model.theta, duration)
 
 
-def _substeps(structure: ModelStructure, geometry: Geometry, theta: Array, duration: float) -> int:
+def _substeps(structure: ModelStructure, geometry: Lengths, theta: Array, duration: float) -> int:
     with np.errstate(divide="ignore", invalid="ignore"):
         rate = duration * max(stiffness(structure, geometry, theta), SLOWEST) / 0.25
     if not 0 <= rate <= MAX_SUBSTEPS:
@@ -148,15 +161,15 @@ def simulate(model: Model, time: ArrayLike, torque: ArrayLike, start: ArrayLike)
 
 def simulate_theta(
     structure: ModelStructure,
-    geometry: Geometry,
+    geometry: Lengths,
     theta: Array,
     duration: Array,
     torque: Array,
     start: ArrayLike,
 ) -> Array:
-    """The same for bare parameters theta (P,) and intervals ``duration`` (N - 1,) [s].
+    """The same of any mechanism, for bare parameters theta (P,) and intervals (N - 1,) [s].
 
-    For searches, which pass through parameters that no :class:`Model` would accept.
+    For searches, which pass through parameters that no model would accept.
     """
     state = _vector("start", start, len(structure.state_names))
     time = np.concatenate([[0.0], np.cumsum(duration)])
@@ -165,10 +178,10 @@ def simulate_theta(
     fine, torque = np.diff(grid), np.asarray(torque, float)
     acting = np.stack([np.interp(grid - delay, time, column) for column in torque.T], axis=1)
     out = np.empty((len(grid), len(state)))
-    lengths = np.array([geometry.l, geometry.h, geometry.R, geometry.r])
+    lengths = np.array([getattr(geometry, name) for name in structure.mechanism.lengths])
     count = _substeps(structure, geometry, theta, float(fine.max(initial=0.0)))
     theta = np.ascontiguousarray(theta, float)
-    rollout(structure)(state, acting, fine, lengths, theta, count, out)
+    rollout(structure, dynamics)(state, acting, fine, lengths, theta, count, out)
     return out[np.searchsorted(grid, time)]
 
 

@@ -9,71 +9,68 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from types import SimpleNamespace
-from typing import Any, ClassVar
+from typing import Any, ClassVar, Protocol
 
-from youbot_env.physics import inverse_dynamics as dynamics
-from youbot_env.physics.geometry import allocate
-from youbot_env.physics.inverse_dynamics import state_derivative
+from youbot_env.physics.mechanism import Components, Instant
 from youbot_env.physics.namespaces import symbols
-from youbot_env.physics.points import Instant
+
+SOURCES = tuple(
+    f"youbot_env.{name}"
+    for name in (
+        "simulation.generated_code",
+        "physics.effect",
+        "physics.geometry",
+        "physics.mechanism",
+        "physics.namespaces",
+        "physics.structure",
+    )
+)
+"""Modules that generated code follows from, beside the dynamics and the mechanism's own: for the
+cache's key."""
+
+
+Structure = Any
+"""A `ModelStructure`. Not named, so that code is generated below the physics that it follows from;
+no Protocol either, which pyright does not match with cached properties."""
+
+
+class Dynamics(Protocol):
+    """The functions that code is generated from: the module `physics.inverse_dynamics` is such."""
+
+    __name__: str
+
+    @property
+    def wrench(self) -> Callable[..., Components]: ...
+    @property
+    def interface_torque(self) -> Callable[..., Components]: ...
+    @property
+    def state_derivative(self) -> Callable[..., Components]: ...
 
 
 @dataclass(frozen=True)
 class System:
-    """What a stepper is generated from, for any mechanism.
-
-    derivative(xp, structure, lengths, theta, state, torque) : time derivative of the state;
-    inputs : how many torques it takes; lengths : names of the geometry that it reads;
-    sources : names of the modules that it is written in, for the cache's key
-    """
+    """What a stepper is generated from: the state's derivative, of any mechanism."""
 
     prefix: ClassVar[str] = "kernel"
 
-    derivative: Callable[..., tuple[Any, ...]]
-    inputs: int
-    lengths: tuple[str, ...]
-    sources: tuple[str, ...]
+    dynamics: Dynamics
 
-    def source(self, structure: Any) -> str:
+    def source(self, structure: Structure) -> str:
         """See :func:`kernel_source`."""
-        return kernel_source(structure, self)
+        return kernel_source(structure, self.dynamics)
 
 
-MECANUM = System(
-    state_derivative,
-    inputs=4,
-    lengths=("l", "h", "R", "r"),
-    sources=(
-        "youbot_env.simulation.generated_code",
-        *(
-            f"youbot_env.physics.{name}"
-            for name in (
-                "effect",
-                "geometry",
-                "inverse_dynamics",
-                "namespaces",
-                "points",
-                "structure",
-            )
-        ),
-    ),
-)
-"""The platform."""
-
-
-def kernel_source(structure: Any, system: System = MECANUM) -> str:
-    """Python source of a module with ``derivative``, ``advance`` and ``rollout``.
-
-    ``structure`` tells ``state_names`` and ``parameter_names``.
-    """
+def kernel_source(structure: Structure, dynamics: Dynamics) -> str:
+    """Python source of a module with ``derivative``, ``advance`` and ``rollout``."""
+    mechanism = structure.mechanism
     size = len(structure.state_names)
     names = {
         "state": [f"s{i}" for i in range(size)],
-        "torque": [f"u{i + 1}" for i in range(system.inputs)],
-        "lengths": [f"g_{name}" for name in system.lengths],
+        "torque": [f"u{i + 1}" for i in range(len(mechanism.joints))],
+        "lengths": [f"g_{name}" for name in mechanism.lengths],
         "theta": [f"p{i}" for i in range(len(structure.parameter_names))],
     }
-    derivative = _derivative(structure, system, names)
+    derivative = _derivative(structure, dynamics, names)
     return "\n\n".join([HEADER, derivative, _step(size, names), _loops(size, names)])
 
 
@@ -84,10 +81,12 @@ from math import cos, exp, sin, sqrt, tanh
 from numba import njit'''
 
 
-def _derivative(structure: Any, system: System, names: dict[str, list[str]]) -> str:
+def _derivative(structure: Structure, dynamics: Dynamics, names: dict[str, list[str]]) -> str:
     symbol = {key: real_symbols(group) for key, group in names.items()}
-    geometry = SimpleNamespace(**dict(zip(system.lengths, symbol["lengths"], strict=True)))
-    rates = system.derivative(
+    geometry = SimpleNamespace(
+        **dict(zip(structure.mechanism.lengths, symbol["lengths"], strict=True))
+    )
+    rates = dynamics.state_derivative(
         symbols(), structure, geometry, symbol["theta"], symbol["state"], symbol["torque"]
     )
     return function_source(
@@ -229,7 +228,8 @@ TORQUES = ("u1", "u2", "u3", "u4")
 
 RATES = ("w1", "w2", "w3", "w4")
 
-LENGTHS = MECANUM.lengths
+LENGTHS = ("l", "h", "R", "r")
+"""Lengths of the platform, in the order in which its kernels take them."""
 
 ROUNDS = 400
 """Rounds in which torques that depend on themselves come to rest: 0.9 is the largest share, and
@@ -244,23 +244,26 @@ class Inverse:
     """What the inverse dynamics of the platform is generated from, for the cache of kernels."""
 
     prefix: ClassVar[str] = "inverse"
-    sources: tuple[str, ...] = MECANUM.sources
 
-    def source(self, structure: Any) -> str:
+    dynamics: Dynamics
+
+    def source(self, structure: Structure) -> str:
         """Python source of a module with what ``kernels.InverseKernel`` holds."""
         return "\n\n".join(
-            [HEADER, _demand(structure), _command(structure), _inverse_loops(structure)]
+            [
+                HEADER,
+                _demand(structure, self.dynamics),
+                _command(structure, self.dynamics),
+                _inverse_loops(structure),
+            ]
         )
 
 
-INVERSE = Inverse()
-
-
-def _theta(structure: Any) -> list[str]:
+def _theta(structure: Structure) -> list[str]:
     return [f"p{i}" for i in range(len(structure.parameter_names))]
 
 
-def _demand(structure: Any) -> str:
+def _demand(structure: Structure, dynamics: Dynamics) -> str:
     """Least-norm torques that a motion demands while given torques act."""
     motion, torque = real_symbols(MOTION), real_symbols(TORQUES)
     lengths, theta = (
@@ -278,10 +281,10 @@ def _demand(structure: Any) -> str:
     )
     force = dynamics.wrench(symbols(), structure, geometry, theta, at)
     arguments = [str(symbol) for symbol in (*motion, *torque, *lengths, *theta)]
-    return function_source("demand", arguments, allocate(geometry, force))
+    return function_source("demand", arguments, structure.mechanism.torque_of(geometry, force))
 
 
-def _command(structure: Any) -> str:
+def _command(structure: Structure, dynamics: Dynamics) -> str:
     """Interface torques behind which given torques act and change at given rates."""
     torque, rate, theta = (real_symbols(n) for n in (TORQUES, RATES, _theta(structure)))
     (time,) = real_symbols(["time"])
@@ -292,7 +295,7 @@ def _command(structure: Any) -> str:
     return function_source("command", arguments, results)
 
 
-def _inverse_loops(structure: Any) -> str:
+def _inverse_loops(structure: Structure) -> str:
     theta = ", ".join(f"theta[{i}]" for i in range(len(structure.parameter_names)))
     lengths = ", ".join(f"lengths[{i}]" for i in range(len(LENGTHS)))
     row = ", ".join(f"motion[k, {i}]" for i in range(len(MOTION)))

@@ -17,7 +17,7 @@ from youbot_env.model.model_file import load_model
 from youbot_env.physics import inverse_dynamics as dynamics
 from youbot_env.physics.effect import ACTUATOR, CATALOGUE, CHANNEL, CLOCK
 from youbot_env.physics.geometry import Geometry
-from youbot_env.physics.structure import DRIVE_STATE, STATE
+from youbot_env.physics.mecanum import DRIVE_STATE, STATE
 from youbot_env.simulation.compiled import kernel
 from youbot_env.simulation.delay_line import DelayLine
 from youbot_env.simulation.free_run import initial_state, substeps
@@ -150,7 +150,7 @@ class Plant(StateRows):
         self._needed: dict[float, int] = {}
         late = count if self.structure.at(CLOCK) else 0
         self._lines = [drive_delay(model) for _ in range(late)]
-        self._advance: Any = kernel(self.structure).advance
+        self._advance: Any = kernel(self.structure, dynamics).advance
 
     def reset(
         self, model: Model | None = None, *, row: int | Sequence[int] | None = None, **start: Any
@@ -199,7 +199,7 @@ class Plant(StateRows):
         # Each platform's model has a delay of its own, so torques change at instants of its own.
         for row, line in enumerate(self._lines):
             here = slice(row, row + 1)
-            for acting, piece in line.passed(torque[here], duration):
+            for acting, piece in line.passed(torque[here].copy(), duration):
                 steps = math.ceil(count * piece / duration)
                 self._advance(
                     self.states[here], acting, self._lengths, self._theta[here], piece, steps
@@ -233,7 +233,7 @@ class Plant(StateRows):
 
     def __setstate__(self, state: dict[str, Any]) -> None:
         self.__dict__.update(state)
-        self._advance = kernel(self.structure).advance
+        self._advance = kernel(self.structure, dynamics).advance
 
 
 def drive_delay(model: Model) -> DelayLine:

@@ -25,7 +25,7 @@ from youbot_env.tracking import randomisation
 from youbot_env.tracking.actuation import Actuation, action_rows
 from youbot_env.tracking.sensors import Sensors
 from youbot_env.tracking.stepper import Setup, Stepper, episode_steps
-from youbot_env.tracking.task import DIVERGED, TrackingTask
+from youbot_env.tracking.task import TrackingTask
 
 RESET_OPTIONS = ("initial_state", "reference")
 
@@ -216,7 +216,8 @@ class YouBotTrackingEnv(gym.Env[NDArray[np.float32], NDArray[np.float32]]):
         self.metadata = {**type(self).metadata, "render_fps": max(1, round(rate))}
         self.action_space = spaces.Box(-1.0, 1.0, (4,), np.float32)
         shape = (setup.task.observation_size,)
-        self.observation_space = spaces.Box(-DIVERGED, DIVERGED, shape, np.float32)
+        limit = setup.task.twist_limit
+        self.observation_space = spaces.Box(-limit, limit, shape, np.float32)
         if render_mode is not None:
             self._renderer = _renderer(setup, self._stepper.plant.geometry, self.metadata)
 

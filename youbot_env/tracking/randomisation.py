@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import NamedTuple, Protocol
 
 import numpy as np
@@ -15,9 +15,6 @@ from youbot_env.physics.effect import CATALOGUE
 Effects = Mapping[str, Mapping[str, float]]
 Bound = float | str
 Ranges = Mapping[str, tuple[Bound, Bound]]
-
-DRAWS = 100
-"""Attempts at a physical model before the ranges are called impossible."""
 
 
 class EpisodeStreams(NamedTuple):
@@ -57,10 +54,17 @@ class Uniform:
 
     model: Model
     ranges: Mapping[str, tuple[float, float]]
+    attempts: int = field(
+        default=100,
+        metadata={
+            "unit": "draws",
+            "reason": "ranges of which less than some hundredths are physical are a mistake",
+        },
+    )
 
     def draw(self, rng: np.random.Generator) -> Model:
         """A physical model; draws that are not physical are drawn again."""
-        for _ in range(DRAWS):
+        for _ in range(self.attempts):
             values = {name: rng.uniform(low, high) for name, (low, high) in self.ranges.items()}
             try:
                 return self.model.with_values(values)

@@ -38,7 +38,7 @@ class SampledPlant:
         count, geometry = len(plant.states), plant.geometry
         self.plant, self.sensors, self.period = plant, sensors, period
         self.clock = np.zeros(count, np.int64)
-        self._line = DelayLine(delay, count)
+        self._line = DelayLine(delay, (count, 4))
         self._noise = np.zeros((count, samples, 4))
         self._counts = np.zeros((count, sensors.window, 4))
         self._resolution = sensors.resolution
@@ -77,6 +77,8 @@ class SampledPlant:
 
         They are held for the period, and act when the delay is over.
         """
+        if self._line.delay:  # the caller's array, which it hands out, is not what is on its way
+            torque = torque.copy()
         for acting, piece in self._line.passed(torque, self.period):
             self.plant.advance(acting, piece)
 

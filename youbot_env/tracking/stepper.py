@@ -22,26 +22,21 @@ from youbot_env.tracking.randomisation import Same, Source, episode_streams
 from youbot_env.tracking.sampled_plant import SampledPlant
 from youbot_env.tracking.sensors import Sensors
 from youbot_env.tracking.task import (
-    DIVERGED,
     ENDED,
     REPORT,
     REPORT_WIDTH,
     REWARD,
-    REWARD_WEIGHTS,
+    REWARD_TERMS,
     TERMS,
     TrackingTask,
     assess,
     reference_table,
-    twist_scale,
 )
 
 Array = NDArray[np.float64]
 
 START_SIZES = {"twist": 3, "pose": 3, "wheel_angle": 4, "torque": 4, "time": 0}
 """What an initial state may name, and how many numbers each takes (0: one plain number)."""
-
-PROBES = 32
-"""Draws of a randomised model that settle how fine all episodes are integrated."""
 
 
 @dataclass(frozen=True)
@@ -57,6 +52,7 @@ class Setup:
     start : initial state by name, see ``START_SIZES``; zero where left out
     reference : the same motion in each episode, or None for random ones
     contact : None integrates the model; else MuJoCo moves bodies that have its parameters
+    probes : draws of a randomised model that settle how fine all episodes are integrated
     """
 
     source: Source
@@ -68,6 +64,14 @@ class Setup:
     start: Mapping[str, ArrayLike] = field(default_factory=dict)
     reference: Motion | None = None
     contact: Contact | None = None
+    probes: int = field(
+        default=32,
+        metadata={
+            "unit": "1",
+            "reason": "chosen: a platform's course must not depend on its neighbours, so one "
+            "fineness serves all draws",
+        },
+    )
 
 
 class Shown:
@@ -110,7 +114,7 @@ class Stepper:
         self.setup = setup
         task, samples = setup.task, setup.steps + 1
         model = setup.source.draw(np.random.default_rng(0))
-        checked_start(setup.start, twist_scale(model.geometry))
+        checked_start(setup.start, task.largest_twist(model.geometry))
         if setup.reference is None:  # so that what cannot be shows here, not at the first reset
             task.reference(np.random.default_rng(0), samples * setup.period, model.geometry)
         self.plant = self._plant(model, platforms)
@@ -138,7 +142,7 @@ class Stepper:
     def _substeps(self) -> int:
         """As fine as any draw needs: a platform's course must not depend on its neighbours."""
         source, rng = self.setup.source, np.random.default_rng(0)
-        draws = 1 if isinstance(source, Same) else PROBES
+        draws = 1 if isinstance(source, Same) else self.setup.probes
         models = [source.draw(rng) for _ in range(draws)]
         return max(plant_substeps(model, self.setup.period) for model in models)
 
@@ -156,7 +160,7 @@ class Stepper:
         """
         streams = episode_streams(rng)
         setup, geometry = self.setup, self.plant.geometry
-        chosen = checked_start({**setup.start, **(start or {})}, twist_scale(geometry))
+        chosen = checked_start({**setup.start, **(start or {})}, setup.task.largest_twist(geometry))
         model = setup.source.draw(streams.model)
         samples = self._table.shape[1]
         motion = reference or setup.reference
@@ -234,13 +238,13 @@ class Stepper:
         info["applied_torque"] = shown.applied[row]
         info["saturated"] = shown.saturated[row]
         *terms, reward, ended = report[TERMS.start :].tolist()
-        info["reward_terms"] = dict(zip(REWARD_WEIGHTS, terms, strict=True))
+        info["reward_terms"] = dict(zip(REWARD_TERMS, terms, strict=True))
         info["parameters"] = self._parameters[row].copy()
         info["time"] = float(self.clock[row]) * self.setup.period
         return reward, ended != 0.0, info
 
 
-def checked_start(start: Mapping[str, Any], scale: Array) -> dict[str, Array]:
+def checked_start(start: Mapping[str, Any], largest_twist: Array) -> dict[str, Array]:
     """An initial state's parts as arrays of the right size, or InputError."""
     found = {}
     for name, value in start.items():
@@ -256,7 +260,7 @@ def checked_start(start: Mapping[str, Any], scale: Array) -> dict[str, Array]:
             wanted = f"{size} finite numbers" if size else "a finite number"
             raise InputError(f"initial_state {name}: {value!r} is not {wanted}")
         found[name] = part
-    if "twist" in found and (np.abs(found["twist"]) > DIVERGED * scale).any():
+    if "twist" in found and (np.abs(found["twist"]) > largest_twist).any():
         raise InputError(f"initial_state twist: {start['twist']!r} is faster than any platform")
     return found
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
+from typing import NamedTuple
 
 import numpy as np
 from numba import njit
@@ -19,27 +20,37 @@ from youbot_env.tracking.actuation import whole_number
 
 Array = NDArray[np.float64]
 
-REWARD_WEIGHTS = {
-    "velocity_x": 0.3,
-    "velocity_y": 0.3,
-    "yaw_rate": 0.3,
-    "effort": 0.05,
-    "smoothness": 0.05,
-}
-"""The reward's terms and how much of it each makes up; only their ratios count."""
 
-REWARD_MARGINS = {
-    "velocity_x": 0.1,
-    "velocity_y": 0.1,
-    "yaw_rate": 0.3,
-    "effort": 1.0,
-    "smoothness": 1.0,
-}
-"""What leaves a tenth of a term: velocity errors [m/s, m/s, rad/s], the root mean square of the
-action, and that of its change."""
+class RewardTerm(NamedTuple):
+    """One bounded term of the reward.
 
-DIVERGED = 5.0
-"""A twist beyond this many times its scale (4 m/s, 13 rad/s) is no platform's any more."""
+    Attributes
+    ----------
+    weight : how much of the reward it makes up; only the ratios of the weights count
+    margin : of its error, at which a tenth of the term is left
+    unit : of the margin
+    reason : for both numbers
+    """
+
+    weight: float
+    margin: float
+    unit: str
+    reason: str
+
+
+TRACKING_REASON = (
+    "tracking is the task, on each axis alike; half the reference's peak is no tracking"
+)
+EFFORT_REASON = "decides between policies that track alike; full torque leaves a tenth"
+
+REWARD_TERMS = {
+    "velocity_x": RewardTerm(0.3, 0.1, "m/s", TRACKING_REASON),
+    "velocity_y": RewardTerm(0.3, 0.1, "m/s", TRACKING_REASON),
+    "yaw_rate": RewardTerm(0.3, 0.3, "rad/s", TRACKING_REASON),
+    "effort": RewardTerm(0.05, 1.0, "rms of the action", EFFORT_REASON),
+    "smoothness": RewardTerm(0.05, 1.0, "rms of the action's change", EFFORT_REASON),
+}
+"""The reward's terms by name, in the order in which ``terms`` fills them."""
 
 REPORT = {
     "tracking_error": slice(0, 3),
@@ -52,23 +63,27 @@ REPORT = {
 """The columns of a report row that ``info`` shows as they are; see ``assess``."""
 
 TERMS_START = 19
-TERMS = slice(TERMS_START, TERMS_START + len(REWARD_WEIGHTS))
+TERMS = slice(TERMS_START, TERMS_START + len(REWARD_TERMS))
 REWARD = TERMS.stop
 ENDED = REWARD + 1
 REPORT_WIDTH = ENDED + 1
+"""Where a report row ends: the terms, the reward, and whether the episode has."""
+
+SCALES, WEIGHTS, MARGINS, TWIST_LIMIT = slice(0, 3), slice(3, 8), slice(8, 13), 13
+"""Places in the numbers of a task that compiled code gets, see ``TrackingTask.numbers``."""
 
 
 @dataclass(frozen=True)
 class TrackingTask:
-    """Follow a multisine body twist.
+    """Follow a multisine body twist: all numbers of the task.
 
     Attributes
     ----------
     band, tones, amplitude, ramp : of the reference, see ``motions.multisine``
     preview : how many coming reference samples are observed beside the present one
     action_history : how many past actions are observed
-    reward_weights, reward_margins : see ``REWARD_WEIGHTS``, ``REWARD_MARGINS``; names left out
-        keep their default
+    reward_weights, reward_margins : by term, see ``REWARD_TERMS``; those left out keep theirs
+    twist_limit : twist, over its scale, beyond which an episode ends and observations are cut
 
     Raises
     ------
@@ -76,14 +91,41 @@ class TrackingTask:
         If a number or name cannot be.
     """
 
-    band: tuple[float, float] = (0.5, 3.0)
-    tones: int = 7
-    amplitude: Sequence[float] = (0.22, 0.18, 0.6)
-    ramp: float = 1.5
-    preview: int = 5
-    action_history: int = 1
+    band: tuple[float, float] = field(
+        default=(0.5, 3.0),
+        metadata={"unit": "rad/s", "reason": "wheel-speed control lags from some 0.5 rad/s on"},
+    )
+    tones: int = field(
+        default=7,
+        metadata={"unit": "per axis", "reason": "chosen, as for the motions that logs are made of"},
+    )
+    amplitude: Sequence[float] = field(
+        default=(0.22, 0.18, 0.6),
+        metadata={
+            "unit": "m/s, m/s, rad/s",
+            "reason": "chosen, as for the motions that logs are made of: a quarter of top speed",
+        },
+    )
+    ramp: float = field(
+        default=1.5,
+        metadata={"unit": "s", "reason": "a start from rest without a jump in acceleration"},
+    )
+    preview: int = field(
+        default=5,
+        metadata={"unit": "samples", "reason": "chosen: sees beyond three samples of delay"},
+    )
+    action_history: int = field(
+        default=1, metadata={"unit": "samples", "reason": "what smoothness compares with"}
+    )
     reward_weights: Mapping[str, float] = field(default_factory=dict)
     reward_margins: Mapping[str, float] = field(default_factory=dict)
+    twist_limit: float = field(
+        default=5.0,
+        metadata={
+            "unit": "of the twist's scale",
+            "reason": "4 m/s, 13 rad/s: no platform moves like that, the simulation has diverged",
+        },
+    )
 
     def __post_init__(self) -> None:
         _check_numbers("band", self.band, 2)
@@ -91,8 +133,8 @@ class TrackingTask:
         whole_number("tones", self.tones, least=1)
         whole_number("preview", self.preview, least=0)
         whole_number("action_history", self.action_history, least=1)
-        margins = _merged("reward_margins", REWARD_MARGINS, self.reward_margins)
-        weights = _merged("reward_weights", REWARD_WEIGHTS, self.reward_weights)
+        finite("twist_limit", self.twist_limit, positive=True)
+        margins, weights = self._margins, self._weights
         if min(margins.values()) <= 0:
             raise InputError("reward_margins: every margin must be positive")
         if min(weights.values()) < 0 or sum(weights.values()) <= 0:
@@ -116,11 +158,24 @@ class TrackingTask:
         )
 
     def numbers(self, geometry: Geometry) -> Array:
-        """Scales (3,), weights (5,) of sum 1 and margins (5,), packed for ``assess``."""
-        weights = _merged("reward_weights", REWARD_WEIGHTS, self.reward_weights)
-        margins = _merged("reward_margins", REWARD_MARGINS, self.reward_margins)
-        shares = np.array(list(weights.values())) / sum(weights.values())
-        return np.concatenate([twist_scale(geometry), shares, list(margins.values())])
+        """Scales (3,), weights (5,) of sum 1, margins (5,), twist limit: packed for ``assess``."""
+        shares = np.array(list(self._weights.values())) / sum(self._weights.values())
+        margins = list(self._margins.values())
+        return np.concatenate([twist_scale(geometry), shares, margins, [self.twist_limit]])
+
+    def largest_twist(self, geometry: Geometry) -> Array:
+        """(3,) [m/s, m/s, rad/s] beyond which a platform has diverged."""
+        return self.twist_limit * twist_scale(geometry)
+
+    @property
+    def _weights(self) -> dict[str, float]:
+        defaults = {name: term.weight for name, term in REWARD_TERMS.items()}
+        return _merged("reward_weights", defaults, self.reward_weights)
+
+    @property
+    def _margins(self) -> dict[str, float]:
+        defaults = {name: term.margin for name, term in REWARD_TERMS.items()}
+        return _merged("reward_margins", defaults, self.reward_margins)
 
 
 def twist_scale(geometry: Geometry) -> Array:
@@ -164,7 +219,7 @@ def tolerance(error, margin):
 
 @njit(cache=True)
 def terms(error, action, last_action, margin, out):
-    """Fill the reward's five terms, each in [0, 1], in the order of ``REWARD_WEIGHTS``.
+    """Fill the reward's five terms, each in [0, 1], in the order of ``REWARD_TERMS``.
 
     ``error`` (3,) of the true twist [m/s, m/s, rad/s]; actions (4,) in [-1, 1].
     """
@@ -185,9 +240,10 @@ def assess(rows, states, measured, queue, table, clock, numbers, shape, observat
     ``rows`` (first, past the last) says of which platforms. ``measured`` (n, 3) is the twist as
     sensed, ``queue`` (n, k, 4) the past actions, newest first, ``table`` (n, N, 6) the references,
     ``clock`` (n,) the present sample, ``shape`` the number of coming references and of past actions
-    to observe. A value beyond +-DIVERGED is cut there.
+    to observe. A value beyond the twist's limit is cut there.
     """
-    scale, weight, margin = numbers[0:3], numbers[3:8], numbers[8:13]
+    scale, weight, margin = numbers[SCALES], numbers[WEIGHTS], numbers[MARGINS]
+    limit = numbers[TWIST_LIMIT]
     preview, history = shape
     for row in range(rows[0], rows[1]):
         now, line, seen = clock[row], report[row], observation[row]
@@ -195,7 +251,7 @@ def assess(rows, states, measured, queue, table, clock, numbers, shape, observat
         for axis in range(3):
             line[axis] = table[row, now, axis] - states[row, axis]
             seen[axis] = measured[row, axis] / scale[axis]
-            ended |= not abs(states[row, axis]) <= DIVERGED * scale[axis]  # so that NaN ends it
+            ended |= not abs(states[row, axis]) <= limit * scale[axis]  # so that NaN ends it
             for ahead in range(1 + preview):
                 seen[3 + 3 * ahead + axis] = table[row, now + ahead, axis] / scale[axis]
         for k in range(history):
@@ -203,7 +259,7 @@ def assess(rows, states, measured, queue, table, clock, numbers, shape, observat
                 seen[6 + 3 * preview + 4 * k + wheel] = queue[row, k, wheel]
         for i in range(seen.size):
             value = seen[i] if seen[i] == seen[i] else 0.0
-            seen[i] = min(max(value, -DIVERGED), DIVERGED)
+            seen[i] = min(max(value, -limit), limit)
         for i in range(10):
             line[3 + i] = states[row, i]
         for i in range(6):

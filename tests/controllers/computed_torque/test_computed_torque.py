@@ -26,7 +26,7 @@ from tests.youbot_env.structures import CASES, EVERYTHING, model as structure
 from youbot_env.errors import InputError
 from youbot_env.model.model import BASE_UNITS, Model
 from youbot_env.physics import inverse_dynamics as dynamics
-from youbot_env.physics.points import Instant
+from youbot_env.physics.mechanism import Instant
 
 CONDITIONS = {"one sample": ONE_SAMPLE, "late": LATE, "1 kHz": Condition(1000.0, 2)}
 

@@ -11,7 +11,7 @@ from controllers.computed_torque.feedback import TORQUE, WIDTH
 from controllers.computed_torque.online_regression import BASE_COUNT, OnlineRows, RowSettings
 from controllers.interface import Loop
 from identification.mechanisms.mecanum import Mecanum
-from identification.mechanisms.mecanum_samples import MecanumSamples
+from identification.mechanisms.samples import Samples
 from identification.signals.filters import FilterSettings, block_mean, first_order, settled
 from tests.youbot_env.structures import model as structure
 from youbot_env.model.model import Model
@@ -20,7 +20,7 @@ from youbot_env.motions.multisine import multisine
 DT = 0.01
 
 
-def samples(found: Model, seconds: float = 6.0) -> MecanumSamples:
+def samples(found: Model, seconds: float = 6.0) -> Samples:
     """A smooth motion at its samples, and torques that are held up to each of them."""
     time = np.arange(round(seconds / DT)) * np.float64(DT)
     motion = multisine(np.random.default_rng(3), duration=seconds + 3.0, ramp=1.0)
@@ -30,10 +30,10 @@ def samples(found: Model, seconds: float = 6.0) -> MecanumSamples:
     speed = found.geometry.wheel_speeds(twist)
     torque = np.random.default_rng(4).normal(size=(len(time), 4))
     angle = DT * np.cumsum(speed, axis=0)
-    return MecanumSamples("drive", time, DT, twist, pose, angle, speed, torque)
+    return Samples("drive", time, DT, twist, pose, angle, speed, torque)
 
 
-def gather(rows: OnlineRows, drive: MecanumSamples) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+def gather(rows: OnlineRows, drive: Samples) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     found, acted = [], np.zeros(WIDTH)
     for k in range(len(drive)):
         acted[TORQUE] = drive.torque[k]

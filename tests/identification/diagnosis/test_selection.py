@@ -10,8 +10,8 @@ from identification.diagnosis.candidates import fit_base, try_candidate
 from identification.diagnosis.diagnose import diagnose, select
 from identification.diagnosis.settings import DiagnosisSettings
 from identification.diagnosis.structures import LoggedData
-from identification.mechanisms.calibration_parts import cut
 from identification.mechanisms.registry import mechanism_of
+from identification.mechanisms.samples import cut
 from tests.identification.recordings import recording
 from youbot_env.errors import InputError
 from youbot_env.model.model_file import load_model

@@ -3,13 +3,14 @@ import pytest
 
 from identification.diagnosis.settings import DiagnosisSettings
 from identification.diagnosis.significance import candidate_p_values, score_blocks
-from identification.fitting.cross_validation import held_out, make_folds
-from identification.fitting.regression_rows import Rows
+from identification.fitting.cross_validation import cross_validate, make_folds
+from identification.fitting.regression import Regression
 
 
 def rows(rng, count=2000, size=3):
     columns = rng.standard_normal((count, 3, size))
-    return Rows(0.05 * np.arange(1.0, count + 1), 0.05, rng.standard_normal((count, 3)), columns)
+    time = 0.05 * np.arange(1.0, count + 1)
+    return Regression(time, 0.05, rng.standard_normal((count, 3)), columns)
 
 
 def test_held_out_equals_fitting_without_each_log():
@@ -17,7 +18,7 @@ def test_held_out_equals_fitting_without_each_log():
     logs = [rows(rng, 200), rows(rng, 150), rows(rng, 250)]
     folds = make_folds(logs)
     basis = np.eye(3)
-    found = held_out([r.residual for r in logs], [r.columns for r in logs], folds, basis)
+    found = cross_validate([r.residual for r in logs], [r.columns for r in logs], folds, basis)
     for k, fold in enumerate(folds):
         rest = [row for j, row in enumerate(logs) if j != k]
         matrix = np.concatenate([row.columns.reshape(-1, 3) for row in rest])

@@ -24,7 +24,13 @@ from identification.figures import (
     style,
     time_series,
 )
-from identification.fitting.errors import NoiseLevel, Squares, Traces, force_floor, force_traces
+from identification.fitting.errors import (
+    NoiseLevel,
+    SumsOfSquares,
+    Traces,
+    force_floor,
+    force_traces,
+)
 from identification.fitting.identify import Identification, identify
 from identification.fitting.recursive import EstimateHistory
 from identification.logs.log import Log
@@ -83,8 +89,8 @@ def small_traces(rows: int = 200) -> Traces:
     return Traces(time, measured, measured + 0.1 * rng.standard_normal(measured.shape))
 
 
-def floor_of(traces: Traces, std: float) -> Squares:
-    return Squares(np.full(3, len(traces.time) * std**2), (traces.measured**2).sum(axis=0))
+def floor_of(traces: Traces, std: float) -> SumsOfSquares:
+    return SumsOfSquares(np.full(3, len(traces.time) * std**2), (traces.measured**2).sum(axis=0))
 
 
 class TestForceFigure:
@@ -129,7 +135,9 @@ class TestForceFigure:
 
     def test_an_axis_that_never_moved_is_drawn_all_the_same(self):
         still = Traces(np.arange(5.0), np.zeros((5, 3)), np.zeros((5, 3)))
-        figure = time_series.force_figure(still, Squares(np.zeros(3), np.zeros(3)), name="still")
+        figure = time_series.force_figure(
+            still, SumsOfSquares(np.zeros(3), np.zeros(3)), name="still"
+        )
         texts = [text.get_text() for text in figure.axes[0].texts]
         assert texts == ["error\n-\nnoise\n-"]
 
@@ -438,7 +446,7 @@ class TestFiles:
     ):
         seen = {}
 
-        def spy(traces: Traces, floor: Squares, **_: object) -> Figure:
+        def spy(traces: Traces, floor: SumsOfSquares, **_: object) -> Figure:
             seen.update(traces=traces, floor=floor)
             raise InputError("seen enough")
 
@@ -448,7 +456,9 @@ class TestFiles:
         (samples,) = fitted.samples
         expected = force_traces(fitted.mechanism, fitted.fit.theta, samples)
         np.testing.assert_array_equal(seen["traces"].predicted, expected.predicted)
-        assert Squares.of(seen["traces"]).ratio == pytest.approx(fitted.model.errors["force_error"])
+        assert SumsOfSquares.of(seen["traces"]).ratio == pytest.approx(
+            fitted.model.errors["force_error"]
+        )
         noise = NoiseLevel(white_noise(samples.wheel_speed), white_noise(samples.torque))
         floor = force_floor(fitted.mechanism, fitted.fit.theta, samples, expected, noise, seed=0)
         np.testing.assert_allclose(seen["floor"].residual, floor.residual)

@@ -24,6 +24,7 @@ from identification.logs.log import Log
 from identification.mechanisms.mecanum import Mecanum
 from youbot_env.model.model import BASE_UNITS, Estimate, Model
 from youbot_env.motions.calibration import calibration
+from youbot_env.physics import inverse_dynamics as dynamics
 from youbot_env.physics.geometry import Geometry
 from youbot_env.simulation.compiled import kernel
 
@@ -102,7 +103,9 @@ def one_case(seed: tuple[int, int]) -> Case:
 
 def study(platforms: int, seed: int = 0) -> Iterator[Case]:
     """Cases of that many random platforms, on two processes."""
-    kernel(Model(Geometry(), {n: Estimate(1e2, u) for n, u in BASE_UNITS.items()}).structure)
+    kernel(
+        Model(Geometry(), {n: Estimate(1e2, u) for n, u in BASE_UNITS.items()}).structure, dynamics
+    )
     fork = multiprocessing.get_context("fork")  # the children find this module as it is
     with ProcessPoolExecutor(2, mp_context=fork) as pool:
         yield from pool.map(one_case, [(seed, k) for k in range(platforms)])

@@ -7,7 +7,7 @@ import pytest
 
 import identification
 from identification.comparison import compare, write_predictions
-from identification.fitting.errors import Squares, force_traces, velocity_traces
+from identification.fitting.errors import SumsOfSquares, force_traces, velocity_traces
 from identification.fitting.identify import identify
 from identification.logs.log import Log
 from identification.logs.reading import read_log
@@ -43,8 +43,8 @@ def test_given_platforms_come_back_and_predict_held_out_runs(name):
         found = compare(result.model, [log]).to_dict()
         samples = engine.samples(log)
         best = theta(truth(name))
-        force = Squares.of(force_traces(engine, best, samples)).ratio
-        velocity = Squares.of(velocity_traces(engine, best, samples)).ratio
+        force = SumsOfSquares.of(force_traces(engine, best, samples)).ratio
+        velocity = SumsOfSquares.of(velocity_traces(engine, best, samples)).ratio
         assert found["total"]["force_error"] < 1.1 * force
         assert found["total"]["velocity_error"] < 1.1 * velocity
         assert found["noise_floor"]["force_error"] == pytest.approx(force, rel=0.1)
@@ -81,7 +81,7 @@ def test_output_error_step_agrees_with_the_force_fit():
     assert (difference < 3 * (result.fit.std + result.force.std)).all()
     assert (difference > 0).any()
     before, after = (
-        Squares.of(velocity_traces(result.mechanism, t, result.samples[0])).ratio
+        SumsOfSquares.of(velocity_traces(result.mechanism, t, result.samples[0])).ratio
         for t in (result.force.theta, result.fit.theta)
     )
     assert after <= before

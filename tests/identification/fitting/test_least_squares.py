@@ -4,8 +4,9 @@ import numpy as np
 import pytest
 
 from identification.fitting.covariance import hac_covariance
-from identification.fitting.least_squares import fit, gauge_basis
-from identification.fitting.regression_rows import Rows, regression_rows, stride
+from identification.fitting.gauge import gauge_basis
+from identification.fitting.least_squares import fit
+from identification.fitting.regression import regression, stride
 from identification.fitting.settings import FitSettings
 from identification.logs.reading import read_log
 from identification.mechanisms.mecanum import Mecanum
@@ -17,7 +18,7 @@ from youbot_env.model.model_file import load_model
 from youbot_env.physics.effect import CATALOGUE
 from youbot_env.physics.geometry import Geometry
 from youbot_env.physics.inverse_dynamics import wrench
-from youbot_env.physics.points import Instant
+from youbot_env.physics.mechanism import Instant
 from youbot_env.physics.structure import ModelStructure
 
 PAPER = load_model("paper")
@@ -168,7 +169,7 @@ def test_a_fit_that_wanders_about_ends_early_with_the_best_it_has_passed():
     assert len(steps) < FitSettings().max_steps
     without = fit(mechanism(), samples, PAPER.theta)
     assert found.square < 1.001 * without.square
-    again = regression_rows(engine, found.theta, samples[0], found.free)
+    again = regression(engine, found.theta, samples[0], found.free)
     np.testing.assert_allclose(again.residual, found.rows[0].residual, atol=1e-9)
 
 
@@ -197,14 +198,8 @@ def test_standard_deviations_are_true_for_correlated_residuals():
         noise = _coloured(rng, count, decay)
         estimate = column @ noise / (column @ column)
         residual = noise - column * estimate
-        rows = Rows(0.05 * np.arange(float(count)), 0.05, residual[:, None], column[:, None, None])
-        std = float(
-            np.sqrt(
-                hac_covariance([rows.residual], [rows.columns], [rows.step], np.eye(1), np.ones(1))[
-                    0, 0
-                ]
-            )
-        )
+        rows = ([residual[:, None]], [column[:, None, None]], [0.05])
+        std = float(np.sqrt(hac_covariance(*rows, np.eye(1), np.ones(1))[0, 0]))
         white = float(np.sqrt(residual.var() / (column @ column)))
         inside_hac += abs(estimate) < 1.96 * std
         inside_white += abs(estimate) < 1.96 * white
@@ -224,7 +219,7 @@ def _coloured(rng, count, decay):
 def test_rows_of_a_stretch_lie_inside_it():
     engine = mechanism()
     samples = engine.samples(recording())
-    rows = regression_rows(engine, PAPER.theta, samples, np.arange(7)).between(40.0, 60.0)
+    rows = regression(engine, PAPER.theta, samples, np.arange(7)).between(40.0, 60.0)
     assert rows.time.min() >= 40.0 and rows.time.max() <= 60.0 + 1e-9
     assert len(rows.time) == pytest.approx(20.0 / rows.step, abs=2)
 
@@ -232,7 +227,7 @@ def test_rows_of_a_stretch_lie_inside_it():
 def test_filter_of_measured_force_equals_the_definition():
     engine = mechanism()
     samples = engine.samples(recording("I"))
-    rows = regression_rows(engine, np.zeros(7), samples, np.arange(7))
+    rows = regression(engine, np.zeros(7), samples, np.arange(7))
     filtered = filter_samples(engine.measured_force(samples), FilterSettings.rate, samples.dt)
     expected = block_mean(
         filtered[settled(FilterSettings.rate, samples.dt) :],

@@ -10,7 +10,7 @@ from identification.fitting.observability import (
     log_observability,
     observability,
 )
-from identification.fitting.regression_rows import Rows, regression_rows
+from identification.fitting.regression import Regression, regression
 from identification.mechanisms.calibration_parts import parts_of
 from identification.mechanisms.mecanum import Mecanum
 from identification.mechanisms.paper_regressor import (
@@ -88,7 +88,7 @@ def test_one_and_two_together_see_everything():
 
 def test_a_recorded_calibration_is_parted_and_judged_as_the_paper_says():
     samples = ENGINE.samples(recording())
-    rows = regression_rows(ENGINE, PAPER.theta, samples, np.arange(7))
+    rows = regression(ENGINE, PAPER.theta, samples, np.arange(7))
     parts = {part.kind: part for part in parts_of(samples)}
     assert list(parts) == ["I", "III", "II", "IV"]
     ranks = {
@@ -103,7 +103,7 @@ def test_a_block_is_estimated_where_others_are_blind():
     """Motion I cannot show m0, yet its frictions and m_aX come out right, within their interval."""
     samples = ENGINE.samples(recording())
     part = next(part for part in parts_of(samples) if part.kind == "I")
-    rows = regression_rows(ENGINE, PAPER.theta, samples, np.arange(7))
+    rows = regression(ENGINE, PAPER.theta, samples, np.arange(7))
     rows = rows.between(part.start, part.end)
     estimates = block_estimates(ENGINE, PAPER.theta, rows, log_observability(ENGINE, [rows]))
     assert set(estimates) == {"m_aX", "mu1", "mu2"}
@@ -138,11 +138,11 @@ def test_a_column_of_noise_is_not_taken_for_information():
     rng = np.random.default_rng(0)
     columns = rng.standard_normal((500, 3, 2))
     columns[..., 1] *= 1e-3
-    found = observability(["a", "b"], columns, 0.05, 3e-3)
+    found = observability(["a", "b"], columns, 0.05)
     assert found.rank == 1
     np.testing.assert_allclose(np.abs(found.blind[0]), [0, 1], atol=1e-3)
 
 
 def test_rows_need_no_filter_settled_twice():
-    rows = Rows(np.arange(5.0), 1.0, np.zeros((5, 3)), np.ones((5, 3, 7)))
+    rows = Regression(np.arange(5.0), 1.0, np.zeros((5, 3)), np.ones((5, 3, 7)))
     assert len(rows.between(1.0, 3.0).time) == 2

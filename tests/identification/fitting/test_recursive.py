@@ -40,7 +40,7 @@ def test_the_papers_round_gives_its_numbers_back():
     engine = Mecanum(Geometry(), ModelStructure())
     samples = engine.samples(recording())
     batch = fit(engine, [samples], PAPER.theta)
-    course = recursive_course(engine, batch)
+    course = recursive_course(batch.rows, batch.theta, engine.scale, batch.std)
     assert samples.time[-1] > 139
     assert (np.abs(course.theta[-1] - PAPER.theta) < 3 * course.std[-1]).all()
     assert (np.abs(course.theta[-1] - batch.theta) < 1 * batch.std).all()

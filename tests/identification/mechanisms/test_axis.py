@@ -12,15 +12,20 @@ import pytest
 from scipy.integrate import solve_ivp
 
 from identification.comparison import compare, write_predictions
-from identification.fitting.errors import Squares, force_traces, velocity_traces
+from identification.fitting.errors import SumsOfSquares, force_traces, velocity_traces
 from identification.fitting.identify import identify
 from identification.fitting.least_squares import fit
 from identification.logs.log import AXIS, Log
 from identification.logs.reading import read_log, write_log
-from identification.mechanisms import axis_dynamics as dynamics
-from identification.mechanisms.axis import Axis
-from identification.mechanisms.axis_dynamics import AxisStructure, Instant
-from identification.mechanisms.axis_effects import AXIS_BASE, AXIS_CATALOGUE, Scales, fitted_to
+from identification.mechanisms.axis import AXIS as KIND, Axis, default_theta, typical
+from identification.mechanisms.axis_effects import (
+    AXIS_BASE,
+    AXIS_CATALOGUE,
+    Base,
+    Joint,
+    Scales,
+    fitted_to,
+)
 from identification.mechanisms.axis_model import (
     axis_from_dict,
     axis_model,
@@ -28,12 +33,14 @@ from identification.mechanisms.axis_model import (
     base_axis_model,
     save_axis_model,
 )
-from identification.mechanisms.axis_samples import typical
-from identification.mechanisms.calibration_parts import cut
 from identification.mechanisms.registry import load_any_model, mechanism_of
+from identification.mechanisms.samples import cut
 from tests.identification.shared_data import DATA
 from youbot_env.errors import InputError
-from youbot_env.physics.effect import ACTUATOR, Actuator
+from youbot_env.physics import inverse_dynamics as dynamics
+from youbot_env.physics.effect import ACTUATOR
+from youbot_env.physics.mechanism import Instant
+from youbot_env.physics.structure import ModelStructure
 
 STAGE = {"inertia": 90.0, "viscous": 200.0, "coulomb": 20.0, "offset": -3.0}
 WRIST = {"inertia": 0.004, "viscous": 0.01, "coulomb": 0.03, "offset": 0.002}
@@ -60,8 +67,8 @@ def motion(time: np.ndarray, speed: float) -> tuple[np.ndarray, np.ndarray, np.n
 def log_of(axis: Axis, theta: np.ndarray, rate: float = 250.0, noise: float = 0.0) -> Log:
     """A log of 40 s whose efforts are what a known motion demands; noise as a share of rms."""
     time = np.arange(0, 40, 1 / rate)
-    effort = effort_at(axis, theta, time + dynamics.delay(axis.structure, theta))
-    position, speed, _ = motion(time, axis.scales.speed)
+    effort = effort_at(axis, theta, time + dynamics.torque_delay(np, axis.structure, theta))
+    position, speed, _ = motion(time, axis.geometry.speed)
     rng = np.random.default_rng(3)
     channels = [
         value + noise * value.std() * rng.standard_normal(value.shape) for value in (speed, effort)
@@ -71,14 +78,15 @@ def log_of(axis: Axis, theta: np.ndarray, rate: float = 250.0, noise: float = 0.
 
 def effort_at(axis: Axis, theta: np.ndarray, time: np.ndarray) -> np.ndarray:
     def acting(at: np.ndarray) -> np.ndarray:
-        position, speed, acceleration = motion(at, axis.scales.speed)
-        instant = Instant(speed, acceleration, position, time=at)
-        return dynamics.acting_force(np, axis.structure, theta, instant)
+        position, speed, acceleration = motion(at, axis.geometry.speed)
+        instant = Instant((speed,), (acceleration,), (position,), time=at)
+        return dynamics.acting_torque(np, axis.structure, axis.geometry, theta, instant)[0]
 
     if not axis.structure.has_actuator:
         return acting(time)
     rate = (acting(time + 1e-5) - acting(time - 1e-5)) / 2e-5
-    return dynamics.drive_command(np, axis.structure, theta, Actuator(acting(time), rate, time))
+    at = Instant((0.0,), torque=(acting(time),), torque_rate=(rate,), time=time)
+    return dynamics.actuator_command(np, axis.structure, theta, at)[0]
 
 
 def planted(
@@ -87,8 +95,8 @@ def planted(
     """An axis with given base parameters and effects of twice their catalogue size, and theta."""
     force = 2 * values["coulomb"] + values["viscous"] * speed
     scales = Scales(turns, speed, 3 * speed, force, travel=speed / 0.3)
-    axis = Axis(scales, AxisStructure(effects))
-    theta = axis.default_theta
+    axis = Axis(scales, ModelStructure(effects, KIND))
+    theta = default_theta(axis)
     for k, (name, label) in enumerate(zip(axis.parameter_names, axis.labels, strict=True)):
         if name in values:
             theta[k] = values[name]
@@ -99,7 +107,7 @@ def planted(
 
 def recovered(axis: Axis, theta: np.ndarray, log: Log) -> tuple[np.ndarray, np.ndarray]:
     """Error of the fitted free parameters and their standard deviations."""
-    start = np.where(axis.free, axis.default_theta, theta)
+    start = np.where(axis.free, default_theta(axis), theta)
     found = fit(axis, [axis.samples(log)], start)
     return (found.theta - theta)[found.free], found.std
 
@@ -172,8 +180,8 @@ def test_friction_never_adds_energy(name: str):
     rng = np.random.default_rng(1)
     for _ in range(200):
         rate, position, force = rng.standard_normal(3) * (0.3, 0.3, 50.0)
-        base = dynamics.Base(*theta[:5])
-        joint = dynamics.Joint(rate, 0.0, position, force, abs(position), base)
+        base = Base(*theta[:5])
+        joint = Joint(rate, 0.0, position, force, abs(position), base)
         assert item.evaluate(np, joint, theta[where]) * rate >= 0
 
 
@@ -185,27 +193,27 @@ def test_the_free_run_obeys_the_equation_of_motion(effects: tuple[str, ...]):
     theta[axis.parameter_names.index("smoothing")] = 0.01
     log = log_of(axis, theta, rate=100.0)
     samples = cut(axis.samples(log), 0, 300)
-    late = dynamics.delay(axis.structure, theta)
+    late = dynamics.torque_delay(np, axis.structure, theta)
 
     def rates(t: float, state: np.ndarray) -> list[Any]:
-        effort = np.interp(t - late, samples.time, samples.effort)
-        found = dynamics.state_derivative(np, axis.structure, None, theta, state, [effort])
+        effort = np.interp(t - late, samples.time, samples.torque[:, 0])
+        found = dynamics.state_derivative(np, axis.structure, axis.geometry, theta, state, [effort])
         return [float(value) for value in found]
 
-    start = [samples.velocity[0], samples.position[0], 0.0]
-    start += [np.interp(-late, samples.time, samples.effort)] * axis.structure.has_actuator
+    start = [samples.twist[0, 0], samples.pose[0, 0], 0.0]
+    start += [np.interp(-late, samples.time, samples.torque[:, 0])] * axis.structure.has_actuator
     exact = solve_ivp(
         rates, (0, samples.time[-1]), start, "LSODA", samples.time, max_step=0.01, rtol=1e-8
     )
     run = axis.free_run(theta, samples)[:, 0]
-    assert np.abs(run - exact.y[0]).max() < 2e-3 * axis.scales.speed
+    assert np.abs(run - exact.y[0]).max() < 2e-3 * axis.geometry.speed
 
 
 def test_the_free_run_repeats_what_the_efforts_did():
     axis, theta = planted(STAGE, "asymmetric_viscous_friction")
     samples = axis.samples(log_of(axis, theta, rate=1000.0))
-    assert Squares.of(velocity_traces(axis, theta, samples)).ratio < 0.01
-    assert Squares.of(force_traces(axis, theta, samples)).ratio < 0.005
+    assert SumsOfSquares.of(velocity_traces(axis, theta, samples)).ratio < 0.01
+    assert SumsOfSquares.of(force_traces(axis, theta, samples)).ratio < 0.005
 
 
 def test_a_friction_too_stiff_to_simulate_is_said_so():
@@ -232,9 +240,9 @@ def test_without_positions_the_speed_is_integrated():
     log = log_of(axis, theta, 1000.0)
     bare = axis.samples(replace(log, position=None))
     known = axis.samples(log)
-    assert bare.position[0] == 0
+    assert bare.pose[0, 0] == 0
     np.testing.assert_allclose(
-        bare.position, known.position - known.position[0], atol=1e-4 * axis.scales.travel
+        bare.pose, known.pose - known.pose[0], atol=1e-4 * axis.geometry.travel
     )
 
 
@@ -251,7 +259,6 @@ def test_identify_and_compare_take_an_axis(tmp_path: Path):
     result = identify([log], start=base, name="stage")
     assert result.model.parameters["inertia"].unit == "kg"
     spring = mechanism_of(base).extended("spring")
-    assert isinstance(spring, Axis)
     start = axis_model(spring, spring.extend_theta(base.theta, "spring", {}))
     better = identify([log], start=start, output_error=True)
     true = theta[axis.parameter_names.index("spring.stiffness")]
@@ -276,7 +283,7 @@ def test_motion_at_one_speed_is_refused_with_a_cure():
     )
     log = Log("flat", AXIS, time, speed[:, None], (200 * speed)[:, None])
     with pytest.raises(InputError, match="several speeds"):
-        identify([log], start=axis_model(axis, axis.default_theta))
+        identify([log], start=axis_model(axis, default_theta(axis)))
 
 
 def test_a_platform_log_is_no_axis():
@@ -296,7 +303,7 @@ def test_a_model_file_round_trips(tmp_path: Path):
     save_axis_model(tmp_path / "m.json", model)
     again = load_any_model(tmp_path / "m.json")
     np.testing.assert_array_equal(again.theta, theta)
-    assert again.scales == model.scales and again.parameters == model.parameters
+    assert again.geometry == model.geometry and again.parameters == model.parameters
     assert axis_to_dict(again) == axis_to_dict(model)
     assert again.parameters["inertia"].unit == "kg m^2"
 
@@ -307,8 +314,8 @@ def test_a_file_by_hand_needs_no_scales():
     model = axis_from_dict(
         {"schema_version": 1, "mechanism": "axis", "parameters": entries}, "by hand"
     )
-    assert not model.scales.turns
-    assert model.scales.speed == pytest.approx(0.1)  # where viscous and dry friction are alike
+    assert not model.geometry.turns
+    assert model.geometry.speed == pytest.approx(0.1)  # where viscous and dry friction are alike
     assert 0 < model.values["smoothing"] < 1e-3
 
 
@@ -372,7 +379,6 @@ def test_emps_lacks_asymmetric_viscous_friction():
     errors = {}
     for name in ("asymmetric_viscous_friction", "stribeck_friction", "spring"):
         axis = base.mechanism.extended(name)
-        assert isinstance(axis, Axis)
         theta = axis.extend_theta(base.fit.theta, name, {})
         found = identify([log], start=axis_model(axis, theta))
         errors[name] = relative_force_error(run, force_of_model(run, found.model))
@@ -383,5 +389,5 @@ def test_emps_lacks_asymmetric_viscous_friction():
 
 def test_no_effect_acts_as_a_second_drive():
     with pytest.raises(InputError, match="named twice"):
-        AxisStructure(("spring", "spring"))
+        ModelStructure(("spring", "spring"), KIND)
     assert sum(item.acts_at is ACTUATOR for item in AXIS_CATALOGUE) == 1

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from identification.fitting.errors import Squares, force_traces, velocity_traces
+from identification.fitting.errors import SumsOfSquares, force_traces, velocity_traces
 from identification.fitting.identify import identify
 from identification.fitting.least_squares import fit
 from identification.logs.reading import read_log
@@ -74,13 +74,13 @@ def test_the_right_delay_reaches_the_noise_of_the_prompt_platform():
     for delay in (0.0, 0.0237):
         at = PAPER.with_effect("torque_delay", delay=delay).theta
         errors[delay] = [
-            Squares.of(traces(engine, at, samples)).ratio
+            SumsOfSquares.of(traces(engine, at, samples)).ratio
             for traces in (force_traces, velocity_traces)
         ]
     base = Mecanum(Geometry(), ModelStructure())
     plain = base.samples(recording(seed=4))
     floor = [
-        Squares.of(traces(base, PAPER.theta, plain)).ratio
+        SumsOfSquares.of(traces(base, PAPER.theta, plain)).ratio
         for traces in (force_traces, velocity_traces)
     ]
     for k in range(2):

@@ -17,9 +17,8 @@ from controllers.recording import record
 from identification.fitting.identify import identify
 from identification.logs.reading import read_log
 from identification.logs.wheel_checks import slip_of
-from identification.mechanisms.calibration_parts import cut
 from identification.mechanisms.mecanum import Mecanum
-from identification.mechanisms.mecanum_samples import MecanumSamples
+from identification.mechanisms.samples import Samples, cut
 from identification.residual_map.residual_map import residual_map
 from identification.residual_map.settings import ResidualMapSettings
 from identification.residual_map.shares import ResidualMap
@@ -32,11 +31,11 @@ from youbot_env.physics.geometry import Geometry
 PAPER = load_model("paper")
 GEOMETRY = Geometry()
 MECHANISM = Mecanum(GEOMETRY, PAPER.structure)
-Force = Callable[[MecanumSamples], np.ndarray]
+Force = Callable[[Samples], np.ndarray]
 
 
 @cache
-def sound() -> tuple[MecanumSamples, ...]:
+def sound() -> tuple[Samples, ...]:
     """Three logs of the paper's platform at 100 Hz, 260 s in all."""
     motions = [multisine(np.random.default_rng(seed), name=f"m{seed}") for seed in (4, 5)]
     logs = [recording(), *record(PAPER, motions, rate=100.0, seed=1)]
@@ -49,22 +48,22 @@ def map_of(force: Force | None) -> ResidualMap:
     return residual_map(MECHANISM, PAPER.theta, logs)
 
 
-def planted(samples: MecanumSamples, force: Force) -> MecanumSamples:
+def planted(samples: Samples, force: Force) -> Samples:
     return replace(samples, torque=samples.torque + GEOMETRY.wheel_torque(force(samples)))
 
 
-def in_world(samples: MecanumSamples, fx: np.ndarray, fy: np.ndarray) -> np.ndarray:
+def in_world(samples: Samples, fx: np.ndarray, fy: np.ndarray) -> np.ndarray:
     """A force along the world's axes as a body force."""
     c, s = np.cos(samples.pose[:, 2]), np.sin(samples.pose[:, 2])
     return np.column_stack([c * fx + s * fy, c * fy - s * fx, 0 * fx])
 
 
-def slope(samples: MecanumSamples) -> np.ndarray:
+def slope(samples: Samples) -> np.ndarray:
     still = np.ones(len(samples))
     return in_world(samples, 4.0 * still, 2.0 * still)
 
 
-def nap(samples: MecanumSamples) -> np.ndarray:
+def nap(samples: Samples) -> np.ndarray:
     """Dry force of 10 N against motion along one world direction: in no catalogue."""
     c, s = np.cos(samples.pose[:, 2]), np.sin(samples.pose[:, 2])
     vx, vy = samples.twist[:, 0], samples.twist[:, 1]
@@ -73,25 +72,25 @@ def nap(samples: MecanumSamples) -> np.ndarray:
     return in_world(samples, *(10.0 * np.tanh(speed / 0.02) * along[:, None]))
 
 
-def wall(samples: MecanumSamples) -> np.ndarray:
+def wall(samples: Samples) -> np.ndarray:
     """Spring of 8 N/m along the world's X axis alone."""
     return in_world(samples, 8.0 * (samples.pose[:, 0] - 0.3), np.zeros(len(samples)))
 
 
-def ripple(samples: MecanumSamples) -> np.ndarray:
+def ripple(samples: Samples) -> np.ndarray:
     return GEOMETRY.body_force(0.2 * np.sin(19 * samples.wheel_angle + 0.4))
 
 
-def dry(samples: MecanumSamples) -> np.ndarray:
+def dry(samples: Samples) -> np.ndarray:
     return GEOMETRY.body_force(0.2 * np.tanh(samples.wheel_speed / 0.03))
 
 
-def cubic(samples: MecanumSamples) -> np.ndarray:
+def cubic(samples: Samples) -> np.ndarray:
     vx, vy, wz = samples.twist.T
     return np.column_stack([200 * vx * vy, 200 * vx**2, 10 * wz**3])
 
 
-def warming(samples: MecanumSamples) -> np.ndarray:
+def warming(samples: Samples) -> np.ndarray:
     return GEOMETRY.body_force(0.05 * samples.wheel_speed * np.exp(-samples.time / 30)[:, None])
 
 
@@ -158,7 +157,7 @@ def test_a_wheel_s_ripple_is_told_with_its_order():
 
 
 def test_one_wheel_s_ripple_is_that_wheel_s():
-    def one(samples: MecanumSamples) -> np.ndarray:
+    def one(samples: Samples) -> np.ndarray:
         torque = np.zeros((len(samples), 4))
         torque[:, 2] = 0.2 * np.sin(5 * samples.wheel_angle[:, 2])
         return GEOMETRY.body_force(torque)

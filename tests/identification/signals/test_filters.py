@@ -1,5 +1,6 @@
 import numpy as np
 import pytest
+from scipy.integrate import cumulative_trapezoid
 from scipy.signal import lfilter
 
 from identification.signals.filters import (
@@ -7,6 +8,7 @@ from identification.signals.filters import (
     block_mean,
     filter_samples,
     first_order,
+    integral_of,
     settled,
 )
 
@@ -69,3 +71,10 @@ def test_start_is_forgotten_after_the_settling_time():
 
 def test_block_mean_leaves_incomplete_blocks_out():
     np.testing.assert_allclose(block_mean(np.arange(11.0)[:, None], 4)[:, 0], [1.5, 5.5])
+
+
+@pytest.mark.parametrize("shape", [(1,), (300,), (300, 4)])
+def test_the_integral_is_scipys(shape):
+    rate = np.random.default_rng(4).standard_normal(shape)
+    expected = cumulative_trapezoid(rate, dx=0.01, axis=0, initial=0)
+    np.testing.assert_allclose(integral_of(rate, 0.01), expected, atol=1e-14)

@@ -21,7 +21,7 @@ from youbot_env.model.model import Model
 from youbot_env.physics import inverse_dynamics as dynamics
 from youbot_env.physics.effect import BASE, CATALOGUE
 from youbot_env.physics.geometry import body_force, roller_rates, wheel_rates
-from youbot_env.physics.points import Instant
+from youbot_env.physics.mechanism import Instant
 from youbot_env.physics.structure import ModelStructure
 
 AS_IN_THE_PAPER = """\

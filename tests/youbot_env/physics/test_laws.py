@@ -30,8 +30,9 @@ from youbot_env.physics.geometry import (
     roller_rates,
     wheel_rates,
 )
+from youbot_env.physics.mecanum import MECANUM
+from youbot_env.physics.mechanism import EffectPoints, Instant, component_force
 from youbot_env.physics.namespaces import floats
-from youbot_env.physics.points import EffectPoints, Instant, component_wrench
 from youbot_env.physics.structure import ModelStructure
 
 SEEDS = range(20)
@@ -142,10 +143,12 @@ def test_each_wrench_effect_is_linear_in_its_own_parameters_at_catalogue_size(na
     """Exactly, or nearly where the structure knows better and a fit iterates."""
     m, item, values = model(name), CATALOGUE[name], internal_values(name)
     free = [k for k, key in enumerate(item.parameter_names) if not item.parameter(key).is_shape]
-    points = EffectPoints(np, m.geometry, m.theta, random_instant(np.random.default_rng(4), 50))
+    points = EffectPoints(
+        np, MECANUM, m.geometry, m.theta, random_instant(np.random.default_rng(4), 50)
+    )
 
     def force(parameters: np.ndarray) -> np.ndarray:
-        parts = component_wrench(np, item, parameters, points)
+        parts = component_force(item, parameters, points)
         return np.array(np.broadcast_arrays(*parts, np.zeros(50))[:3])
 
     none = values.copy()
@@ -310,8 +313,8 @@ def test_friction_never_adds_energy(item):
     for _ in range(50):
         values = rng.uniform(lower, upper)
         at = random_instant(rng, 40)
-        points = EffectPoints(np, m.geometry, m.theta, at)
-        force = np.array(component_wrench(np, item, values, points)[:3], dtype=object)
+        points = EffectPoints(np, MECANUM, m.geometry, m.theta, at)
+        force = np.array(component_force(item, values, points)[:3], dtype=object)
         power = sum(f * v for f, v in zip(force, at.twist, strict=True))
         assert np.min(power) >= -1e-12 * np.max(np.abs(power))
         assert np.max(power) > 0
@@ -339,8 +342,8 @@ def test_what_only_takes_energy_is_called_dissipative(item):
     for _ in range(30):
         values = [p.default or p.size for p in item.parameters for _ in p.names]
         at = random_instant(rng)
-        force = component_wrench(
-            floats, item, values, EffectPoints(floats, m.geometry, m.theta, at)
+        force = component_force(
+            item, values, EffectPoints(floats, MECANUM, m.geometry, m.theta, at)
         )
         powers.append(sum(f * v for f, v in zip(force, at.twist, strict=True)))
     assert min(powers) < 0 < max(powers), f"{item.name} only takes energy: say dissipative=True"

@@ -12,7 +12,8 @@ from youbot_env.model.model import BASE_UNITS, Estimate, Model
 from youbot_env.physics import inverse_dynamics as dynamics
 from youbot_env.physics.effect import BODY, ROLLER, WHEEL, WORLD, Effect
 from youbot_env.physics.geometry import Geometry
-from youbot_env.physics.points import EffectPoints, Instant
+from youbot_env.physics.mecanum import MECANUM
+from youbot_env.physics.mechanism import EffectPoints, Instant
 from youbot_env.simulation.compiled import kernel
 from youbot_env.simulation.free_run import initial_state
 
@@ -140,12 +141,12 @@ def _add_effects(
     m: Model, at: Instant, rates: np.ndarray, mass: np.ndarray, force: np.ndarray
 ) -> None:
     """Each effect at the coordinate on which it acts; what it demands per acceleration is mass."""
-    points = EffectPoints(np, m.geometry, m.theta, at, m.structure.carriers)
+    points = EffectPoints(np, MECANUM, m.geometry, m.theta, at, m.structure.carriers)
     base = points.base
     for item, where in m.structure.wrenches:
         values = m.theta[where]
         if item.acts_at is WORLD:
-            force[:3] -= np.array(item.evaluate(np, points.world, values))
+            force[:3] -= np.array(item.evaluate(np, points.of(WORLD)[0], values))
         elif item.acts_at is BODY and item.name != "rigid_body":
             _add_body_effect(item, values, points, mass, force)
         for i in range(4):
@@ -171,7 +172,7 @@ def _add_body_effect(
     to_world = np.array([[c, -s, 0.0], [s, c, 0.0], [0.0, 0.0, 1.0]])
 
     def demanded(acceleration: np.ndarray) -> np.ndarray:
-        point = points.body._replace(acceleration=tuple(acceleration))
+        point = points.of(BODY)[0]._replace(acceleration=tuple(acceleration))
         return np.array(item.evaluate(np, point, values), dtype=float)
 
     still = demanded(np.zeros(3))
@@ -265,7 +266,7 @@ def test_rigid_trajectory_equals_mujocos(engine):
         mujoco.mj_step(m, data)
     state = initial_state(RIGID, twist=twist)[None]
     torque = RIGID.geometry.wheel_torque(force)[None]
-    advance = kernel(RIGID.structure).advance
+    advance = kernel(RIGID.structure, dynamics).advance
     advance(state, torque, RIGID.lengths, RIGID.theta[None], 1.5, 1500)
     np.testing.assert_allclose(state[0, 3:6], data.qpos, rtol=0, atol=1e-6)
     np.testing.assert_allclose(

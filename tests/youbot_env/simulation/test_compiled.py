@@ -13,10 +13,12 @@ import numpy as np
 import pytest
 
 from youbot_env.model.model_file import load_model
+from youbot_env.physics import inverse_dynamics as dynamics
 from youbot_env.physics.catalogue import wheel_coulomb_friction
 from youbot_env.physics.effect import CATALOGUE
 from youbot_env.physics.structure import ModelStructure
 from youbot_env.simulation import compiled as kernels
+from youbot_env.simulation.generated_code import System
 
 BASE = ModelStructure()
 
@@ -61,7 +63,9 @@ def expected() -> float:
     """What each process must find: four steps from rest under 1 N m at each wheel."""
     m = load_model("paper")
     state = np.zeros((1, 11))
-    kernels.kernel(m.structure).advance(state, np.ones((1, 4)), m.lengths, m.theta[None], 0.04, 400)
+    kernels.kernel(m.structure, dynamics).advance(
+        state, np.ones((1, 4)), m.lengths, m.theta[None], 0.04, 400
+    )
     return state[0, 0]
 
 
@@ -109,13 +113,13 @@ def test_a_file_that_says_something_else_is_not_believed(
 ):
     """Valid Python with another number in it: the checksum tells."""
     monkeypatch.setenv("YOUBOT_CACHE_DIR", str(tmp_path))
-    path = kernels._cached_source(BASE)
+    path = kernels._cached_source(BASE, System(dynamics))
     good = path.read_text()
     assert kernels._is_intact(path)
     for bad in (good.replace("6.0", "5.0", 1), "", "# nothing", good + "\n", "\0\xff"):
         path.write_text(bad)
         assert not kernels._is_intact(path)
-        assert kernels._cached_source(BASE) == path and path.read_text() == good
+        assert kernels._cached_source(BASE, System(dynamics)) == path and path.read_text() == good
 
 
 def test_a_cache_that_cannot_be_made_costs_only_time(expected: float, tmp_path: Path):
@@ -160,7 +164,7 @@ def key_with(monkeypatch: pytest.MonkeyPatch, function) -> str:
     changed = replace(CATALOGUE["wheel_coulomb_friction"], function=function)
     with monkeypatch.context() as patch:
         patch.setitem(CATALOGUE._effects, "wheel_coulomb_friction", changed)
-        return kernels._key(ModelStructure(("wheel_coulomb_friction",)))
+        return kernels._key(ModelStructure(("wheel_coulomb_friction",)), System(dynamics))
 
 
 SCALE = 1.0
@@ -210,7 +214,7 @@ def test_the_key_follows_the_physics(monkeypatch: pytest.MonkeyPatch):
 
 def test_the_key_is_that_of_the_last_process(filled: Path):
     """Otherwise every start would compile anew."""
-    assert (filled / f"kernel_{kernels._key(BASE)}.py").exists()
+    assert (filled / f"kernel_{kernels._key(BASE, System(dynamics))}.py").exists()
 
 
 def test_comments_and_values_leave_the_key(monkeypatch: pytest.MonkeyPatch):

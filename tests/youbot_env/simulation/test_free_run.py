@@ -14,11 +14,11 @@ from youbot_env.model.model import Model
 from youbot_env.physics import inverse_dynamics as dynamics
 from youbot_env.physics.catalogue import GRAVITY
 from youbot_env.physics.geometry import Triple, body_force, wheel_rates
+from youbot_env.physics.mecanum import FULL_SPEED, MECANUM
+from youbot_env.physics.mechanism import EffectPoints, Instant, component_force
 from youbot_env.physics.namespaces import floats
-from youbot_env.physics.points import EffectPoints, Instant, component_wrench
 from youbot_env.simulation.compiled import kernel
 from youbot_env.simulation.free_run import (
-    FULL_SPEED,
     initial_state,
     ripple_rate,
     simulate,
@@ -91,9 +91,9 @@ def test_energy_balance_closes(run: tuple[Model, np.ndarray, Instant]):
     )
     kinetic = 0.5 * np.einsum("ni,ij,nj->n", states[:, :3], matrix, states[:, :3])
     driving = power(body_force(m.geometry, at.torque), at)
-    points = EffectPoints(np, m.geometry, m.theta, at, m.structure.carriers)
+    points = EffectPoints(np, MECANUM, m.geometry, m.theta, at, m.structure.carriers)
     taken = {
-        item.name: power(component_wrench(np, item, m.theta[where], points), at)
+        item.name: power(component_force(item, m.theta[where], points), at)
         for item, where in m.structure.wrenches
     }
     time = states[:, 10]
@@ -112,8 +112,8 @@ def test_work_against_a_slope_is_the_weight_lifted():
     states = simulate(m, time, drive(time), moving(m))
     at = instants(m, states, drive(time))
     item, where = next(row for row in m.structure.slices if row[0].name == "floor_tilt")
-    points = EffectPoints(np, m.geometry, m.theta, at, m.structure.carriers)
-    work = simpson(power(component_wrench(np, item, m.theta[where], points), at), x=time)
+    points = EffectPoints(np, MECANUM, m.geometry, m.theta, at, m.structure.carriers)
+    work = simpson(power(component_force(item, m.theta[where], points), at), x=time)
     v, c, s = m.values, np.cos(states[:, 5]), np.sin(states[:, 5])
     share = (v["m0"] - 4 * m.geometry.m1) / v["m0"]
     x = states[:, 3] + share * (c * v["aX"] - s * v["aY"])
@@ -160,7 +160,7 @@ def test_integrator_is_of_fourth_order(case: str):
 
     def final(steps: int) -> np.ndarray:
         state = start[None].copy()
-        kernel(m.structure).advance(state, torque, m.lengths, m.theta[None], 0.4, steps)
+        kernel(m.structure, dynamics).advance(state, torque, m.lengths, m.theta[None], 0.4, steps)
         return state[0]
 
     coarse = 192 if m.structure.depends_on_angle else 24
@@ -225,7 +225,7 @@ def test_batch_rows_do_not_touch_each_other():
     states = np.array([initial_state(m, twist=rng.normal(size=3)) for _ in range(5)])
     torque = rng.normal(size=(5, 4))
     theta = m.theta * rng.uniform(0.9, 1.1, (5, 1))
-    advance = kernel(m.structure).advance
+    advance = kernel(m.structure, dynamics).advance
     alone = states.copy()
     for k in range(5):
         advance(alone[k : k + 1], torque[k : k + 1], m.lengths, theta[k : k + 1], 0.02, 7)

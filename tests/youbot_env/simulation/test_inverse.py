@@ -10,15 +10,18 @@ import pytest
 
 from tests.youbot_env.structures import CASES, EVERYTHING, model, random_instant
 from youbot_env.model.model import Model
-from youbot_env.physics.points import Instant
+from youbot_env.physics import inverse_dynamics as dynamics
+from youbot_env.physics.mechanism import Instant
 from youbot_env.simulation.compiled import inverse_kernel
-from youbot_env.simulation.generated_code import INVERSE, MOTION
+from youbot_env.simulation.generated_code import MOTION, Inverse
 
 
 def plain(found: Model) -> Any:
     """The generated module without a compiler: the same source, in seconds less."""
-    source = INVERSE.source(found.structure).replace(
-        "from numba import njit", "def njit(**_):\n    return lambda function: function"
+    source = (
+        Inverse(dynamics)
+        .source(found.structure)
+        .replace("from numba import njit", "def njit(**_):\n    return lambda function: function")
     )
     scope: dict[str, Any] = {}
     exec(source, scope)
@@ -61,7 +64,7 @@ def test_the_generated_source_is_the_models_inverse_dynamics(case: str) -> None:
 @pytest.mark.parametrize("case", ["base", EVERYTHING])
 def test_compiled_it_says_the_same(case: str) -> None:
     found = model(case)
-    code, rng = inverse_kernel(found.structure), np.random.default_rng(2)
+    code, rng = inverse_kernel(found.structure, dynamics), np.random.default_rng(2)
     for _ in range(100):
         at = random_instant(rng)
         np.testing.assert_allclose(interface_torque(code, found, at), stated(found, at), atol=1e-11)

@@ -19,7 +19,7 @@ from youbot_env import Estimate, InputError, Plant, load_model, save_model
 from youbot_env.motions.calibration import motion_iii
 from youbot_env.physics import hardware
 from youbot_env.tracking.env import YouBotTrackingEnv
-from youbot_env.tracking.task import REWARD_WEIGHTS, tolerance
+from youbot_env.tracking.task import REWARD_TERMS, tolerance
 
 NOISY = {
     "wheel_speed_noise": 0.02,
@@ -326,7 +326,7 @@ def test_reward_is_the_weighted_mean_of_its_terms():
         terms = np.array(list(info["reward_terms"].values()))
         assert (terms >= 0).all() and (terms <= 1).all()
         assert reward == pytest.approx(terms @ (0.3, 0.3, 0.3, 0.3, 0.05) / 1.25)
-    assert list(info["reward_terms"]) == list(REWARD_WEIGHTS)
+    assert list(info["reward_terms"]) == list(REWARD_TERMS)
     yaw_rate = tolerance(info["tracking_error"][2], 0.5)
     assert info["reward_terms"]["yaw_rate"] == pytest.approx(yaw_rate)
 

@@ -2,13 +2,16 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
+from identification.fitting.covariance import hac_covariance
 from identification.fitting.settings import FitSettings
-from identification.mechanisms.mechanism import DemandedForce, Mechanism, Samples
+from identification.mechanisms.mechanism import Mechanism
+from identification.mechanisms.samples import DemandedForce, Samples
 from identification.signals.filters import block_mean, first_order, settled
 
 Array = NDArray[np.float64]
@@ -16,7 +19,7 @@ Indices = NDArray[np.intp]
 
 
 @dataclass(frozen=True)
-class Rows:
+class Regression:
     """Filtered regression rows of one log at one theta.
 
     time (n,): end of each row [s], from the log's start; step: from one row to the next [s];
@@ -28,8 +31,9 @@ class Rows:
     residual: Array
     columns: Array
 
-    def between(self, start: float, end: float) -> Rows:
+    def between(self, start: float, end: float) -> Regression:
         """The rows that lie in a stretch of time [s]."""
+        # A row's time is its end: it must have begun inside as well.
         inside = (self.time - self.step >= start) & (self.time <= end)
         return replace(
             self,
@@ -44,31 +48,32 @@ def stride(dt: float, rate: float) -> int:
     return max(1, round(1.0 / (rate * dt)))
 
 
-def regression_rows(
+def regression(
     mechanism: Mechanism,
     theta: Array,
     samples: Samples,
     free: Indices,
     settings: FitSettings = FitSettings(),
-) -> Rows:
+) -> Regression:
     """Filtered residual and columns of one log."""
     ends = residual_and_columns(mechanism, mechanism.demand(theta, samples), samples, free)
-    filtered = reduce(ends, mechanism, samples, settings)
+    filtered = filtered_rows(ends, mechanism, samples, settings)
     step = stride(samples.dt, settings.row_rate) * samples.dt
+    # Rows begin where the filter has forgotten its start.
     first = samples.time[0] + (_settled(mechanism, samples, settings) - 1) * samples.dt
     time = first + step * np.arange(1, len(filtered) + 1)
-    return Rows(time, step, filtered[..., 0], filtered[..., 1:])
+    return Regression(time, step, filtered[..., 0], filtered[..., 1:])
 
 
-def residual_of(
+def filtered_residual(
     mechanism: Mechanism,
     theta: Array,
     samples: Samples,
     settings: FitSettings = FitSettings(),
 ) -> Array:
-    """The filtered residual (n, A) of :func:`regression_rows` alone."""
+    """The filtered residual (n, A) of :func:`regression` alone."""
     residual = residual_ends(mechanism, mechanism.demand(theta, samples), samples)
-    return reduce(residual, mechanism, samples, settings)
+    return filtered_rows(residual, mechanism, samples, settings)
 
 
 def residual_ends(mechanism: Mechanism, demand: DemandedForce, samples: Samples) -> Array:
@@ -85,7 +90,7 @@ def residual_and_columns(
     return np.moveaxis(np.concatenate([residual[None], demand.columns(free)]), 0, -1)
 
 
-def reduce(
+def filtered_rows(
     ends: Array, mechanism: Mechanism, samples: Samples, settings: FitSettings = FitSettings()
 ) -> Array:
     """Filter interval ends (2, N - 1, ...) and average into regression rows (n, ...)."""
@@ -98,3 +103,12 @@ def _settled(mechanism: Mechanism, samples: Samples, settings: FitSettings) -> i
     """Samples until the filter has forgotten its start."""
     constants = settings.filter.settling_time_constants
     return settled(mechanism.filter_rate, samples.dt, constants)
+
+
+def covariance_of(
+    rows: Sequence[Regression], basis: Array, scale: Array, settings: FitSettings = FitSettings()
+) -> Array:
+    """Covariance (F, F) of the estimate that leaves the residuals of these rows."""
+    residuals, columns = [row.residual for row in rows], [row.columns for row in rows]
+    steps = [row.step for row in rows]
+    return hac_covariance(residuals, columns, steps, basis, scale, settings)

@@ -1,0 +1,44 @@
+"""Parameters of which only differences can be seen (gains, extra frictions of the four wheels)."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from identification.mechanisms.mechanism import Mechanism
+
+Array = NDArray[np.float64]
+Indices = NDArray[np.intp]
+
+
+def gauge_groups(mechanism: Mechanism, free: Indices | None = None) -> list[Indices]:
+    """Places among the parameters ``free`` of those that are relative to each other, by group."""
+    labels = [mechanism.labels[k] for k in _chosen(mechanism, free)]
+    groups = dict.fromkeys(label.group for label in labels if label.group)
+    return [
+        np.array([k for k, label in enumerate(labels) if label.group == group], dtype=np.intp)
+        for group in groups
+    ]
+
+
+def _chosen(mechanism: Mechanism, free: Indices | None) -> Indices:
+    return np.flatnonzero(mechanism.free) if free is None else free
+
+
+def gauge_basis(mechanism: Mechanism, free: Indices | None = None) -> Array:
+    """(F, Q) directions of the parameters ``free`` that data can see at all.
+
+    Of values that are relative to each other (gains, extra frictions) only differences can be
+    seen: their sum is held at zero.
+    """
+    size = len(_chosen(mechanism, free))
+    groups = gauge_groups(mechanism, free)
+    alone = np.setdiff1d(np.arange(size), np.concatenate([[], *groups]))
+    columns = [np.eye(size)[:, alone]]
+    for members in groups:
+        block = np.zeros((size, len(members) - 1))
+        # Orthonormal complement of (1, ..., 1), from the QR factors of a full-rank matrix.
+        frame = np.column_stack([np.ones(len(members)), np.eye(len(members))[:, 1:]])
+        block[members] = np.linalg.qr(frame)[0][:, 1:]
+        columns.append(block)
+    return np.hstack(columns)

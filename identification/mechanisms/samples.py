@@ -1,0 +1,382 @@
+"""Logs as motion and torque of a mechanism, the force that such a motion demands, and its columns.
+
+N samples, A axes, J joints, D coordinates of the pose, P parameters.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass, fields, replace
+from functools import cached_property
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from identification.signals.filters import integral_of, slope_ends
+from identification.signals.resampling import RATE_SMOOTHING, moved, smoothed
+from youbot_env.physics import inverse_dynamics as dynamics
+from youbot_env.physics.effect import CHANNEL, Effect, Parameter
+from youbot_env.physics.mechanism import Components, EffectPoints, Instant, component_force
+from youbot_env.physics.structure import ModelStructure
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class Samples:
+    """One log as motion and torque on a uniform time base, in the units of its mechanism.
+
+    name : of the log; time (N,) [s] from the log's start; dt [s]
+    twist (N, A), pose (N, D) : of a platform in the body frame and in the world
+    wheel_angle (N, J) : of the joints; (N, 0) where the pose says it all
+    wheel_speed, torque (N, J) : of the joints, as logged
+    angle_measured : whether the angles have columns of their own, or are integrated
+    """
+
+    name: str
+    time: Array
+    dt: float
+    twist: Array
+    pose: Array
+    wheel_angle: Array
+    wheel_speed: Array
+    torque: Array
+    angle_measured: bool = False
+
+    def __len__(self) -> int:
+        return len(self.time)
+
+    @property
+    def channels(self) -> tuple[Array, Array]:
+        """Speeds and efforts (N, J) of the joints, as logged."""
+        return self.wheel_speed, self.torque
+
+
+class Part(NamedTuple):
+    """A stretch of a log that is judged apart: its kind, in a word, and its samples."""
+
+    kind: str
+    samples: Samples
+
+    @property
+    def start(self) -> float:
+        """Seconds from the log's start."""
+        return float(self.samples.time[0])
+
+    @property
+    def end(self) -> float:
+        """Seconds from the log's start."""
+        return float(self.samples.time[-1])
+
+
+def cut(samples: Samples, start: int, stop: int) -> Samples:
+    """Rows ``start`` to ``stop`` of samples, under the same name and time."""
+    arrays = {field.name: getattr(samples, field.name) for field in fields(samples)}
+    return replace(
+        samples, **{k: v[start:stop] for k, v in arrays.items() if isinstance(v, np.ndarray)}
+    )
+
+
+def planar_pose(twist: Array, dt: float) -> Array:
+    """(N, 3) x, y, yaw in the world from (0, 0, 0), from a body twist (N, 3)."""
+    yaw = integral_of(twist[:, 2], dt)
+    c, s = np.cos(yaw), np.sin(yaw)
+    velocity = np.column_stack(
+        [c * twist[:, 0] - s * twist[:, 1], s * twist[:, 0] + c * twist[:, 1]]
+    )
+    return np.column_stack([integral_of(velocity, dt), yaw])
+
+
+INTERNAL_SMOOTHING = 0.05
+"""Window [s] over which the internal torque is averaged: its noise would enter the columns."""
+
+LOAD_STEP = 5e-7
+"""Share of the full torque over which the slope of a friction under load is taken."""
+
+LOAD_TOLERANCE = 5e-11
+"""Share of the full torque by which torques under load may still move when they count as found."""
+
+
+def _ends(signal: Array) -> tuple[Array, ...]:
+    """Components (2, N - 1) of a signal at the start and at the end of each interval."""
+    return tuple(np.stack([signal[:-1, i], signal[1:, i]]) for i in range(signal.shape[1]))
+
+
+class DemandedForce:
+    """Force (2, N - 1, A) demanded at both ends of each interval, and its columns in theta.
+
+    The acceleration's mean over an interval is the difference of the twist, so the filtered force
+    holds the paper's filtered derivative a_f (s - s_f).
+    """
+
+    def __init__(
+        self,
+        structure: ModelStructure,
+        geometry: Any,
+        force_scale: Array,
+        declared: Sequence[Parameter],
+        theta: Array,
+        samples: Samples,
+        like: DemandedForce | None = None,
+    ) -> None:
+        self.structure, self.geometry, self.force_scale = structure, geometry, force_scale
+        self.declared, self.theta, self.samples = declared, theta, samples
+        self.mechanism = structure.mechanism
+        self.instant = like.instant if like else self._instant()
+        known = like is not None and like.structure.depends_on_load
+        if structure.depends_on_load and not known:
+            internal = ()
+            if self.mechanism.internal:
+                amount = self._acting_internal(theta)
+                internal = tuple(part * amount for part in self.mechanism.internal)
+            torque = dynamics.acting_torque(
+                *(np, structure, geometry, theta, self.instant),
+                internal=internal,
+                tolerance=LOAD_TOLERANCE * self._full_torque,
+            )
+            self.instant = replace(self.instant, torque=torque)
+
+    @cached_property
+    def _full_torque(self) -> float:
+        return self.mechanism.full_torque(self.geometry)
+
+    def _instant(self) -> Instant:
+        s = self.samples
+        ends = slope_ends(s.twist, s.dt)
+        acceleration = tuple(np.moveaxis(ends, -1, 0))
+        return Instant(
+            twist=_ends(s.twist),
+            acceleration=acceleration,
+            pose=_ends(s.pose),
+            wheel_angle=_ends(s.wheel_angle),
+            time=np.stack([s.time[:-1], s.time[1:]]),
+        )
+
+    @cached_property
+    def force(self) -> Array:
+        """(2, N - 1, A) in units of the interface torque (as logged or commanded)."""
+        return self._finish(self._body_force, self.theta)
+
+    @cached_property
+    def _body_force(self) -> Array:
+        return sum(
+            (
+                self._component(item, self.theta[where], self._points)
+                for item, where in self.structure.wrenches
+            ),
+            start=self._no_force,
+        )
+
+    def _component(self, item: Effect, values: Array, points: EffectPoints) -> Array:
+        return self._scaled(component_force(item, values, points))
+
+    @property
+    def _no_force(self) -> Array:
+        return np.zeros((2, len(self.samples) - 1, len(self.force_scale)))
+
+    def _scaled(self, force: Components) -> Array:
+        out = self._no_force
+        for i, scale in enumerate(self.force_scale):
+            np.multiply(force[i], scale, out=out[..., i])
+        return out
+
+    def _unscaled(self, force: Array) -> Components:
+        """Components of the generalised force behind a scaled one (..., A)."""
+        return tuple(np.moveaxis(force / self.force_scale, -1, 0))
+
+    @cached_property
+    def _losses(self) -> list[list[Any]] | None:
+        """I - dF/dF of friction under load: more force takes more torque, which loses more.
+
+        Rows of A x A matrices, one at each instant; None where no effect reads the torque.
+        """
+        if not self.structure.depends_on_load:
+            return None
+        slopes, size = self._loss_slopes, len(self.force_scale)
+        identity = np.eye(size)
+        units = [self.mechanism.torque_of(self.geometry, tuple(unit)) for unit in identity]
+        # What a unit of each force asks of the joints, times what they lose by it.
+        lost = [sum(share * slope for share, slope in zip(u, slopes, strict=True)) for u in units]
+        return [[identity[i, j] - np.asarray(lost[j])[i] for j in range(size)] for i in range(size)]
+
+    @cached_property
+    def _loss_slopes(self) -> list[Array]:
+        return [self._loss_by(joint) for joint in range(len(self.mechanism.joints))]
+
+    def _loss_by(self, joint: int) -> Array:
+        """(A, 2, N - 1): by how much the force lost grows with one joint's torque."""
+        step = LOAD_STEP * self._full_torque
+        ends: list[Array] = []
+        for shift in (step, -step):
+            torque = list(self.instant.torque)
+            torque[joint] = torque[joint] + shift
+            at = replace(self.instant, torque=tuple(torque))
+            points = dynamics.effect_points(np, self.structure, self.geometry, self.theta, at)
+            readers = self.structure.load_readers
+            forces = [component_force(r, self.theta[where], points) for r, where in readers]
+            ends.append(np.sum(forces, axis=0))
+        return (ends[0] - ends[1]) / (2 * step)
+
+    def _responding(self, force: Array) -> Array:
+        """A small force together with what friction under load makes of it."""
+        if self._losses is None:
+            return force
+        return self._scaled(dynamics.solve(self._losses, self._unscaled(force)))
+
+    def _finish(self, force: Array, theta: Array) -> Array:
+        """From the force that acts to the force of the interface torque."""
+        delay = dynamics.torque_delay(np, self.structure, theta)
+        # What acts at t + delay was logged at t. The measured side stays as it is: to shift or
+        # filter it would shrink its noise and make any delay look good.
+        return moved(self._interface(force, theta), float(delay) / self.samples.dt)
+
+    def _interface(self, force: Array, theta: Array) -> Array:
+        structure, geometry = self.structure, self.geometry
+        if structure.only_wrenches:
+            return force
+        torque = self.mechanism.torque_of(geometry, self._unscaled(force))
+        at = replace(self.instant, torque=torque, torque_rate=self._rates(torque))
+        logged = dynamics.interface_torque(np, structure, theta, at)
+        if structure.at(CHANNEL) and self.mechanism.internal:
+            logged = self._with_internal(logged, theta, at)
+        return self._scaled(self.mechanism.force_of(geometry, logged))
+
+    def _with_internal(
+        self, logged: tuple[Array, ...], theta: Array, at: Instant
+    ) -> tuple[Array, ...]:
+        """Logged torques moved along internal ones until they hold what was logged.
+
+        Where gains differ by joint, torques that seem to cancel do not.
+        """
+        internal = np.array(self.mechanism.internal)
+        more = tuple(torque + part for torque, part in zip(at.torque, internal, strict=True))
+        along = dynamics.interface_torque(np, self.structure, theta, replace(at, torque=more))
+        way = [b - a for a, b in zip(logged, along, strict=True)]
+        size = internal @ internal
+        lacking = self._internal - internal @ np.stack(logged, axis=1) / size
+        amount = lacking / (internal @ np.stack(way, axis=1) / size)
+        return tuple(torque + amount * step for torque, step in zip(logged, way, strict=True))
+
+    @cached_property
+    def _internal(self) -> Array:
+        """(2, N - 1) of the logged torques, at both ends of each interval [N m]."""
+        return self._internal_of(self.samples.torque)
+
+    def _acting_internal(self, theta: Array) -> Array:
+        """The same of the torques behind the channels: what acts there loads the wheels."""
+        s, structure = self.samples, self.structure
+        if not structure.at(CHANNEL):
+            return self._internal
+        true = dynamics.channel_torque(np, structure, theta, tuple(s.torque.T), s.time)
+        return self._internal_of(np.stack(true, axis=1))
+
+    def _internal_of(self, torque: Array) -> Array:
+        """(2, N - 1) how much of the internal torques torques (N, J) hold, smoothed."""
+        internal, dt = np.array(self.mechanism.internal), self.samples.dt
+        amount = smoothed(torque @ internal / (internal @ internal), INTERNAL_SMOOTHING / dt)
+        return _ends(amount[:, None])[0]
+
+    def _rates(self, torque: tuple[Array, ...]) -> tuple[Array, ...]:
+        """Rates of the acting torques: differences between smoothed samples."""
+        if not self.structure.has_actuator:
+            return torque  # nobody asks
+        rates: list[Array] = []
+        for value in torque:
+            node = np.concatenate(
+                [value[0, :1], 0.5 * (value[1, :-1] + value[0, 1:]), value[1, -1:]]
+            )
+            slope = np.diff(smoothed(node, RATE_SMOOTHING / self.samples.dt)) / self.samples.dt
+            rates.append(np.broadcast_to(slope, value.shape))
+        return tuple(rates)
+
+    def columns(self, indices: Iterable[int]) -> Array:
+        """d force / d theta[i] for each index: (len(indices), 2, N - 1, A).
+
+        Base parameters that nothing else refers to enter linearly, so theirs is the function on a
+        unit vector; others take a difference over a small part of their catalogue size.
+        """
+        return np.stack([self._column(int(i)) for i in indices])
+
+    def _column(self, index: int) -> Array:
+        structure = self.structure
+        item, where = next(row for row in structure.slices if index < row[1].stop)
+        step = self.declared[index].difference
+        if item.acts_at.kind != "wrench":
+            theta, width = self._apart(index, step)
+            more = 0.5 * self._lost_between(*theta)
+            ahead = self._finish(self._body_force + more, theta[0])
+            behind = self._finish(self._body_force - more, theta[1])
+            return (ahead - behind) / width
+        slope = self._responding(self._slope(item, where, index, step))
+        if structure.only_wrenches:
+            return self._finish(slope, self.theta)
+        # From force to interface all is affine, or a drive of somebody's own: a small step does.
+        return (self._finish(self._body_force + step * slope, self.theta) - self.force) / step
+
+    def _lost_between(self, ahead: Array, behind: Array) -> Array | float:
+        """By how much the force lost under load differs between two theta of drives and channels.
+
+        What acts behind the channels loads the wheels, internal torques with the rest.
+        """
+        structure = self.structure
+        internal = self.mechanism.internal
+        if not (internal and structure.depends_on_load and structure.at(CHANNEL)):
+            return 0.0
+        moved = self._acting_internal(ahead) - self._acting_internal(behind)
+        parts = zip(internal, self._loss_slopes, strict=True)
+        none = np.zeros((len(self.force_scale), 1, 1))
+        lost = sum((part * slope for part, slope in parts), start=none)
+        return self._responding(self._scaled(tuple(lost * moved)))
+
+    def _slope(self, owner: Effect, where: slice, index: int, step: float) -> Array:
+        """d (body force) / d theta[index], from the components alone that the parameter enters."""
+        if self._stands_alone(owner, index):
+            # Linear: the force of this parameter alone is its column, times its size.
+            size = self.declared[index].size
+            shapes = [parameter.is_shape for parameter in self.declared]
+            values = np.where(shapes, self.theta, 0.0)
+            values[index] = size
+            return self._component(owner, values[where], self._points) / size
+        theta, width = self._apart(index, step)
+        ahead, behind = (self._entered(owner, moved) for moved in theta)
+        return (ahead - behind) / width
+
+    def _apart(self, index: int, step: float) -> tuple[Array, float]:
+        """(2, P) theta to both sides of itself in one parameter, and how far apart they are."""
+        theta, back = np.tile(self.theta, (2, 1)), step
+        if self.declared[index].is_shape:
+            # Not beyond its bound: a period at its least would be tried at zero.
+            back = float(np.clip(self.theta[index] - self.declared[index].lower, 0.0, step))
+        theta[:, index] += (step, -back)
+        return theta, step + back
+
+    def _stands_alone(self, owner: Effect, index: int) -> bool:
+        """Whether a parameter enters one component alone, and linearly."""
+        structure = self.structure
+        if owner.name in self.mechanism.base and structure.base_readers:
+            return False
+        linear = owner.name not in structure.nonlinear and not self.declared[index].is_shape
+        return linear and owner.carries is None
+
+    def _entered(self, owner: Effect, theta: Array) -> Array:
+        """At theta moved in one of the owner's parameters, the force of all that this enters."""
+        structure = self.structure
+        if owner.name not in self.mechanism.base and owner.carries is None:
+            where = next(place for item, place in structure.slices if item is owner)
+            return self._component(owner, theta[where], self._points)
+        changed = {owner.name, *structure.base_readers}
+        points = dynamics.effect_points(np, structure, self.geometry, theta, self.instant)
+        return sum(
+            (
+                self._component(item, theta[where], points)
+                for item, where in structure.wrenches
+                if item.name in changed
+            ),
+            start=self._no_force,
+        )
+
+    @cached_property
+    def _points(self) -> EffectPoints:
+        structure, geometry = self.structure, self.geometry
+        return dynamics.effect_points(np, structure, geometry, self.theta, self.instant)

@@ -1,0 +1,181 @@
+"""The mecanum platform as a mechanism: where effects act on it and what they see of a motion.
+
+Frames: twist, acceleration and generalised force belong to the body frame at O; the acceleration is
+the time derivative (VX', VY', W') of the twist's components. Pose is (x, y, yaw) in the world.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import Any, NamedTuple
+
+import youbot_env.physics.catalogue  # noqa: F401  # pyright: ignore - fills the registries
+from youbot_env.physics.effect import (
+    BASE,
+    BODY,
+    CATALOGUE,
+    ROLLER,
+    WHEEL,
+    WORLD,
+    Body,
+    Roller,
+    Wheel,
+    World,
+)
+from youbot_env.physics.geometry import (
+    Geometry,
+    Triple,
+    allocate,
+    body_force,
+    roller_force,
+    roller_rates,
+    wheel_rates,
+)
+from youbot_env.physics.hardware import MAX_BODY_SPEED, MAX_WHEEL_TORQUE, WHEELS
+from youbot_env.physics.mechanism import Components, EffectPoints, Instant, MechanismKind, Site
+
+STATE = (
+    *("velocity_x", "velocity_y", "yaw_rate"),
+    *("x", "y", "yaw"),
+    *("angle_fl", "angle_fr", "angle_bl", "angle_br"),
+    "time",
+)
+"""Components of a platform's state, before those of its drives."""
+
+DRIVE_STATE = ("torque_fl", "torque_fr", "torque_bl", "torque_br")
+"""The state that an actuator effect adds: the torques that act."""
+
+FULL_SPEED = (MAX_BODY_SPEED, 0.25 * MAX_BODY_SPEED, 0.5)
+"""Twist [m/s, m/s, rad/s] at which one wheel turns at its greatest speed."""
+
+
+class Base(NamedTuple):
+    """The base parameters in their linear form: m_aX = m aX and m_aY = m aY [kg m]."""
+
+    m0: Any
+    I0: Any
+    m_aX: Any
+    m_aY: Any
+    I1: Any
+    mu1: Any
+    mu2: Any
+
+
+def base_of(points: EffectPoints) -> Base:
+    """The base parameters with what the platform carries, for effects that refer to them."""
+    m0, inertia, m_ax, m_ay, wheel_inertia, mu1, mu2 = points.theta[:7]
+    for item, where in points.carriers:
+        assert item.carries is not None
+        more = item.carries(points.xp, points.at.time, *points.theta[where])
+        m0, inertia = m0 + more[0], inertia + more[1]
+        m_ax, m_ay = m_ax + more[2], m_ay + more[3]
+    return Base(m0, inertia, m_ax, m_ay, wheel_inertia, mu1, mu2)
+
+
+def body_points(points: EffectPoints) -> list[Body]:
+    """The platform in the body frame."""
+    at = points.at
+    return [Body(at.twist, at.acceleration, at.time, points.base)]  # type: ignore[arg-type]
+
+
+def _wheels(points: EffectPoints) -> list[Wheel]:
+    """The four wheel joints."""
+    at = points.at
+    rates = wheel_rates(points.geometry, at.twist)
+    accelerations = wheel_rates(points.geometry, at.acceleration)
+    rows = zip(rates, accelerations, at.wheel_angle, at.torque, strict=True)
+    return [Wheel(*row, at.time, points.base) for row in rows]
+
+
+def _rollers(points: EffectPoints) -> list[Roller]:
+    """The four rollers on the floor."""
+    at = points.at
+    rates = roller_rates(points.geometry, at.twist)
+    accelerations = roller_rates(points.geometry, at.acceleration)
+    return [Roller(*row, at.time, points.base) for row in zip(rates, accelerations, strict=True)]
+
+
+def _world(points: EffectPoints) -> list[World]:
+    """The platform in the world frame."""
+    return [_world_point(points.xp, points.at, points.base)]
+
+
+def into_body(xp: Any, yaw: Any, force: Triple) -> Triple:
+    """A force along the world's axes, with its moment, in the body frame."""
+    fx, fy, mz = force
+    c, s = xp.cos(yaw), xp.sin(yaw)
+    return c * fx + s * fy, c * fy - s * fx, mz
+
+
+def _world_point(xp: Any, at: Instant, base: Base) -> World:
+    x, y, yaw = at.pose
+    vx, vy, _ = at.twist
+    c, s = xp.cos(yaw), xp.sin(yaw)
+    com_x, com_y = base.m_aX / base.m0, base.m_aY / base.m0
+    return World(
+        *(x, y, yaw),
+        *(c * vx - s * vy, s * vx + c * vy),
+        *(c * com_x - s * com_y, s * com_x + c * com_y),
+        at.time,
+        base,
+    )
+
+
+def planar_rates(xp: Any, pose: Components, twist: Components) -> Components:
+    """Rates (x', y', yaw') in the world of a platform with a body twist."""
+    vx, vy, wz = twist
+    c, s = xp.cos(pose[2]), xp.sin(pose[2])
+    return c * vx - s * vy, s * vx + c * vy, wz
+
+
+def _alone(points: EffectPoints, efforts: Sequence[Triple]) -> Triple:
+    return efforts[0]
+
+
+def _fault(geometry: Geometry, values: Mapping[str, float]) -> str:
+    for name in ("m0", "I0"):
+        if values[name] <= 0:
+            return f"{name} = {values[name]:g} must be positive"
+    for name in ("I1", "mu1", "mu2"):
+        if values[name] < 0:
+            return f"{name} = {values[name]:g} must not be negative"
+    wheels = 4 * geometry.m1
+    if values["m0"] <= wheels:
+        return f"m0 = {values['m0']:g} kg must exceed the mass of the four wheels, {wheels:g} kg"
+    return ""
+
+
+MECANUM = MechanismKind(
+    name="mecanum",
+    home="youbot_env.physics.mecanum:MECANUM",
+    axes=("VX", "VY", "W"),
+    joints=WHEELS,
+    base=BASE,
+    catalogue=CATALOGUE,
+    velocity_state=STATE[:3],
+    pose_state=STATE[3:6],
+    angle_state=STATE[6:10],
+    drive_state=DRIVE_STATE,
+    lengths=("l", "h", "R", "r"),
+    geometry=Geometry(),
+    sites={
+        BODY: Site(body_points, _alone),
+        WHEEL: Site(_wheels, lambda points, torque: body_force(points.geometry, torque)),
+        ROLLER: Site(_rollers, lambda points, torque: roller_force(points.geometry, torque)),
+        WORLD: Site(
+            _world,
+            lambda points, force: into_body(points.xp, points.at.pose[2], force[0]),
+        ),
+    },
+    base_of=base_of,
+    joint_rates=wheel_rates,
+    force_of=body_force,
+    torque_of=allocate,
+    pose_rates=planar_rates,
+    full_speed=lambda geometry: FULL_SPEED,
+    full_torque=lambda geometry: MAX_WHEEL_TORQUE,
+    internal=(1.0, 1.0, -1.0, -1.0),
+    stated=("m0", "I0", "I1", "aX", "aY", "mu1", "mu2"),
+    fault=_fault,
+)
+"""The mecanum platform with four wheels."""
