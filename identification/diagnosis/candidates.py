@@ -307,7 +307,7 @@ def _worse_by(item: Candidate, leader: Candidate, base: FittedStructure) -> floa
         one.fold_ratio * (np.concatenate(one.held_out.residual) ** 2).sum(axis=1)
         for one in (item, leader)
     )
-    length = base.settings.fit.independent_time
+    length = base.settings.residual_map.bootstrap_block_time
     difference = block_sums(mine - others, base.rows[0].step, length)
     spread = np.sqrt(len(difference)) * difference.std()
     worse = difference.sum() - (item.added_noise - leader.added_noise)

@@ -39,7 +39,7 @@ def score_blocks(
         stop = start + log.size
         of_log = cleared[start:stop].reshape(*log.shape, -1)
         scores = np.einsum("na,naf->nf", log, of_log)
-        sums.append(block_sums(scores, step, settings.fit.independent_time))
+        sums.append(block_sums(scores, step, settings.residual_map.bootstrap_block_time))
         start = stop
     return np.concatenate(sums)
 

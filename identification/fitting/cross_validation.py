@@ -126,7 +126,7 @@ def _solve(gram: Array, side: Array, rounding: float) -> Array:
     return np.linalg.pinv(scaled, rcond=rounding, hermitian=True) @ (side / norm) / norm
 
 
-def block_sums(values: Array, step: float, length: float = FitSettings.independent_time) -> Array:
+def block_sums(values: Array, step: float, length: float) -> Array:
     """Sums (blocks, ...) of values (n, ...), rows ``step`` apart, over ``length`` [s] each.
 
     The last block may be shorter.

@@ -239,13 +239,6 @@ class FitSettings:
             "reason": "from here on the log that they lie in alone shows the column",
         },
     )
-    independent_time: float = field(
-        default=2.0,
-        metadata={
-            "unit": "s",
-            "reason": "20/a_f: stretches of this length are independent in a bootstrap",
-        },
-    )
     min_held_out_share: float = field(
         default=1e-10,
         metadata={

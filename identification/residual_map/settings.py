@@ -45,6 +45,14 @@ class ResidualMapSettings:
     )
 
     # Bootstrap
+    bootstrap_block_time: float = field(
+        default=2.0,
+        metadata={
+            "unit": "s",
+            "reason": "20/a_f: residuals this far apart are independent; the block length of every "
+            "bootstrap and of the standard errors between candidates",
+        },
+    )
     bootstrap_draws: int = field(
         default=499,
         metadata={

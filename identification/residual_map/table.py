@@ -73,7 +73,7 @@ def residual_table(
         # Through the residual's own filter and means, or a sharp function would not match it.
         features = [reduction(group.features(one, scales)) for group in groups]
         sizes = [part.shape[1] for part in features]
-        block = rows_per_block(fit.independent_time, reduction.step)
+        block = rows_per_block(settings.bootstrap_block_time, reduction.step)
         folds.append(FoldRows(np.column_stack(features), row[..., 1:], row[..., 0], block))
     edges = np.cumsum([0, *sizes])
     index = {

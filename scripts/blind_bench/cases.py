@@ -29,9 +29,6 @@ Array = NDArray[np.float64]
 WHEEL_MASS = 1.4
 """[kg] each of the four; m0 holds them, the centre of mass does not."""
 
-TORQUE_NOISE, SPEED_NOISE = 0.03, 0.01
-"""White noise [N m], [rad/s] at a noise factor of one."""
-
 RANGES = {
     "m0": (32.0, 38.0),
     "I0": (3.2, 5.5),
@@ -205,8 +202,7 @@ def log_along(case: Case, name: str, twist: Array) -> Log:
         [np.interp(time[rows] + delay, time[1:], meeting[:, k]) for k in range(4)]
     )
     rng = _generator(case.seed, case.kind, case.index, f"noise {name} {case.rate:g}")
-    effort += case.noise * TORQUE_NOISE * rng.standard_normal(effort.shape)
-    velocity = speed[rows] + case.noise * SPEED_NOISE * rng.standard_normal(effort.shape)
+    velocity, effort = plant.measured(speed[rows], effort, case.noise, rng)
     return Log(
         name=name,
         joints=("fl", "fr", "bl", "br"),
@@ -255,8 +251,8 @@ def truth(case: Case) -> dict[str, Any]:
         "effects": effects,
         "delay": sum(item.values.get("delay", 0.0) for item in case.planted),
         "radius": [1.0] * 4,
-        "torque_noise": case.noise * TORQUE_NOISE,
-        "speed_noise": case.noise * SPEED_NOISE,
+        "torque_noise": case.noise * plant.TORQUE_NOISE,
+        "speed_noise": case.noise * plant.SPEED_NOISE,
         "torque_limit": plant.TORQUE_LIMIT,
         "planted": "+".join(item.name for item in case.planted) or "none",
         "rate": case.rate,

@@ -24,6 +24,9 @@ TICK = 0.002
 PROPORTIONAL, INTEGRAL, TORQUE_LIMIT = 0.12, 0.30, 4.0
 """The loop of the given logs: [N m s/rad], [N m/rad], [N m]; read off them by regression."""
 
+TORQUE_NOISE, SPEED_NOISE = 0.03, 0.01
+"""White noise [N m], [rad/s] of a measurement at a noise factor of one."""
+
 NEVER = 1e9
 """A time [s] that no log reaches."""
 
@@ -290,3 +293,11 @@ def drive(p: Physics, wanted: Array, dt: float = TICK) -> tuple[Array, Array, Ar
     limits = (PROPORTIONAL, INTEGRAL, TORQUE_LIMIT)
     _drive(p, wanted, dt, steps_for(p, dt), limits, speed, command, pose)
     return speed, command, pose
+
+
+def measured(
+    speed: Array, effort: Array, factor: float, rng: np.random.Generator
+) -> tuple[Array, Array]:
+    """Wheel speeds and efforts (N, 4) as they are logged: with ``factor`` times the white noise."""
+    effort = effort + factor * TORQUE_NOISE * rng.standard_normal(effort.shape)
+    return speed + factor * SPEED_NOISE * rng.standard_normal(effort.shape), effort

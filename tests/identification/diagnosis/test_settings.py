@@ -46,7 +46,7 @@ def test_they_stay_as_they_are():
 
 
 def test_effects_are_chosen_on_rows_of_their_own_rate():
-    fit = FitSettings(row_rate=30.0, independent_time=3.0)
+    fit = FitSettings(row_rate=30.0, huber_threshold=2.0)
     settings = DiagnosisSettings(fit=fit, row_rate=40.0)
     assert settings.rows == replace(fit, row_rate=40.0)
     assert settings.fit.row_rate == 30.0
