@@ -14,7 +14,7 @@ from youbot_scripts.cli import run_script
 from youbot_scripts.shared import options as common
 from youbot_scripts.shared.tables import show
 from youbot_scripts.training import require_learning
-from youbot_scripts.training.runs import SHARE, import_policy, train
+from youbot_scripts.training.settings import SHARE
 from youbot_scripts.training.tables import progress_line, summary_line, tested
 
 EXAMPLES = (
@@ -119,9 +119,13 @@ def main(
     options |= {"share": share, "set": set_}
     given = {name: value for name, value in options.items() if value is not None}
     if import_ is not None:
+        from youbot_scripts.training.exporting import import_policy
+
         _say_where(out, import_policy(algorithm.value, import_, folder, given))
         return
-    result = train(
+    from youbot_scripts.training.learning import train_policy
+
+    result = train_policy(
         algorithm.value,
         folder,
         given,

@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from identification.figures import style as look
 from identification.figures.style import percent, styled
 from identification.fitting.errors import SumsOfSquares, Traces
-from identification.fitting.recursive import EstimateHistory
+from identification.fitting.estimate_history import EstimateHistory
 from identification.mechanisms.quantities import FORCES, VELOCITIES, Quantities, Quantity
 
 if TYPE_CHECKING:

@@ -17,6 +17,7 @@ from identification.fitting.errors import (
     force_traces,
     velocity_traces,
 )
+from identification.fitting.estimate_history import EstimateHistory, recursive_course
 from identification.fitting.least_squares import Fit, fit
 from identification.fitting.observability import (
     Observability,
@@ -24,7 +25,6 @@ from identification.fitting.observability import (
     log_observability,
     refuse_blind,
 )
-from identification.fitting.recursive import EstimateHistory, recursive_course
 from identification.fitting.regression import Regression, regression
 from identification.fitting.settings import FitSettings
 from identification.logs.log import Log

@@ -27,8 +27,13 @@ from identification.mechanisms.samples import Samples
 from identification.signals.filters import FilterSettings, block_mean, integral_of
 from identification.signals.noise import white_noise
 from youbot_env.errors import InputError
-from youbot_env.physics.mechanism import Components, EffectPoints, MechanismKind, Site
-from youbot_env.physics.structure import ModelStructure
+from youbot_env.physics.mechanism import (
+    Components,
+    EffectPoints,
+    MechanismKind,
+    ModelStructure,
+    Site,
+)
 
 Array = NDArray[np.float64]
 

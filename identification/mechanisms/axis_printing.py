@@ -18,8 +18,8 @@ from youbot_env.equations import equations as symbolic
 from youbot_env.equations.equations import PLATFORM, Notation
 from youbot_env.equations.printing import collected, join, latex, text
 from youbot_env.physics.effect import Effect
+from youbot_env.physics.mechanism import ModelStructure
 from youbot_env.physics.namespaces import symbols
-from youbot_env.physics.structure import ModelStructure
 
 Form = Literal["text", "latex"]
 

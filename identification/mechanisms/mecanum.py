@@ -27,7 +27,7 @@ from identification.mechanisms.samples import Samples
 from youbot_env.motions.base import Motion
 from youbot_env.physics.geometry import WHEELS, Geometry
 from youbot_env.physics.mecanum import MECANUM, mecanum_structure
-from youbot_env.physics.structure import ModelStructure
+from youbot_env.physics.mechanism import ModelStructure
 
 Array = NDArray[np.float64]
 

@@ -21,8 +21,7 @@ from identification.mechanisms.samples import DemandedForce, Part, Samples
 from identification.signals.filters import FilterSettings, integral_of
 from youbot_env.physics import inverse_dynamics as dynamics
 from youbot_env.physics.effect import Parameter, Registry
-from youbot_env.physics.mechanism import MechanismKind
-from youbot_env.physics.structure import ModelStructure
+from youbot_env.physics.mechanism import MechanismKind, ModelStructure
 
 Array = NDArray[np.float64]
 Known = TypeVar("Known")

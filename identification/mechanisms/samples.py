@@ -17,8 +17,13 @@ from identification.signals.filters import integral_of, slope_ends
 from identification.signals.resampling import RATE_SMOOTHING, moved, smoothed
 from youbot_env.physics import inverse_dynamics as dynamics
 from youbot_env.physics.effect import CHANNEL, Effect, Parameter
-from youbot_env.physics.mechanism import Components, EffectPoints, Instant, component_force
-from youbot_env.physics.structure import ModelStructure
+from youbot_env.physics.mechanism import (
+    Components,
+    EffectPoints,
+    Instant,
+    ModelStructure,
+    component_force,
+)
 
 Array = NDArray[np.float64]
 

@@ -6,14 +6,10 @@ from collections.abc import Mapping
 from dataclasses import asdict, dataclass, field, fields
 from typing import Any
 
-from youbot_env.errors import InputError, finite
+from youbot_env.errors import InputError
 from youbot_env.model.model import BASE_UNITS, Model
 from youbot_env.physics import hardware
 from youbot_env.tracking import randomisation
-from youbot_env.tracking.actuation import Actuation
-from youbot_env.tracking.sensors import Sensors
-from youbot_env.tracking.stepper import Setup, episode_steps
-from youbot_env.tracking.task import TrackingTask
 
 SPREAD = ("95%", "105%")
 """Of each base parameter, for a model that does not know how uncertain it is."""
@@ -35,7 +31,7 @@ class Conditions:
     Raises
     ------
     InputError
-        When ``setup`` is called, if one cannot be.
+        When ``platforms.tracking_setup`` is called, if one cannot be.
     """
 
     delay: int = 1
@@ -53,30 +49,6 @@ class Conditions:
     action_history: int = 1
     reward_weights: Mapping[str, float] = field(default_factory=lambda: dict(REWARD_WEIGHTS))
     reward_margins: Mapping[str, float] = field(default_factory=lambda: dict(REWARD_MARGINS))
-
-    def setup(self, model: Model, ranges: randomisation.Ranges | str | None = None) -> Setup:
-        """Everything that a ``Stepper`` needs, with the model drawn anew for each episode."""
-        added = {}
-        if self.lag is not None:
-            added["actuator_lag"] = {"time_constant": finite("lag", self.lag, positive=True)}
-        period = 1.0 / finite("control_rate", self.control_rate, positive=True)
-        return Setup(
-            source=randomisation.source(ranges, model, added),
-            task=TrackingTask(
-                self.band,
-                self.tones,
-                self.amplitude,
-                self.ramp,
-                self.preview,
-                self.action_history,
-                self.reward_weights,
-                self.reward_margins,
-            ),
-            actuation=Actuation(self.torque_limit, self.delay),
-            sensors=Sensors(self.wheel_speed_noise, self.encoder_ticks),
-            period=period,
-            steps=episode_steps(self.episode_length, period),
-        )
 
     def to_dict(self) -> dict[str, Any]:
         """JSON-able; ``Conditions(**this)`` is the same again."""

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import sys
 import warnings
 from pathlib import Path
 from typing import Any
@@ -20,6 +21,7 @@ from youbot_env.errors import InputError
 from youbot_env.model.model import Model
 from youbot_env.tracking.task import twist_scale
 from youbot_scripts.training.conditions import Conditions
+from youbot_scripts.training.settings import chosen
 
 ALGORITHMS: dict[str, Any] = {"ppo": PPO, "sac": SAC, "td3": TD3}
 
@@ -170,3 +172,28 @@ def layout_of(observations: int, twist_scale: tuple[float, float, float], histor
             f"action_history {history}; give the one that it was trained with"
         )
     return Layout(twist_scale, preview, history)
+
+
+def import_policy(algorithm: str, path: Path, folder: Path, given: dict[str, Any]) -> Path:
+    """Turn a Stable-Baselines3 zip into a policy file as the command does, and return its path.
+
+    Parameters
+    ----------
+    path, folder : the zip, and where the policy goes
+    given : options by the command's names, those that were given: what it was trained under
+
+    Raises
+    ------
+    InputError
+        If an option cannot be, the file is no such zip, or its policy cannot be written.
+    """
+    choice, model = chosen(algorithm, {**given, "seed": 0})
+    if choice.base is not None:
+        raise InputError("import: a policy on top of a controller cannot be imported, only trained")
+    print(
+        f"youbot: warning: {path} holds pickles: loading it runs whatever code its author put "
+        "there",
+        file=sys.stderr,
+    )
+    found = import_zip(algorithm, path)
+    return write_imported(found, path.name, folder, choice.conditions, model)

@@ -2,10 +2,13 @@
 
 from __future__ import annotations
 
+import platform
+import shlex
 import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import replace
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -17,10 +20,17 @@ from controllers.policy.policy import Network
 from controllers.policy.policy_file import load_policy, save_policy
 from youbot_env.errors import InputError
 from youbot_env.model.model import Model
+from youbot_scripts.shared import options as common
 from youbot_scripts.training.exporting import ALGORITHMS, network_of
 from youbot_scripts.training.platforms import TrackingVecEnv
 from youbot_scripts.training.run_folder import RunFolder
-from youbot_scripts.training.settings import ACTION_NOISE, EVALUATION_SEED, Choice
+from youbot_scripts.training.settings import (
+    ACTION_NOISE,
+    EVALUATION_SEED,
+    TEST_SEED,
+    Choice,
+    chosen,
+)
 from youbot_scripts.training.trainee import ACTIVATIONS, Trainee, prepare
 
 Report = Callable[[dict[str, Any]], None]
@@ -216,3 +226,91 @@ class _Keeper(BaseCallback):
             **self.record(),
         }
         self._folder.save(state, _replay(self.model))
+
+
+def train_policy(
+    algorithm: str,
+    path: Path,
+    given: dict[str, Any],
+    resume: bool = False,
+    tensorboard: bool = False,
+    device: str = "cpu",
+    report: Callable[[dict[str, Any]], None] = lambda row: None,
+) -> dict[str, Any]:
+    """Train as the command does and return its result: the policy's path and its record.
+
+    Parameters
+    ----------
+    path : folder of the run
+    given : options by the command's names, those that were given
+    resume : go on with the run in the folder
+    tensorboard, device : as the command's
+    report : is told each evaluation, see ``Report``
+
+    Raises
+    ------
+    InputError
+        If an option cannot be, or the folder holds another run.
+    """
+    folder = RunFolder(path)
+    if resume:
+        choice, model, command = _resumed(folder, algorithm, given)
+    else:
+        choice, model = chosen(algorithm, given)
+        command = shlex.join(["youbot", "train", algorithm, *_words(given)])
+        prepare(choice, model)  # what cannot be shows before a folder is made
+        folder.begin(choice, model, command)
+    with common.progress(choice.learner.steps, f"training {algorithm}") as advance:
+        trainee, record = train(
+            choice,
+            model,
+            folder,
+            device=device,
+            tensorboard=tensorboard,
+            progress=advance,
+            report=report,
+        )
+    record = {
+        "command": command,
+        "seed": choice.seed,
+        "choice": choice.to_dict(),
+        "model": model.name,
+        **_versions(),
+        **record,
+    }
+    network = finish(trainee, folder, record)
+    tests = {"kinematic": trainee.judge_other("kinematic", model, TEST_SEED)}
+    if choice.base not in (None, "kinematic"):
+        tests[choice.base] = trainee.judge_other(choice.base, model, TEST_SEED)
+    tests[trainee.description.name] = trainee.judge(network, TEST_SEED)
+    record["test"] = {name: found.to_dict() for name, found in tests.items()}
+    finish(trainee, folder, record)
+    return {"policy": str(folder.policy), "training": record}
+
+
+def _resumed(folder: RunFolder, algorithm: str, given: dict[str, Any]) -> tuple[Choice, Model, str]:
+    choice, model, command = folder.asked()
+    if given:
+        raise InputError(
+            f"resume: the run keeps its own settings; leave out --{next(iter(given))}, or begin "
+            "another run"
+        )
+    if choice.algorithm != algorithm:
+        raise InputError(f"{folder.path}: was begun as `{command}`; resume {choice.algorithm}")
+    return choice, model, command
+
+
+def _words(given: dict[str, Any]) -> list[str]:
+    words = []
+    for name, value in given.items():
+        for item in value if isinstance(value, list) else [value]:
+            words += [f"--{name}", str(item)]
+    return words
+
+
+def _versions() -> dict[str, Any]:
+    from importlib.metadata import version
+
+    names = ("youbot", "numpy", "torch", "stable-baselines3")
+    found = {name: version(name).partition("+")[0] for name in names}
+    return {"versions": {"python": platform.python_version(), **found}}

@@ -18,8 +18,14 @@ from controllers.interface import Array, Controller, Observation
 from controllers.loop import ReferenceTable, preview_needed
 from controllers.policy.inputs import Layout
 from controllers.policy.policy import FEATURE_LIMIT, combined_action
-from youbot_env.tracking.stepper import Setup, Stepper
-from youbot_env.tracking.task import twist_scale
+from youbot_env.errors import finite
+from youbot_env.model.model import Model
+from youbot_env.tracking.actuation import Actuation
+from youbot_env.tracking.randomisation import Ranges, source
+from youbot_env.tracking.sensors import Sensors
+from youbot_env.tracking.stepper import Setup, Stepper, episode_steps
+from youbot_env.tracking.task import TrackingTask, twist_scale
+from youbot_scripts.training.conditions import Conditions
 
 MakeBase = Callable[[], Controller]
 """Makes the controller beneath, one for each platform."""
@@ -192,3 +198,30 @@ class TrackingVecEnv(VecEnv):
 
     def env_is_wrapped(self, wrapper_class: Any, indices: Any = None) -> list[bool]:
         return [False for _ in self._get_indices(indices)]
+
+
+def tracking_setup(
+    conditions: Conditions, model: Model, ranges: Ranges | str | None = None
+) -> Setup:
+    """Everything that a ``Stepper`` needs, with the model drawn anew for each episode."""
+    added = {}
+    if conditions.lag is not None:
+        added["actuator_lag"] = {"time_constant": finite("lag", conditions.lag, positive=True)}
+    period = 1.0 / finite("control_rate", conditions.control_rate, positive=True)
+    return Setup(
+        source=source(ranges, model, added),
+        task=TrackingTask(
+            conditions.band,
+            conditions.tones,
+            conditions.amplitude,
+            conditions.ramp,
+            conditions.preview,
+            conditions.action_history,
+            conditions.reward_weights,
+            conditions.reward_margins,
+        ),
+        actuation=Actuation(conditions.torque_limit, conditions.delay),
+        sensors=Sensors(conditions.wheel_speed_noise, conditions.encoder_ticks),
+        period=period,
+        steps=episode_steps(conditions.episode_length, period),
+    )

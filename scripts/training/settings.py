@@ -9,6 +9,8 @@ from dataclasses import asdict, dataclass, field, replace
 from typing import Any
 
 from youbot_env.errors import InputError
+from youbot_env.model.model import Model
+from youbot_env.model.model_file import load_model
 from youbot_scripts.training.conditions import CONDITION_NAMES, Conditions
 
 
@@ -223,3 +225,35 @@ def _alike(key: str, old: Any, new: Any) -> Any:
     if not fits:
         raise InputError(f"set: {key}={new!r} cannot replace {old!r}")
     return new
+
+
+SHARE = 0.3
+"""Of the torque limit, for a policy on top of a controller that does most of the work."""
+
+
+def chosen(algorithm: str, given: dict[str, Any]) -> tuple[Choice, Model]:
+    """Settings and model that the options of the command line ask for.
+
+    Raises
+    ------
+    InputError
+        If one cannot be.
+    """
+    if "share" in given and "residual" not in given:
+        raise InputError("share: belongs to --residual; a policy alone may use all the torque")
+    learner = LEARNERS[algorithm]
+    choice = Choice(
+        algorithm,
+        learner,
+        Conditions(**learner.conditions),
+        randomise=given.get("randomise", "auto"),
+        effects=tuple(given.get("effect", ())),
+        base=given.get("residual"),
+        share=given.get("share", SHARE) if "residual" in given else 1.0,
+        seed=given.get("seed", 0),
+    )
+    short = ("steps", "envs", "delay", "lag")
+    assignments = [f"{name}={given[name]}" for name in short if name in given]
+    return changed(choice, [*given.get("set", ()), *assignments]), load_model(
+        given.get("model", "paper")
+    )

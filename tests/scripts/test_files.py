@@ -30,7 +30,7 @@ from youbot_env.files import MAX_DEPTH, FileKind, read_bytes, read_json
 from youbot_env.model.model_file import load_geometry, load_model, save_model
 from youbot_env.motions.calibration import motion_iii
 from youbot_env.physics.geometry import WHEELS
-from youbot_env.physics.structure import ModelStructure
+from youbot_env.physics.mechanism import ModelStructure
 from youbot_scripts.recording.named_motions import motions_named
 from youbot_scripts.shared.results_folder import append_result, read_results
 

@@ -20,17 +20,19 @@ from youbot_env.model.model_file import load_model
 from youbot_env.tracking.env import YouBotTrackingEnv
 from youbot_scripts.cli import main
 from youbot_scripts.training.conditions import Conditions, ranges_from
-from youbot_scripts.training.runs import chosen
-from youbot_scripts.training.settings import changed, choice_from_dict
+from youbot_scripts.training.settings import changed, choice_from_dict, chosen
 
 sb3 = pytest.importorskip("stable_baselines3")
 
 from youbot_scripts.training import learning  # noqa: E402 - they need what is skipped for
 from youbot_scripts.training.exporting import ALGORITHMS, network_of  # noqa: E402
-from youbot_scripts.training.held_out import idle, track  # noqa: E402
-from youbot_scripts.training.platforms import PlatformBatch, TrackingVecEnv  # noqa: E402
+from youbot_scripts.training.platforms import PlatformBatch, TrackingVecEnv, tracking_setup  # noqa: E402
 from youbot_scripts.training.run_folder import RunFolder  # noqa: E402
-from youbot_scripts.training.trainee import prepare  # noqa: E402
+from youbot_scripts.training.trainee import (  # noqa: E402
+    idle,
+    prepare,  # noqa: E402
+    track,
+)
 
 PAPER = load_model("paper")
 SMALL = ["envs=4", "episode_length=0.5", "evaluations=2", "net_arch=[8]"]
@@ -72,7 +74,7 @@ def weights(path) -> np.ndarray:
 
 def test_the_fleet_is_the_environment():
     conditions = Conditions(reward_margins={}, reward_weights={})
-    fleet = PlatformBatch(conditions.setup(PAPER, {"m0": ("80%", "120%")}), 3)
+    fleet = PlatformBatch(tracking_setup(conditions, PAPER, {"m0": ("80%", "120%")}), 3)
     for row in range(3):
         fleet.reset(row, np.random.default_rng(row))
     env = YouBotTrackingEnv(
@@ -89,7 +91,7 @@ def test_the_fleet_is_the_environment():
 
 
 def vector(count: int = 5, length: float = 0.1, **options) -> TrackingVecEnv:
-    setup = Conditions(episode_length=length, **options).setup(PAPER)
+    setup = tracking_setup(Conditions(episode_length=length, **options), PAPER)
     fleet = PlatformBatch(setup, count)
     return TrackingVecEnv(fleet, tracking_features(fleet.layout), np.eye(4), (0, 0))
 
@@ -137,7 +139,8 @@ def test_stable_baselines3_sees_the_features_that_the_policy_will():
 
 
 def test_a_controller_beneath_drives_as_it_would_alone():
-    setup = Conditions(episode_length=3.0, wheel_speed_noise=0.0, encoder_ticks=None).setup(PAPER)
+    exact = Conditions(episode_length=3.0, wheel_speed_noise=0.0, encoder_ticks=None)
+    setup = tracking_setup(exact, PAPER)
     found = track(
         idle, setup, references=2, seed=7, make_base=lambda: KinematicControl(sample_time=0.01)
     )
@@ -382,7 +385,7 @@ def test_ranges():
     names = tuple(PAPER.values)
     sure = replace(PAPER, covariance=1e-8 * np.eye(len(names)), covariance_names=names)
     assert ranges_from("auto", sure) == "covariance"
-    drawn = Conditions().setup(sure, "covariance").source.draw(np.random.default_rng(0))
+    drawn = tracking_setup(Conditions(), sure, "covariance").source.draw(np.random.default_rng(0))
     assert drawn.values != PAPER.values
     assert drawn.values["m0"] == pytest.approx(PAPER.values["m0"], abs=1e-3)
 

@@ -41,6 +41,7 @@ MAY_IMPORT = {
         "residual_map": {"fitting"},
         "diagnosis": {"residual_map"},
         "comparison": {"residual_map"},
+        "doctor": {"fitting"},
         "figures": {"diagnosis", "comparison"},
     },
     "controllers": {

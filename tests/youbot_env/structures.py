@@ -13,8 +13,7 @@ from youbot_env.model.model import Model
 from youbot_env.model.model_file import load_model
 from youbot_env.physics.effect import CATALOGUE
 from youbot_env.physics.geometry import Geometry
-from youbot_env.physics.mechanism import Instant
-from youbot_env.physics.structure import ModelStructure
+from youbot_env.physics.mechanism import Instant, ModelStructure
 
 BASE_ONLY, EVERYTHING = "base", "everything"
 

@@ -38,9 +38,8 @@ from youbot_env.physics.effect import (
 )
 from youbot_env.physics.geometry import Geometry, body_force, roller_rates, wheel_rates
 from youbot_env.physics.mecanum import MECANUM, Base
-from youbot_env.physics.mechanism import EffectPoints, Instant, component_force
+from youbot_env.physics.mechanism import EffectPoints, Instant, ModelStructure, component_force
 from youbot_env.physics.namespaces import floats, symbols
-from youbot_env.physics.structure import ModelStructure
 
 Form = Literal["text", "latex", "numeric"]
 

@@ -19,10 +19,9 @@ from youbot_env.model.model import Model
 from youbot_env.physics import inverse_dynamics as dynamics
 from youbot_env.physics.effect import CLOCK
 from youbot_env.physics.geometry import Geometry
-from youbot_env.physics.mechanism import Instant
+from youbot_env.physics.mechanism import Instant, ModelStructure
 from youbot_env.physics.namespaces import symbols, tensors
 from youbot_env.physics.stated_parameters import internal_values
-from youbot_env.physics.structure import ModelStructure
 from youbot_env.simulation import free_run as simulate
 from youbot_env.simulation.generated_code import LENGTHS, real_symbols
 from youbot_env.simulation.plant import plant_substeps

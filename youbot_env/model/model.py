@@ -15,9 +15,8 @@ from youbot_env.model.covariance import check_covariance
 from youbot_env.physics import inverse_dynamics as dynamics
 from youbot_env.physics.effect import Effect, Parameter
 from youbot_env.physics.mecanum import MECANUM
-from youbot_env.physics.mechanism import Instant, MechanismKind
+from youbot_env.physics.mechanism import Instant, MechanismKind, ModelStructure
 from youbot_env.physics.stated_parameters import to_public, to_theta
-from youbot_env.physics.structure import ModelStructure
 
 Array = NDArray[np.float64]
 

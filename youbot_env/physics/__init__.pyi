@@ -9,5 +9,5 @@ from .mechanism import (
     EffectPoints as EffectPoints,
     Instant as Instant,
     MechanismKind as MechanismKind,
+    ModelStructure as ModelStructure,
 )
-from .structure import ModelStructure as ModelStructure

@@ -21,10 +21,10 @@ from youbot_env.physics.mechanism import (
     EffectPoints,
     Geometry,
     Instant,
+    ModelStructure,
     Number,
     component_force,
 )
-from youbot_env.physics.structure import ModelStructure
 
 
 def _sum(*forces: Components) -> Components:

@@ -32,8 +32,14 @@ from youbot_env.physics.geometry import (
     wheel_rates,
 )
 from youbot_env.physics.hardware import MAX_BODY_SPEED, MAX_WHEEL_TORQUE, WHEELS
-from youbot_env.physics.mechanism import Components, EffectPoints, Instant, MechanismKind, Site
-from youbot_env.physics.structure import ModelStructure
+from youbot_env.physics.mechanism import (
+    Components,
+    EffectPoints,
+    Instant,
+    MechanismKind,
+    ModelStructure,
+    Site,
+)
 
 STATE = (
     *("velocity_x", "velocity_y", "yaw_rate"),

@@ -13,8 +13,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from youbot_env.physics.effect import Effect, Parameter
-from youbot_env.physics.mechanism import Geometry
-from youbot_env.physics.structure import ModelStructure
+from youbot_env.physics.mechanism import Geometry, ModelStructure
 
 Array = NDArray[np.float64]
 

@@ -10,8 +10,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from youbot_env.errors import InputError
 from youbot_env.physics import inverse_dynamics as dynamics
-from youbot_env.physics.mechanism import Geometry as Lengths, Instant
-from youbot_env.physics.structure import ModelStructure
+from youbot_env.physics.mechanism import Geometry as Lengths, Instant, ModelStructure
 from youbot_env.simulation.compiled import rollout
 
 Array = NDArray[np.float64]

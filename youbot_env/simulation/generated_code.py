@@ -22,7 +22,6 @@ SOURCES = tuple(
         "physics.geometry",
         "physics.mechanism",
         "physics.namespaces",
-        "physics.structure",
     )
 )
 """Modules that generated code follows from, beside the dynamics and the mechanism's own: for the

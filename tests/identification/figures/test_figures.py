@@ -31,8 +31,8 @@ from identification.fitting.errors import (
     force_floor,
     force_traces,
 )
+from identification.fitting.estimate_history import EstimateHistory
 from identification.fitting.identify import Identification, identify
-from identification.fitting.recursive import EstimateHistory
 from identification.logs.log import Log
 from identification.logs.reading import read_log, write_log
 from identification.logs.recorded_motion import recorded_motion

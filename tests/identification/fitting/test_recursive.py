@@ -1,7 +1,8 @@
 import numpy as np
 
+from identification.fitting.estimate_history import recursive_course
 from identification.fitting.least_squares import fit
-from identification.fitting.recursive import RecursiveLeastSquares, recursive_course
+from identification.fitting.recursive import RecursiveLeastSquares
 from identification.mechanisms.mecanum import Mecanum
 from tests.identification.recordings import recording
 from youbot_env.model.model_file import load_model

@@ -39,8 +39,7 @@ from tests.identification.shared_data import DATA
 from youbot_env.errors import InputError
 from youbot_env.physics import inverse_dynamics as dynamics
 from youbot_env.physics.effect import ACTUATOR
-from youbot_env.physics.mechanism import Instant
-from youbot_env.physics.structure import ModelStructure
+from youbot_env.physics.mechanism import Instant, ModelStructure
 
 STAGE = {"inertia": 90.0, "viscous": 200.0, "coulomb": 20.0, "offset": -3.0}
 WRIST = {"inertia": 0.004, "viscous": 0.01, "coulomb": 0.03, "offset": 0.002}

@@ -22,8 +22,7 @@ from youbot_env.physics import inverse_dynamics as dynamics
 from youbot_env.physics.effect import BASE, CATALOGUE
 from youbot_env.physics.geometry import body_force, roller_rates, wheel_rates
 from youbot_env.physics.mecanum import mecanum_structure
-from youbot_env.physics.mechanism import Instant
-from youbot_env.physics.structure import ModelStructure
+from youbot_env.physics.mechanism import Instant, ModelStructure
 
 AS_IN_THE_PAPER = """\
 (m0 + 4 I1/R^2) VX' - m aY W' - m0 VY W - m aX W^2 + (4 mu1/R^2) VX = F_X

@@ -31,9 +31,8 @@ from youbot_env.physics.geometry import (
     wheel_rates,
 )
 from youbot_env.physics.mecanum import MECANUM, mecanum_structure
-from youbot_env.physics.mechanism import EffectPoints, Instant, component_force
+from youbot_env.physics.mechanism import EffectPoints, Instant, ModelStructure, component_force
 from youbot_env.physics.namespaces import floats
-from youbot_env.physics.structure import ModelStructure
 
 SEEDS = range(20)
 

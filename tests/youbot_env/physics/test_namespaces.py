@@ -14,9 +14,8 @@ from youbot_env.model.model import Model
 from youbot_env.physics import effect as effects, inverse_dynamics as dynamics
 from youbot_env.physics.effect import CATALOGUE, WHEEL, Parameter, effect
 from youbot_env.physics.mecanum import mecanum_structure
-from youbot_env.physics.mechanism import Instant
+from youbot_env.physics.mechanism import Instant, ModelStructure
 from youbot_env.physics.namespaces import floats, symbols, tensors
-from youbot_env.physics.structure import ModelStructure
 from youbot_env.simulation.compiled import kernel
 
 COUNT = 7

@@ -11,8 +11,7 @@ from identification.mechanisms.axis import AXIS
 from youbot_env.errors import InputError
 from youbot_env.physics.effect import CATALOGUE
 from youbot_env.physics.mecanum import MECANUM, mecanum_structure
-from youbot_env.physics.mechanism import MechanismKind
-from youbot_env.physics.structure import ModelStructure
+from youbot_env.physics.mechanism import MechanismKind, ModelStructure
 from youbot_env.simulation.generated_code import SOURCES
 
 CASES = [
