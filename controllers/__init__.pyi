@@ -15,3 +15,9 @@ from .pid import PID as PID
 from .policy import Policy as Policy
 from .recording import record as record
 from .registry import CONTROLLERS as CONTROLLERS, build as build, build_policy as build_policy
+from .tuning import (
+    TunedController as TunedController,
+    TuningTask as TuningTask,
+    tune_kinematic as tune_kinematic,
+    tune_pid as tune_pid,
+)

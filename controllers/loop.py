@@ -18,7 +18,7 @@ from controllers.interface import Array, Controller, Loop, Observation, Referenc
 from youbot_env.errors import InputError
 from youbot_env.motions.base import Motion
 from youbot_env.physics.hardware import ENCODER_TICKS
-from youbot_env.simulation.plant import POSE, TWIST, Platforms
+from youbot_env.simulation.platforms import POSE, TWIST, Platforms
 from youbot_env.tracking.actuation import AT_LIMIT
 from youbot_env.tracking.sampled_plant import SampledPlant
 from youbot_env.tracking.sensors import Sensors

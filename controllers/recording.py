@@ -19,7 +19,8 @@ from youbot_env.model.model import Model
 from youbot_env.motions.base import Motion
 from youbot_env.physics.geometry import WHEELS
 from youbot_env.simulation.free_run import substeps
-from youbot_env.simulation.plant import Plant, Platforms
+from youbot_env.simulation.plant import Plant
+from youbot_env.simulation.platforms import Platforms
 
 Array = NDArray[np.float64]
 

@@ -10,6 +10,7 @@ from .diagnosis import (
     add_effect as add_effect,
     diagnose as diagnose,
 )
+from .doctor import LogExamination as LogExamination, examine_log as examine_log
 from .fitting import (
     FitSettings as FitSettings,
     Identification as Identification,

@@ -26,6 +26,7 @@ from identification.logs.log import Log
 from identification.logs.wheel_checks import Slip, slip_of
 from identification.mechanisms.mechanism import Mechanism
 from identification.mechanisms.registry import AnyModel, mechanism_of
+from identification.mechanisms.samples import Samples
 from identification.residual_map.residual_map import residual_map
 from identification.residual_map.settings import ResidualMapSettings
 from identification.residual_map.shares import ResidualMap
@@ -221,7 +222,7 @@ def _compare_one(
     mechanism: Mechanism,
     theta: Array,
     log: Log,
-    samples: Any,
+    samples: Samples,
     seen: bool,
     seed: int,
     fit: FitSettings,

@@ -45,7 +45,7 @@ def main(
         float | None,
         typer.Option(min=0.0, help="Noise, times 0.03 N m and 0.01 rad/s; default: by kind."),
     ] = None,
-    jobs: Annotated[int, typer.Option(min=1, metavar="N", help="Processes.")] = 2,
+    jobs: common.JobsOption = 2,
     resume: Annotated[
         Path | None,
         typer.Option(metavar="DIR", help="Keep each trial here, and do not do again those here."),

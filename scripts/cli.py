@@ -10,7 +10,8 @@ The file holds
 - a last line `if __name__ == "__main__": sys.exit(run_script(__file__))`, so that
   `python scripts/NAME.py ...` and `youbot NAME ...` are the same program.
 
-Options that several commands take are defined once, in `common`.
+Options that several commands take are defined once, in `shared/options.py`; the tables of results
+in `shared/result_tables.py`.
 """
 
 from __future__ import annotations

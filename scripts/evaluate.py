@@ -11,12 +11,11 @@ import typer
 from controllers.policy.policy_file import shipped_policies
 from controllers.registry import CONTROLLERS
 from youbot_scripts.cli import run_script
-from youbot_scripts.evaluation import tables
-from youbot_scripts.evaluation.settings import BASIC, SUITES, amplitude, bands, settings, words
-from youbot_scripts.evaluation.whole import Evaluation, evaluate
+from youbot_scripts.evaluation.conditions import BASIC
+from youbot_scripts.evaluation.evaluation import Evaluation, evaluate
+from youbot_scripts.evaluation.suites import SUITES, settings_from_options
 from youbot_scripts.shared import options as common
-
-__all__ = ["evaluate", "main"]
+from youbot_scripts.shared.tables import show
 
 EXAMPLES = (
     "youbot evaluate",
@@ -98,7 +97,7 @@ def main(
     against: Annotated[
         str | None, typer.Option(metavar="NAME", help="Measure the others by this one.")
     ] = None,
-    jobs: Annotated[int, typer.Option(min=1, metavar="N", help="Processes.")] = 2,
+    jobs: common.JobsOption = 2,
     resume: Annotated[
         Path | None,
         typer.Option(metavar="DIR", help="Keep each result here, and do not do again those here."),
@@ -118,50 +117,32 @@ def main(
     the run, from noisy logs of the plant. Time, noise and references of one seed are the same for
     every controller. A suite is a set of options under a name; options beside it go first.
     """
-    chosen = settings(
-        suite,
-        {
-            "plants": tuple(plant) if plant else None,
-            "effects": tuple(effect) if effect else None,
-            "surprises": tuple(surprise) if surprise else None,
-            "models": words("model", model),
-            "controllers": words("controllers", controllers),
-            "bands": bands(band),
-            "seeds": seeds,
-            "amplitude": amplitude(peaks),
-            "duration": duration,
-            "rate": rate,
-            "delay": delay,
-            "lag": lag,
-            "noise": noise,
-            "pose": pose,
-            "against": against,
-        },
-    )
+    given = {"plants": plant, "effects": effect, "surprises": surprise, "models": model}
+    given |= {"controllers": controllers, "bands": band, "seeds": seeds, "amplitude": peaks}
+    given |= {"duration": duration, "rate": rate, "delay": delay, "lag": lag, "noise": noise}
+    given |= {"pose": pose, "against": against}
+    chosen = settings_from_options(suite, given)
     common.check_pictures(plots, report)
     found = evaluate(chosen, seed=seed, jobs=jobs, folder=resume)
     out = common.console(json)
-    tables.show(out, found.tables(brief))
+    show(out, found.tables(brief))
     if plots or report:
-        _draw(found, plots, report, brief, out)
+        _draw(out, found, brief, plots, report)
     common.write_result(json, found.to_dict(), seed)
 
 
-def _draw(
-    found: Evaluation, plots: Path | None, report: Path | None, brief: bool, out: Any
-) -> None:
+def _draw(out: Any, found: Evaluation, brief: bool, plots: Path | None, page: Path | None) -> None:
     from identification.figures.style import write_figures
-    from youbot_scripts.shared.report_page import facts, page, pictures
+    from youbot_scripts.shared.report_page import pictures, write_page
 
     figures = found.figures(brief)
     if plots:
         for path in write_figures(plots, figures.items()):
             out.print(f"figure: {path}", soft_wrap=True)
-    if report:
+    if page:
         parts = [*pictures(figures.items()), *found.tables(brief)]
-        text = page("Controllers compared", parts, facts(found.trials[0].seed))
-        common.write_text(report, text)
-        out.print(f"report: {report}", soft_wrap=True)
+        write_page(page, "Controllers compared", parts, found.trials[0].seed)
+        out.print(f"report: {page}", soft_wrap=True)
 
 
 if __name__ == "__main__":

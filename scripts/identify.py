@@ -4,31 +4,14 @@ from __future__ import annotations
 
 import sys
 from collections.abc import Iterator, Sequence
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
 from youbot_scripts.cli import run_script
-from youbot_scripts.shared.options import (
-    GeometryOption,
-    JsonOption,
-    LogsArgument,
-    LogsOfOption,
-    OutputModelOption,
-    PlotsOption,
-    ReportOption,
-    SeedOption,
-    UnitOption,
-    check_pictures,
-    console,
-    percent,
-    progress,
-    provenance,
-    write_result,
-    write_text,
-    x_legend,
-)
-from youbot_scripts.shared.tables import Table, show
+from youbot_scripts.shared import options as common, result_tables
+from youbot_scripts.shared.inputs import read_logs_to_fit
+from youbot_scripts.shared.tables import Table, percent, show
 
 if TYPE_CHECKING:
     from rich.console import Console
@@ -46,27 +29,27 @@ EXAMPLES = (
 
 
 def main(
-    logs: LogsArgument,
-    output: OutputModelOption = None,
+    logs: common.LogsArgument,
+    output: common.OutputModelOption = None,
     model: Annotated[
         str | None,
         typer.Option(
             "--model", metavar="MODEL", help="Fit this model's effects too (default: base model)."
         ),
     ] = None,
-    geometry: GeometryOption = None,
-    mechanism: LogsOfOption = "mecanum",
-    unit: UnitOption = "rad",
+    geometry: common.GeometryOption = None,
+    mechanism: common.LogsOfOption = "mecanum",
+    unit: common.UnitOption = "rad",
     output_error: Annotated[
         bool, typer.Option("--output-error", help="Refine in free run after the fit on forces.")
     ] = False,
     robust: Annotated[
         bool, typer.Option("--robust", help="Huber weights, for logs with outliers.")
     ] = False,
-    plots: PlotsOption = None,
-    report: ReportOption = None,
-    json: JsonOption = None,
-    seed: SeedOption = 0,
+    plots: common.PlotsOption = None,
+    report: common.ReportOption = None,
+    json: common.JsonOption = None,
+    seed: common.SeedOption = 0,
 ) -> None:
     """Fit m0 [kg], I0, I1 [kg m^2], aX, aY [m], mu1, mu2 [N m s] to logs by least squares.
 
@@ -77,103 +60,67 @@ def main(
     residuals), what each motion in the logs can show, and what looks implausible.
     """
     from identification.fitting.identify import identify
-    from identification.logs.reading import read_logs
-    from identification.mechanisms.registry import (
-        kind,
-        kind_of,
-        load_any_model,
-        platform_geometry,
-        save_any_model,
-    )
-    from youbot_env.model.model_file import load_geometry
+    from identification.mechanisms.registry import save_any_model
 
-    check_pictures(plots, report)
-    start = load_any_model(model) if model else None
-    lengths = load_geometry(geometry) if geometry else None
-    of = kind_of(start) if start else kind(mechanism)
-    read = read_logs(
-        logs, of.joints, geometry=lengths or (platform_geometry(start) if start else None)
-    )
-    start = start or of.start(read, unit)
-    with progress(60 if output_error else 2, "identify") as advance:
+    common.check_pictures(plots, report)
+    given = read_logs_to_fit(logs, model, geometry, mechanism, unit)
+    made = common.provenance(seed)
+    with common.progress(60 if output_error else 2, "identify") as advance:
         result = identify(
-            read,
-            geometry=lengths,
-            start=start,
+            given.logs,
+            geometry=given.geometry,
+            start=given.model,
             output_error=output_error,
             robust=robust,
             seed=seed,
             name=output.stem if output else "model",
-            provenance=provenance(seed) | {"command": "identify", "output_error": output_error},
+            provenance=made | {"command": "identify", "output_error": output_error},
             progress=advance,
         )
-    out = console(json)
+    out = common.console(json)
     _print(out, result)
     if output:
         save_any_model(output, result.model)
         out.print(f"model written to {output}", soft_wrap=True)
-    write_result(json, result.to_dict(), seed)
+    common.write_result(json, result.to_dict(), seed)
     if plots:
         from identification.figures.figures import plot_identification
 
-        for path in plot_identification(result, plots, read):
+        for path in plot_identification(result, plots, given.logs):
             out.print(f"plot written to {path}", soft_wrap=True)
     if report:
-        from youbot_scripts.shared.report_page import facts, page
+        from youbot_scripts.shared.report_page import write_page
 
         title = f"Model identified: {result.model.name}"
-        write_text(report, page(title, _parts(result, read, seed), facts(seed)))
+        write_page(report, title, _page(result, given.logs, seed), seed)
         out.print(f"report written to {report}", soft_wrap=True)
 
 
 def _print(out: Console, result: Identification) -> None:
-    found = result.to_dict()
-    show(out, tables(result))
-    errors = found["errors"]
-    floor = errors["noise_floor"]["force_error"]
-    line = f"force error {percent(errors['force_error'])} on these logs"
-    line += f" (noise floor {percent(floor)})"
+    errors = result.model.errors
+    floor = percent(errors["noise_floor"]["force_error"])
+    line = f"force error {percent(errors['force_error'])} on these logs (noise floor {floor})"
     if "velocity_error" in errors:
         line += f", velocity error {percent(errors['velocity_error'])}"
+    show(out, _tables(result))
     out.print(line)
-    for warning in found["warnings"]:
+    for warning in result.warnings:
         out.print(f"warning: {warning}", style="yellow")
 
 
-def tables(result: Identification) -> list[Table]:
+def _tables(result: Identification) -> list[Table]:
     """Parameters, and what each motion shows of them."""
-    from youbot_scripts.shared import tables as result_tables
-
     found = result.to_dict()
-    shown = _observability(found["observability"], result.mechanism.scaling)
-    return [result_tables.parameters(found["parameters"]), shown]
+    return [
+        result_tables.parameters(found["parameters"]),
+        result_tables.observability(found["observability"], result.mechanism.scaling),
+    ]
 
 
-def _observability(seen: dict[str, Any], scaling: str) -> Table:
-    names = {name: f"x{k + 1}" for k, name in enumerate(seen["total"]["names"])}
-    rows = []
-    for part in seen["parts"]:
-        blocks = " ".join(
-            "{" + ", ".join(names[n] for n in block) + "}" for block in part["blocks"]
-        )
-        stretch = f"{part['from']:.0f}-{part['to']:.0f} s"
-        blind = ", ".join(part["blind"]) or "-"
-        rows.append((part["log"], part["kind"], stretch, part["rank"], blind, blocks))
-    total = seen["total"]
-    return Table(
-        "What each motion shows",
-        ("log", "motion", "stretch", "rank", "blind to", "blocks"),
-        tuple(rows),
-        (f"{x_legend(total['names'], scaling)}; all together: rank {total['rank']}",),
-        left=("motion", "blind to", "blocks"),
-    )
-
-
-def _parts(result: Identification, read: Sequence[Log], seed: int) -> Iterator[Part]:
-    """The web page: the verdict first, then how it came about."""
+def _page(result: Identification, read: Sequence[Log], seed: int) -> Iterator[Part]:
+    """The parts of the web page: the verdict first, then how it came about."""
     from identification.figures.figures import figures_of_identification, figures_of_residual
     from identification.residual_map.residual_map import residual_map
-    from youbot_scripts.shared import tables as result_tables
     from youbot_scripts.shared.report_page import Words, pictures
 
     errors = result.model.errors
@@ -182,7 +129,7 @@ def _parts(result: Identification, read: Sequence[Log], seed: int) -> Iterator[P
     yield Words(result.warnings, "warning")
     rows = [("the model, on its own logs", errors), ("noise floor", floor)]
     yield result_tables.errors("Errors", rows)
-    yield from tables(result)
+    yield from _tables(result)
     where = residual_map(result.mechanism, result.fit.theta, result.samples, seed=seed)
     yield result_tables.residual("What the force residual depends on", where.to_list())
     yield from pictures(figures_of_residual(where, result.model))

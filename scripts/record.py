@@ -20,6 +20,8 @@ from youbot_scripts.cli import run_script
 from youbot_scripts.recording.named_motions import DEFAULT_MOTIONS, motions_named
 from youbot_scripts.recording.named_plants import Driven, plant_named
 from youbot_scripts.shared import options as common
+from youbot_scripts.shared.result_tables import recorded_logs
+from youbot_scripts.shared.tables import show
 
 __all__ = ["main", "record"]
 
@@ -127,22 +129,7 @@ def _make_folder(path: Path) -> None:
 
 
 def _show(console: Any, driven: Driven, rows: dict[str, dict[str, Any]], out_dir: Path) -> None:
-    common.show_table(
-        console,
-        f"Logs of {driven} in {out_dir}",
-        ("log", "duration s", "rows", "peak rad/s", "peak N m", "saturated %"),
-        [
-            (
-                name,
-                f"{row['duration']:.1f}",
-                row["rows"],
-                f"{row['peak_wheel_speed']:.2f}",
-                f"{row['peak_torque']:.2f}",
-                f"{100 * row['saturated']:.1f}",
-            )
-            for name, row in rows.items()
-        ],
-    )
+    show(console, [recorded_logs(f"Logs of {driven} in {out_dir}", rows)])
     console.print(f"How they were made: {out_dir / 'record.json'}", soft_wrap=True)
     logs = shlex.join(str(out_dir / name) for name in to_fit(list(rows)))
     console.print(f"Next: youbot identify {logs} -o model.json", soft_wrap=True)

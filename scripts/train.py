@@ -10,13 +10,12 @@ from typing import Annotated, Any
 
 import typer
 
-from controllers.policy.policy import Description
-from youbot_env.errors import InputError
-from youbot_env.tracking.task import twist_scale
 from youbot_scripts.cli import run_script
 from youbot_scripts.shared import options as common
+from youbot_scripts.shared.tables import show
 from youbot_scripts.training import require_learning
-from youbot_scripts.training.runs import SHARE, chosen, train
+from youbot_scripts.training.runs import SHARE, import_policy, train
+from youbot_scripts.training.tables import progress_line, summary_line, tested
 
 EXAMPLES = (
     "youbot train ppo --model model.json --output trained/",
@@ -115,22 +114,12 @@ def main(
     require_learning()
     out = common.console(json)
     folder = output or Path("trained") / algorithm.value
-    options = {
-        "model": model,
-        "steps": steps,
-        "seed": seed,
-        "envs": envs,
-        "randomise": randomise,
-        "effect": effect,
-        "delay": delay,
-        "lag": lag,
-        "residual": residual,
-        "share": share,
-        "set": set_,
-    }
+    options = {"model": model, "steps": steps, "seed": seed, "envs": envs, "randomise": randomise}
+    options |= {"effect": effect, "delay": delay, "lag": lag, "residual": residual}
+    options |= {"share": share, "set": set_}
     given = {name: value for name, value in options.items() if value is not None}
     if import_ is not None:
-        _import(out, algorithm, import_, folder, given)
+        _say_where(out, import_policy(algorithm.value, import_, folder, given))
         return
     result = train(
         algorithm.value,
@@ -139,74 +128,19 @@ def main(
         resume,
         tensorboard,
         device,
-        report=lambda row: out.print(_line(row)),
+        report=lambda row: out.print(progress_line(row)),
     )
-    _show(out, result["training"], Path(result["policy"]))
-    common.write_result(json, result, result["training"]["seed"])
-
-
-def _line(row: dict[str, Any]) -> str:
-    by_axis = "  ".join(common.percent(error) for error in row["error_by_axis"].values())
-    return (
-        f"{row['steps']:>9,} steps {row['wall_time']:6.0f} s  held-out "
-        f"{common.percent(row['error']):>8}  VX, VY, W {by_axis}"
-    )
-
-
-def _show(out: Any, record: dict[str, Any], policy: Path) -> None:
-    rows = [
-        (
-            name,
-            *(common.percent(error) for error in found["error_by_axis"].values()),
-            common.percent(found["error"]),
-            f"{found['torque_rate']:.1f}",
-            f"{100 * found['saturated']:.1f}",
-        )
-        for name, found in record["test"].items()
-    ]
-    headers = ("controller", "VX", "VY", "W", "mean", "N m/s", "saturated")
-    count = next(iter(record["test"].values()))["references"]
-    common.show_table(out, f"{count} unseen references, error over the reference", headers, rows)
-    out.print(
-        f"{record['steps']:,} steps, {record['wall_time']:.0f} s ({record['cpu_time']:.0f} s of "
-        f"one core), seed {record['seed']}"
-    )
-    _say_where(out, policy)
+    record = result["training"]
+    show(out, [tested(record)])
+    out.print(summary_line(record))
+    _say_where(out, Path(result["policy"]))
+    common.write_result(json, result, record["seed"])
 
 
 def _say_where(out: Any, policy: Path) -> None:
     out.print(f"Policy: {policy} and {policy.with_suffix('.safetensors').name}", soft_wrap=True)
     beside = shlex.quote(f"kinematic_tuned,computed_torque,{policy}")
     out.print(f"Next: youbot evaluate --controllers {beside}", soft_wrap=True)
-
-
-def _import(
-    out: Any, algorithm: Algorithm, path: Path, folder: Path, given: dict[str, Any]
-) -> None:
-    from youbot_scripts.training.exporting import export_policy, import_zip, layout_of
-
-    choice, model = chosen(algorithm.value, {**given, "seed": 0})
-    if choice.base is not None:
-        raise InputError("import: a policy on top of a controller cannot be imported, only trained")
-    print(
-        f"youbot: warning: {path} holds pickles: loading it runs whatever code its author put "
-        "there",
-        file=sys.stderr,
-    )
-    found = import_zip(algorithm.value, path)
-    conditions = choice.conditions
-    scale = tuple(twist_scale(model.geometry).tolist())
-    inputs = int(found.observation_space.shape[0])
-    description = Description(
-        name=path.stem,
-        layout=layout_of(inputs, scale, conditions.action_history),  # pyright: ignore[reportArgumentType]
-        torque_limit=conditions.torque_limit,
-        control_rate=conditions.control_rate,
-        training={"imported_from": path.name, "steps": int(found.num_timesteps)},
-    )
-    folder.mkdir(parents=True, exist_ok=True)
-    export_policy(found, folder / "policy.json", description)
-    _say_where(out, folder / "policy.json")
 
 
 if __name__ == "__main__":

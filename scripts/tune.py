@@ -2,41 +2,40 @@
 
 from __future__ import annotations
 
-import importlib.util
 import shlex
 import sys
 from enum import StrEnum
+from importlib.util import find_spec
 from pathlib import Path
-from typing import Annotated, Any
+from typing import TYPE_CHECKING, Annotated
 
-import numpy as np
 import typer
 
 from controllers.interface import Loop
-from controllers.tuning.gains_file import gains_to_dict, save_gains
-from controllers.tuning.trials import TuningTrial, references
-from controllers.tuning.tunable_laws import TunableKinematic, TunablePID
-from controllers.tuning.tuning import (
-    GainSearch,
-    Requirements,
-    SearchSettings,
-    TunedGains,
-    allowed_torque_rate,
+from controllers.tuning.controller_tuning import (
+    STEPS,
+    TunedController,
+    TuningTask,
+    tune_kinematic,
+    tune_pid,
 )
+from controllers.tuning.gains_file import save_gains
+from controllers.tuning.tuning import SearchSettings
 from youbot_env.errors import InputError, finite
 from youbot_env.model.model_file import load_model
-from youbot_env.physics.hardware import MAX_WHEEL_TORQUE, STOCK_INTEGRAL, STOCK_PROPORTIONAL
+from youbot_env.physics.hardware import MAX_WHEEL_TORQUE
 from youbot_scripts.cli import run_script
-from youbot_scripts.shared import options as common
+from youbot_scripts.shared import options as common, tuning_tables
+from youbot_scripts.shared.tables import show
+
+if TYPE_CHECKING:
+    from rich.console import Console
 
 EXAMPLES = (
     "youbot tune paper -o gains.json",
     "youbot tune model.json --delay 3 --lag 0.03 --lead",
     "youbot tune model.json --controller pid --phase-margin 60",
 )
-
-NO_LEAD = 1e-9
-"""No lead [s] as a point of the search, whose logarithm is taken."""
 
 MOST_SECONDS = 2000.0
 """Of references: a search of an hour."""
@@ -114,105 +113,37 @@ def main(
         plant = plant.with_effect("actuator_lag", time_constant=finite("lag", lag, positive=True))
     period = 1.0 / finite("rate", rate, positive=True)
     loop = Loop(period, delay * period, 0.5 * period, torque_limit, noise)
-    motions = references(plant, count=runs, duration=duration, seed=seed)
-    trial = TuningTrial(plant, loop, motions, duration, seed)
-    margins = {"gain_margin": gain_margin, "phase_margin": phase_margin}
-    with common.progress(3 * SearchSettings.rounds + 1, "tuning") as advance:
-        limit = torque_rate or allowed_torque_rate(plant, loop, trial)
-        wanted = Requirements(**margins, torque_rate=limit)
+    task = TuningTask(plant, loop, gain_margin, phase_margin, torque_rate, runs, duration, seed)
+    with common.progress(STEPS, "tuning") as advance:
         if controller is TunedKind.PID:
-            structure = TunablePID(plant, loop, **margins)
+            found = tune_pid(task, progress=advance)
         else:
-            structure = TunableKinematic(plant, loop, lead=lead)
-        advance(1)
-        bench = GainSearch(structure, trial)
-        kept = {"tuned": wanted, "any rate": Requirements(**margins), "free": None}
-        found = {name: bench.best(keep, advance) for name, keep in kept.items()}
-    if controller is TunedKind.KINEMATIC:
-        stock = [STOCK_PROPORTIONAL, STOCK_INTEGRAL, NO_LEAD]
-        found["stock"] = bench.evaluate(np.array(stock[: len(structure.names)]))
-    gains = {
-        name: structure.gains(np.array(list(one.point.values()))) for name, one in found.items()
-    }
-    how = {"loop": vars(loop), "model": plant.name}
-    result = {
-        **how,
-        "references": [motion.to_dict() for motion in motions],
-        "requirements": {
-            **vars(wanted),
-            "torque_rate_source": "asked" if torque_rate else "computed torque",
-        },
-        **gains_to_dict(gains["tuned"]),
-        "results": {n: {**one.to_dict(), **gains_to_dict(gains[n])} for n, one in found.items()},
-    }
+            found = tune_kinematic(task, lead=lead, progress=advance)
+    result = found.to_dict()
     if output is not None:
-        save_gains(output, gains["tuned"], **how, provenance=common.provenance(seed))
+        how = {"loop": result["loop"], "model": result["model"]}
+        save_gains(output, found.gains["tuned"], **how, provenance=common.provenance(seed))
     common.write_result(json, result, seed)
-    console = common.console(json)
-    _show_results(console, f"{controller} control of {plant.name}", found)
-    _show_gains(console, gains)
-    _show_loop(console, bench, found["tuned"])
-    source = (
-        "" if torque_rate else f" ({SearchSettings.torque_rate_share:g} times computed torque's)"
-    )
-    console.print(
-        f"Kept: gain margin >= {gain_margin:g} dB, phase margin >= {phase_margin:g} degrees, "
-        f"torque rate <= {limit:.3f} N m/s{source}",
+    out = common.console(json)
+    _print(out, f"{controller} control of {plant.name}", found)
+    if output is not None:
+        out.print(f"Gains: {output}", soft_wrap=True)
+        beside = shlex.quote(f"kinematic,computed_torque,{output}")
+        out.print(f"Next: youbot evaluate --controllers {beside}", soft_wrap=True)
+
+
+def _print(out: Console, title: str, found: TunedController) -> None:
+    result, kept = found.to_dict(), found.task.requirements
+    others = found.python_control_margins().to_dict() if find_spec("control") else None
+    show(out, tuning_tables.tables(title, result, others))
+    out.print(tuning_tables.poles(result), soft_wrap=True)
+    times = f" ({SearchSettings.torque_rate_share:g} times computed torque's)"
+    out.print(
+        f"Kept: gain margin >= {kept.gain_margin:g} dB, "
+        f"phase margin >= {kept.phase_margin:g} degrees, "
+        f"torque rate <= {kept.torque_rate:.3f} N m/s{'' if found.task.torque_rate else times}",
         soft_wrap=True,
     )
-    if output is not None:
-        console.print(f"Gains: {output}", soft_wrap=True)
-        beside = shlex.quote(f"kinematic,computed_torque,{output}")
-        console.print(f"Next: youbot evaluate --controllers {beside}", soft_wrap=True)
-
-
-def _show_results(console: Any, title: str, found: dict[str, TunedGains]) -> None:
-    common.show_table(
-        console,
-        title,
-        ("gains", "VX", "VY", "W", "N m/s", "gain dB", "phase deg", "saturated"),
-        [
-            (
-                name,
-                *map(common.percent, one.error.tolist()),
-                f"{one.torque_rate:.3f}",
-                f"{one.margins.gain.min():.2f}",
-                f"{one.margins.phase.min():.1f}",
-                common.percent(one.saturated),
-            )
-            for name, one in found.items()
-        ],
-    )
-
-
-def _show_gains(console: Any, gains: dict[str, Any]) -> None:
-    files = {name: gains_to_dict(one)["gains"] for name, one in gains.items()}
-    rows = [
-        (key, *(common.number(file[key]["value"]) for file in files.values()), entry["unit"])
-        for key, entry in files["tuned"].items()
-    ]
-    common.show_table(console, "Gains", ("name", *files, "unit"), rows, left=("unit",))
-
-
-def _show_loop(console: Any, bench: GainSearch, best: TunedGains) -> None:
-    """Margins of each axis, with python-control's beside them where it is installed, and poles."""
-    columns = [best.margins.gain, best.margins.phase]
-    headers = ["axis", "gain dB", "phase deg"]
-    if importlib.util.find_spec("control"):
-        theirs = bench.python_control_margins(np.array(list(best.point.values())))
-        columns += [theirs.gain, theirs.phase]
-        headers += ["python-control: dB", "deg"]
-    rows = [
-        (axis, *(f"{column[i]:.2f}" for column in columns))
-        for i, axis in enumerate(("VX", "VY", "W"))
-    ]
-    common.show_table(console, "Margins of the tuned loop", headers, rows)
-    poles = [pole for pole in best.poles[np.isfinite(best.poles)].tolist() if pole.imag >= 0]
-    console.print("Slowest poles [1/s]: " + ", ".join(map(_pole, poles[:8])), soft_wrap=True)
-
-
-def _pole(pole: complex) -> str:
-    return f"{pole.real:.3g}" if abs(pole.imag) < 1e-9 else f"{pole.real:.3g} ± {pole.imag:.3g}j"
 
 
 if __name__ == "__main__":

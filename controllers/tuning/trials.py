@@ -26,7 +26,8 @@ from controllers.loop import (
 from youbot_env.model.model import Model
 from youbot_env.motions.base import Motion
 from youbot_env.physics.effect import CATALOGUE, CLOCK
-from youbot_env.simulation.plant import TWIST, Plant
+from youbot_env.simulation.plant import Plant
+from youbot_env.simulation.platforms import TWIST
 from youbot_env.tracking.task import TrackingTask
 
 Advance = Callable[[float], None]

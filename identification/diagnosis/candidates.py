@@ -6,7 +6,6 @@ import itertools
 from collections.abc import Sequence
 from dataclasses import replace
 from functools import partial
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -31,19 +30,20 @@ from identification.fitting.least_squares import Fit
 from identification.fitting.noise_bias import final_fit, joint_fit
 from identification.fitting.observability import log_observability, refuse_blind
 from identification.fitting.regression import Indices, filtered_residual, filtered_rows
-from identification.mechanisms.samples import DemandedForce
+from identification.mechanisms.mechanism import Mechanism
+from identification.mechanisms.samples import DemandedForce, Samples
 from youbot_env.physics.effect import Parameter
 
 Array = NDArray[np.float64]
 
 
-def fit_structure(data: LoggedData, mechanism: Any, start: Array) -> FittedStructure:
+def fit_structure(data: LoggedData, mechanism: Mechanism, start: Array) -> FittedStructure:
     """Joint fit on all logs, smooth shape constants included."""
     result = joint_fit(mechanism, data.samples, start, data.settings.fit)
     return FittedStructure.at(mechanism, result.theta, data.samples, result.free, data.settings)
 
 
-def fit_base(data: LoggedData, mechanism: Any, start: Array) -> FittedStructure:
+def fit_base(data: LoggedData, mechanism: Mechanism, start: Array) -> FittedStructure:
     """The fit of what the model holds already.
 
     Raises
@@ -113,7 +113,7 @@ def _between(grid: Sequence[float], here: float, halving: int, parameter: Parame
 
 
 def _linear_candidate(
-    base: FittedStructure, mechanism: Any, name: str, shapes: dict[str, float]
+    base: FittedStructure, mechanism: Mechanism, name: str, shapes: dict[str, float]
 ) -> Candidate:
     """The effect at given shapes, by one linear step from the structure without it."""
     theta = mechanism.extend_theta(base.theta, name, shapes)
@@ -137,7 +137,11 @@ def _linear_candidate(
 
 
 def _columns(
-    base: FittedStructure, mechanism: Any, demand: DemandedForce, samples: Any, new: Indices
+    base: FittedStructure,
+    mechanism: Mechanism,
+    demand: DemandedForce,
+    samples: Samples,
+    new: Indices,
 ) -> Array:
     ends = np.moveaxis(demand.columns(new), 0, -1)
     return filtered_rows(ends, mechanism, samples, base.settings.rows)

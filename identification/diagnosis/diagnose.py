@@ -317,6 +317,6 @@ def _next_experiment(
     return best_experiment(motions, _named(ranking.best), [_named(item) for item in tied], noise)
 
 
-def _named(item: Candidate) -> tuple[str, Any, Array]:
+def _named(item: Candidate) -> tuple[str, Mechanism, Array]:
     assert item.fitted is not None
     return item.name, item.fitted.mechanism, item.fitted.theta

@@ -13,6 +13,7 @@ from identification.diagnosis.settings import DiagnosisSettings
 from identification.diagnosis.structures import Candidate, Ranking, Step
 from identification.logs.log import Log
 from identification.mechanisms.mechanism import Mechanism
+from identification.mechanisms.samples import Samples
 from identification.residual_map.shares import ResidualMap
 from youbot_env.errors import InputError
 
@@ -44,7 +45,7 @@ class Diagnosis:
     rankings: tuple[Ranking, ...]
     fitted_model: Any | None
     mechanism: Mechanism
-    samples: tuple[Any, ...]
+    samples: tuple[Samples, ...]
     given_model: dict[str, float]
     noise_floor: dict[str, float]
     maps: tuple[ResidualMap, ...]

@@ -35,13 +35,13 @@ from identification.fitting.gauge import gauge_basis
 from identification.fitting.regression import Indices, Regression, filtered_residual, regression
 from identification.logs.log import Log
 from identification.mechanisms.mechanism import Mechanism
-from identification.mechanisms.samples import DemandedForce, cut
+from identification.mechanisms.samples import DemandedForce, Samples, cut
 from youbot_env.errors import InputError
 
 Array = NDArray[np.float64]
 
 
-def visible_directions(mechanism: Any, free: Indices) -> Array:
+def visible_directions(mechanism: Mechanism, free: Indices) -> Array:
     """(F, Q) directions of the parameters ``free`` that data can see, in their own units."""
     return gauge_basis(mechanism, free) / mechanism.scale[free][:, None]
 
@@ -54,20 +54,20 @@ class FittedStructure:
         data can see
     """
 
-    mechanism: Any
+    mechanism: Mechanism
     theta: Array
     rows: tuple[Regression, ...]
     free: Indices
     basis: Array
-    samples: tuple[Any, ...]
+    samples: tuple[Samples, ...]
     settings: DiagnosisSettings
 
     @classmethod
     def at(
         cls,
-        mechanism: Any,
+        mechanism: Mechanism,
         theta: Array,
-        samples: Sequence[Any],
+        samples: Sequence[Samples],
         free: Indices,
         settings: DiagnosisSettings,
     ) -> FittedStructure:
@@ -140,7 +140,7 @@ class Candidate:
     """
 
     name: str
-    mechanism: Any
+    mechanism: Mechanism
     theta: Array
     free: Indices
     columns: tuple[Array, ...]
@@ -272,7 +272,7 @@ class LoggedData:
         return cut(samples, int(first), int(last) + 1)
 
     def _force(
-        self, mechanism: Mechanism, theta: Array, samples: Any
+        self, mechanism: Mechanism, theta: Array, samples: Samples
     ) -> tuple[Traces, SumsOfSquares]:
         traces = force_traces(mechanism, theta, samples, self.settings.fit)
         return traces, SumsOfSquares.of(traces)
@@ -314,7 +314,7 @@ class LoggedData:
         return add_up(left), add_up(floor)
 
 
-def _free_run(mechanism: Any, theta: Array, samples: Any) -> Traces:
+def _free_run(mechanism: Mechanism, theta: Array, samples: Samples) -> Traces:
     """Velocity traces, with NaN predicted where the parameters are too stiff to simulate."""
     try:
         return velocity_traces(mechanism, theta, samples)

@@ -86,7 +86,7 @@ class Identification:
     fit: Fit
     force: Fit
     mechanism: Mechanism
-    samples: tuple[Any, ...]
+    samples: tuple[Samples, ...]
     parts: tuple[PartReport, ...]
     total: Observability
     course: EstimateHistory | None = None

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import replace
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -15,13 +14,14 @@ from identification.fitting.least_squares import Fit, fit, solve_step
 from identification.fitting.regression import regression
 from identification.fitting.settings import FitSettings
 from identification.mechanisms.mechanism import Mechanism
+from identification.mechanisms.samples import Samples
 
 Array = NDArray[np.float64]
 
 
 def final_fit(
     mechanism: Mechanism,
-    samples: Sequence[Any],
+    samples: Sequence[Samples],
     noise: Sequence[NoiseLevel],
     start: Array,
     seed: int,
@@ -44,7 +44,7 @@ def final_fit(
 
 def joint_fit(
     mechanism: Mechanism,
-    samples: Sequence[Any],
+    samples: Sequence[Samples],
     start: Array,
     settings: FitSettings = FitSettings(),
 ) -> Fit:
@@ -69,7 +69,7 @@ class _Noise:
     def __init__(
         self,
         mechanism: Mechanism,
-        samples: Sequence[Any],
+        samples: Sequence[Samples],
         noise: Sequence[NoiseLevel],
         found: Fit,
         seed: int,

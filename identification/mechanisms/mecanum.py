@@ -26,7 +26,7 @@ from identification.mechanisms.quantities import of_platform
 from identification.mechanisms.samples import Samples
 from youbot_env.motions.base import Motion
 from youbot_env.physics.geometry import WHEELS, Geometry
-from youbot_env.physics.mecanum import MECANUM
+from youbot_env.physics.mecanum import MECANUM, mecanum_structure
 from youbot_env.physics.structure import ModelStructure
 
 Array = NDArray[np.float64]
@@ -79,7 +79,7 @@ def _fault_of_fit(geometry: Geometry, values: Mapping[str, float]) -> str:
     )
 
 
-BASE = ModelStructure()
+BASE = mecanum_structure()
 
 CONVENTIONS: Conventions[Geometry] = Conventions(
     kind=MECANUM,

@@ -8,15 +8,15 @@ from numpy.typing import NDArray
 from youbot_env.motions.calibration import CALIBRATION
 from youbot_env.physics.geometry import Geometry
 from youbot_env.physics.inverse_dynamics import wrench
+from youbot_env.physics.mecanum import mecanum_structure
 from youbot_env.physics.mechanism import Instant
-from youbot_env.physics.structure import ModelStructure
 
 Array = NDArray[np.float64]
 
 PAPER_ORDER = (0, 1, 4, 2, 3, 5, 6)
 """theta's base parameters (m0, I0, m_aX, m_aY, I1, mu1, mu2) in the order of x1 ... x7."""
 
-BASE = ModelStructure()
+BASE = mecanum_structure()
 
 
 def paper_scale(geometry: Geometry) -> dict[str, float]:

@@ -10,13 +10,13 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from functools import partial
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from identification.fitting.settings import FitSettings
 from identification.mechanisms.mechanism import Mechanism
+from identification.mechanisms.samples import Samples
 from identification.residual_map.bootstrap import family_wise_p_values, random_signs
 from identification.residual_map.curves import Curve, curves_of
 from identification.residual_map.held_out_gain import (
@@ -40,7 +40,7 @@ Array = NDArray[np.float64]
 def residual_map(
     mechanism: Mechanism,
     theta: Array,
-    logs: Sequence[Any],
+    logs: Sequence[Samples],
     *,
     seed: int = 0,
     settings: ResidualMapSettings = ResidualMapSettings(),

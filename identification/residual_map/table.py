@@ -46,7 +46,7 @@ class ResidualTable:
 def residual_table(
     mechanism: Mechanism,
     theta: Array,
-    logs: Sequence[Any],
+    logs: Sequence[Samples],
     settings: ResidualMapSettings,
     fit: FitSettings,
 ) -> ResidualTable:

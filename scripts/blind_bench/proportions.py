@@ -10,14 +10,14 @@ from scipy.stats import beta
 
 
 @dataclass(frozen=True)
-class Share:
+class Proportion:
     """``count`` of ``total`` cases."""
 
     count: int
     total: int
 
     @classmethod
-    def of(cls, answers: Iterable[bool | None]) -> Share:
+    def of(cls, answers: Iterable[bool | None]) -> Proportion:
         """Of the answers that there are: None is no answer."""
         known = [answer for answer in answers if answer is not None]
         return cls(sum(known), len(known))

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 from youbot_scripts.blind_bench.effects import CATALOGUE
 from youbot_scripts.blind_bench.trials import errors_of
-from youbot_scripts.shared import options as common
+from youbot_scripts.shared.tables import Table, columns, number, show as show_tables, text
 
 if TYPE_CHECKING:
     from rich.console import Console
@@ -84,9 +84,10 @@ def _show_kind(console: Console, kind: str, found: Mapping[str, Any]) -> None:
         rows.append((f"  of them at {rate} Hz", *_share_cells(share), ""))
     for key, words in NUMBER_WORDS.items():
         if found.get(key) is not None:
-            rows.append((words, common.number(found[key], 3), "", "", ""))
+            rows.append((words, number(found[key], 3), "", "", ""))
     title = f"{KIND_WORDS.get(kind, kind)}: {found['cases']} cases"
-    common.show_table(console, title, ("", "share", "95 % interval", "cases", "wanted"), rows)
+    headers = columns("", "share", "95 % interval", "cases", "wanted")
+    show_tables(console, [Table(title, headers, tuple(rows))])
 
 
 def _share_cells(share: Mapping[str, Any]) -> tuple[str, str, str]:
@@ -101,7 +102,8 @@ def _show_confusion(console: Console, kind: str, table: Mapping[str, Mapping[str
         for name, row in table.items()
     ]
     title = f"{KIND_WORDS.get(kind, kind)}: planted, and what was said"
-    common.show_table(console, title, ("planted", "cases", "said"), rows, left=("said",))
+    headers = columns("planted", "cases", text("said"))
+    show_tables(console, [Table(title, headers, tuple(rows))])
 
 
 def _show_detectable(console: Console, factors: Mapping[str, float | None]) -> None:
@@ -115,7 +117,8 @@ def _show_detectable(console: Console, factors: Mapping[str, float | None]) -> N
         for name, factor in factors.items()
     ]
     title = "smallest size that is found in 85 % of the cases, and so is each larger one tried"
-    common.show_table(console, title, ("effect", "times its size", "size", "unit"), rows)
+    headers = columns("effect", "times its size", "size", "unit")
+    show_tables(console, [Table(title, headers, tuple(rows))])
 
 
 def show_sizes(console: Console, table: Mapping[str, Mapping[str, Any]]) -> None:
@@ -126,11 +129,11 @@ def show_sizes(console: Console, table: Mapping[str, Mapping[str, Any]]) -> None
             f"{name} [{item['unit']}]",
             f"{item['size']:g}",
             *(f"{item['ratio_by_factor'][factor]:.1f}" for factor in factors),
-            common.number(item["smallest"], 2),
-            common.number(item["largest"], 2),
+            number(item["smallest"], 2),
+            number(item["largest"], 2),
         )
         for name, item in table.items()
     ]
-    headers = ("effect", "size", *(f"x{factor}" for factor in factors), "3 at", "20 at")
+    headers = columns("effect", "size", *(f"x{factor}" for factor in factors), "3 at", "20 at")
     title = "base model's force error over its noise floor, and sizes at which it is 3 and 20"
-    common.show_table(console, title, headers, rows)
+    show_tables(console, [Table(title, headers, tuple(rows))])

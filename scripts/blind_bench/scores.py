@@ -8,7 +8,7 @@ from statistics import fmean, median
 from typing import Any
 
 from youbot_scripts.blind_bench.effects import CATALOGUE, OUTSIDE
-from youbot_scripts.blind_bench.proportions import Share
+from youbot_scripts.blind_bench.proportions import Proportion
 from youbot_scripts.blind_bench.trials import Record
 
 LARGEST_SET = 3
@@ -193,7 +193,7 @@ def _single(check: Callable[[Record, str], bool]) -> Callable[[Record], bool]:
 
 
 def _shares(records: Sequence[Record], **checks: Callable[[Record], bool]) -> dict[str, Any]:
-    return {name: Share.of(map(check, records)).to_dict() for name, check in checks.items()}
+    return {name: Proportion.of(map(check, records)).to_dict() for name, check in checks.items()}
 
 
 def _numbers(records: Sequence[Record]) -> dict[str, Any]:
@@ -202,9 +202,9 @@ def _numbers(records: Sequence[Record]) -> dict[str, Any]:
     inside = [answer for record in records for answer in sizes_inside(record)]
     return {
         "error_fall_median": median(falls) if falls else None,
-        "error_fall_of_95": Share.of(fall >= 0.95 for fall in falls).to_dict(),
-        "sizes_inside": Share.of(inside).to_dict(),
-        "tie_resolved": Share.of(map(tie_resolved, records)).to_dict(),
+        "error_fall_of_95": Proportion.of(fall >= 0.95 for fall in falls).to_dict(),
+        "sizes_inside": Proportion.of(inside).to_dict(),
+        "tie_resolved": Proportion.of(map(tie_resolved, records)).to_dict(),
         "mean_set_size": fmean(sets) if sets else None,
     }
 
@@ -221,7 +221,7 @@ def _score_kind(kind: str, records: Sequence[Record]) -> dict[str, Any]:
         alarm = _shares(records, false_alarm=lambda record: verdict(record) != "adequate")
         rates = sorted({record["case"]["rate"] for record in records})
         found["false_alarm_by_rate"] = {
-            f"{rate:g}": Share.of(
+            f"{rate:g}": Proportion.of(
                 verdict(r) != "adequate" for r in records if r["case"]["rate"] == rate
             ).to_dict()
             for rate in rates
@@ -242,7 +242,7 @@ def _score_kind(kind: str, records: Sequence[Record]) -> dict[str, Any]:
         )
     if kind == "unknown" or kind in OUTSIDE:
         ranks = {
-            f"carrier_first_or_second_{key}": Share.of(
+            f"carrier_first_or_second_{key}": Proportion.of(
                 None if (rank := carrier_rank(record, key)) is None else rank <= 2
                 for record in records
             ).to_dict()

@@ -13,7 +13,7 @@ import numpy as np
 from controllers.loop import Trace
 from identification.figures.style import GREY, line, new_figure, styled
 from youbot_scripts.evaluation.metrics import AXES
-from youbot_scripts.evaluation.summary import Result, in_words, models_of
+from youbot_scripts.evaluation.summary import Result, by_plant, in_words, models_of
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -38,6 +38,22 @@ def _look(names: Sequence[str]) -> dict[str, dict[str, Any]]:
         name: {"color": COLOURS[n % len(COLOURS)], "marker": MARKERS[n % len(MARKERS)]}
         for n, name in enumerate(names)
     }
+
+
+def errors_by_plant(results: Sequence[Result], brief: bool) -> dict[str, Figure]:
+    """A picture by name for each plant that was driven on several models; if ``brief``, for all."""
+    drawn, plants = {}, by_plant(results)
+    for n, group in enumerate(plants):
+        several = len(models_of(group)) > 1
+        if several or brief:
+            name = "error_by_model" if several else "error_by_frequency"
+            drawn[numbered(name, n, plants)] = error_by_frequency(group)
+    return drawn
+
+
+def numbered(name: str, n: int, among: Sequence[object]) -> str:
+    """The name of picture ``n``, counted where there are several."""
+    return f"{name}_{n + 1}" if len(among) > 1 else name
 
 
 @styled

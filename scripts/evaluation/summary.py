@@ -30,6 +30,9 @@ SATURATED = 0.001
 """Share of instants at a torque limit above which a comparison is shown but not scored: there the
 limit decides, not the controller."""
 
+RUNS_ALSO = ", in the runs also "
+"""Between what logs have seen of a plant and what they have not, in its name."""
+
 Interval = dict[str, Any]
 
 

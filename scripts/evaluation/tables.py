@@ -4,12 +4,10 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import replace
-from typing import Any
 
 from youbot_scripts.evaluation.metrics import AXES, STRETCH
-from youbot_scripts.evaluation.plants import SURPRISE
 from youbot_scripts.evaluation.summary import (
+    RUNS_ALSO,
     STRETCHES,
     Result,
     by_condition,
@@ -19,8 +17,7 @@ from youbot_scripts.evaluation.summary import (
     ratios,
     unscored,
 )
-from youbot_scripts.shared import options as common, tables as shared
-from youbot_scripts.shared.tables import Table
+from youbot_scripts.shared.tables import Column, Table, columns, number, text
 
 
 def tables(results: Sequence[Result], against: str) -> list[Table]:
@@ -34,7 +31,7 @@ def tables(results: Sequence[Result], against: str) -> list[Table]:
     for group in by_condition(results):
         found.append(overview(group, against))
         found += [tracking(group), size(group), effort(group)]
-        if SURPRISE in group[0].place["plant"]:
+        if RUNS_ALSO in group[0].place["plant"]:
             found.append(course(group))
     return found
 
@@ -57,7 +54,7 @@ def by_model(results: Sequence[Result]) -> Table:
     ]
     return Table(
         "Mean normalised RMSE [%] by model",
-        (*LEAD, *models),
+        columns(*LEAD, *models),
         _led(first, rows),
         _not_scored(results),
         f"{in_words({**first[0].place, 'model': ', '.join(models)})}; {_seeds(first)}",
@@ -86,7 +83,7 @@ def overview(group: Sequence[Result], against: str) -> Table:
             notes.append(f"{_band(band)}, worst axis against {against}: {', '.join(shares)}")
     return Table(
         "Mean normalised RMSE [%]",
-        ("controller", *(_band(band) for band in bands)),
+        columns("controller", *(_band(band) for band in bands)),
         tuple(rows),
         tuple(notes),
         f"{in_words(group[0].place)}; {_seeds(group)}",
@@ -97,7 +94,7 @@ def tracking(group: Sequence[Result]) -> Table:
     """Normalised errors by axis."""
     rows = [tuple(_mean(result, f"nrmse {axis}") for axis in AXES) for result in group]
     headers = tuple(f"{axis} %" for axis in AXES)
-    return Table("Normalised RMSE by axis", (*LEAD, *headers), _led(group, rows))
+    return Table("Normalised RMSE by axis", columns(*LEAD, *headers), _led(group, rows))
 
 
 def size(group: Sequence[Result]) -> Table:
@@ -112,7 +109,7 @@ def size(group: Sequence[Result]) -> Table:
     ]
     headers = ("VX m/s", "VY m/s", "W rad/s", "drift m", "drift deg")
     return Table(
-        "RMSE, and drift from the integrated reference", (*LEAD, *headers), _led(group, rows)
+        "RMSE, and drift from the integrated reference", columns(*LEAD, *headers), _led(group, rows)
     )
 
 
@@ -129,7 +126,7 @@ def effort(group: Sequence[Result]) -> Table:
     ]
     headers = ("worst %", "torque N m", "rate N m/s", "saturated %")
     title = "95th percentile of the worst axis' normalised error; torque and its rate (rms)"
-    return Table(title, (*LEAD, *headers), _led(group, rows))
+    return Table(title, columns(*LEAD, *headers), _led(group, rows))
 
 
 def course(group: Sequence[Result]) -> Table:
@@ -144,10 +141,10 @@ def course(group: Sequence[Result]) -> Table:
             rows.append(("" if k else _band(band), stretch, *cells))
     controllers = dict.fromkeys(result.controller for result in group)
     title = "Normalised RMSE [%] over the time [s] since the ramp"
-    return Table(title, ("rad/s", "time", *controllers), tuple(rows))
+    return Table(title, columns("rad/s", "time", *controllers), tuple(rows))
 
 
-LEAD = ("rad/s", "controller")
+LEAD: tuple[str, Column] = ("rad/s", text("controller"))
 """First columns of the tables by band."""
 
 
@@ -166,11 +163,6 @@ def _moving(result: Result) -> list[str]:
     return [axis for axis in AXES if result.metrics[f"worst {axis}"]["mean"] is not None] or ["VX"]
 
 
-def show(out: Any, found: Sequence[Table]) -> None:
-    """Print tables, their headings and their notes."""
-    shared.show(out, (replace(table, left=LEAD) for table in found))
-
-
 def _mean(result: Result, name: str, between: str = " ± ") -> str:
     """Mean and half interval in per cent; or how many runs diverged."""
     if result.diverged:
@@ -186,7 +178,7 @@ def _short(value: float, digits: int = 2) -> str:
     """A number with few digits and no exponent where people would write none."""
     if not math.isfinite(value):
         return "-"
-    return f"{value:.0f}" if abs(value) >= 100 else common.number(value, digits)
+    return f"{value:.0f}" if abs(value) >= 100 else number(value, digits)
 
 
 def _ratio(share: float) -> str:

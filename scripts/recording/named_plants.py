@@ -11,7 +11,7 @@ from youbot_env.contact.settings import Contact
 from youbot_env.errors import InputError
 from youbot_env.model.model import Model
 from youbot_env.model.model_file import load_model, model_to_dict
-from youbot_env.simulation.plant import Platforms
+from youbot_env.simulation.platforms import Platforms
 from youbot_scripts.recording.named_motions import with_effects
 
 CONTACT = "contact"

@@ -1,4 +1,4 @@
-"""What the commands share: options, tables, progress, and files that are never half-written."""
+"""What the commands share: options, progress, and files that are never half-written."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ import math
 import os
 import platform
 import sys
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
@@ -93,6 +93,11 @@ MechanismOption = Annotated[
         "--mechanism", metavar="NAME", help="mecanum or axis; only checked: the model says it."
     ),
 ]
+EffectsOption = Annotated[
+    Path | None,
+    typer.Option("--effects", metavar="FILE.py", help="Your own effects; runs this file."),
+]
+JobsOption = Annotated[int, typer.Option("--jobs", min=1, metavar="N", help="Processes.")]
 LogsOfOption = Annotated[
     str,
     typer.Option("--mechanism", metavar="NAME", help="What the logs are of: mecanum, axis."),
@@ -204,64 +209,6 @@ def console(json: Path | None = None) -> Console:
             raise BrokenPipeError  # Rich would exit with status 1, `cli.main` knows better
 
     return PlainConsole(stderr=json == STDOUT, highlight=False, markup=False, emoji=False)
-
-
-def show_table(
-    console: Console,
-    title: str,
-    headers: Sequence[str],
-    rows: Sequence[Sequence[object]],
-    left: Sequence[str] = (),
-) -> None:
-    """Print a table: the first column and those named in `left` to the left, others to the right.
-
-    Cells are shown as `str` gives them (brackets are no markup); long text folds at the width of
-    the terminal, or at 80 columns where there is none.
-    """
-    from rich import box
-    from rich.table import Table
-    from rich.text import Text
-
-    table = Table(title=Text(title), title_justify="left", box=box.SIMPLE_HEAD, pad_edge=False)
-    for index, header in enumerate(headers):
-        is_text = index == 0 or header in left
-        table.add_column(
-            Text(header),
-            justify="left" if is_text else "right",
-            overflow="fold",
-            no_wrap=not is_text,
-        )
-    for row in rows:
-        table.add_row(*(Text(str(cell)) for cell in row))
-    console.print(table)
-
-
-def number(value: float | None, digits: int = 4) -> str:
-    """`value` with `digits` significant digits; "-" where there is none."""
-    return "-" if value is None or not math.isfinite(value) else f"{value:.{digits}g}"
-
-
-def percent(share: float) -> str:
-    """A share such as 0.0123 as "1.23 %"; "-" where it is not a number."""
-    return f"{100 * share:.2f} %" if share == share else "-"
-
-
-def with_std(value: float, std: float) -> str:
-    """`value ± std`, both to the second significant digit of the standard deviation."""
-    if not (math.isfinite(value) and math.isfinite(std) and std > 0):
-        return number(value)
-    return f"{to_digit_of(value, std)} ± {to_digit_of(std, std)}"
-
-
-def to_digit_of(value: float, std: float) -> str:
-    """`value` to the second significant digit of its standard deviation `std` > 0."""
-    return f"{value:.{max(0, 1 - math.floor(math.log10(std)))}f}"
-
-
-def x_legend(names: Sequence[str], scaling: str = "as in the paper") -> str:
-    """Which parameter each x1, x2, ... stands for."""
-    pairs = (f"x{k + 1} {name}" for k, name in enumerate(names))
-    return f"x, scaled {scaling}: {', '.join(pairs)}"
 
 
 @contextmanager

@@ -6,6 +6,7 @@ import base64
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from html import escape
+from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from youbot_scripts.cli import command_line
@@ -90,6 +91,17 @@ def facts(seed: int | None) -> dict[str, Any]:
     return {"version": made["version"], "seed": made["seed"], **made["versions"]}
 
 
+def write_page(path: Path, title: str, parts: Iterable[Part], seed: int | None) -> None:
+    """Write a page on what the command that runs has found.
+
+    Raises
+    ------
+    InputError
+        If the file cannot be written.
+    """
+    common.write_text(path, page(title, parts, facts(seed)))
+
+
 def _html(part: Part) -> str:
     if isinstance(part, Table):
         return _table(part)
@@ -103,10 +115,11 @@ def _html(part: Part) -> str:
 
 
 def _table(table: Table) -> str:
-    marks = [' class="text"' if header in table.left else "" for header in table.headers]
+    # The style sheet aligns the first column by its place, the others by their class.
+    marks = ["", *(' class="text"' if column.is_text else "" for column in table.columns[1:])]
     rows = [
         "<tr>" + "".join(_cell("td", *pair) for pair in zip(marks, row, strict=True)) + "</tr>\n"
-        for row in table.rows
+        for row in table.cells
     ]
     head = "".join(_cell("th", *pair) for pair in zip(marks, table.headers, strict=True))
     notes = "".join(f'<p class="note">{escape(note)}</p>' for note in table.notes)
@@ -116,5 +129,5 @@ def _table(table: Table) -> str:
     return f'{heading}{title}<div class="wide">{body}</div>{notes}'
 
 
-def _cell(tag: str, mark: str, content: object) -> str:
-    return f"<{tag}{mark}>{escape(str(content))}</{tag}>"
+def _cell(tag: str, mark: str, content: str) -> str:
+    return f"<{tag}{mark}>{escape(content)}</{tag}>"

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 import warnings
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -16,6 +17,9 @@ from controllers.policy.inputs import Layout, plain_features
 from controllers.policy.policy import ACTIVATIONS, Description, Network
 from controllers.policy.policy_file import save_policy
 from youbot_env.errors import InputError
+from youbot_env.model.model import Model
+from youbot_env.tracking.task import twist_scale
+from youbot_scripts.training.conditions import Conditions
 
 ALGORITHMS: dict[str, Any] = {"ppo": PPO, "sac": SAC, "td3": TD3}
 
@@ -118,6 +122,37 @@ def import_zip(algorithm: str, path: str | os.PathLike[str]) -> Any:
         raise InputError(
             f"{path}: no {algorithm.upper()} model could be loaded: {reason}"
         ) from None
+
+
+def write_imported(
+    found: Any, name: str, folder: Path, conditions: Conditions, model: Model
+) -> Path:
+    """Write a model that was trained elsewhere as a policy file into a folder; returns its path.
+
+    Parameters
+    ----------
+    found : PPO, SAC or TD3, see ``export_policy``
+    name : of the file that it was read from
+    conditions, model : that it was trained under and for
+
+    Raises
+    ------
+    InputError
+        If the policy cannot be exported or written.
+    """
+    scale = tuple(twist_scale(model.geometry).tolist())
+    inputs = int(found.observation_space.shape[0])
+    description = Description(
+        name=Path(name).stem,
+        layout=layout_of(inputs, scale, conditions.action_history),  # pyright: ignore[reportArgumentType]
+        torque_limit=conditions.torque_limit,
+        control_rate=conditions.control_rate,
+        training={"imported_from": name, "steps": int(found.num_timesteps)},
+    )
+    folder.mkdir(parents=True, exist_ok=True)
+    policy = folder / "policy.json"
+    export_policy(found, policy, description)
+    return policy
 
 
 def layout_of(observations: int, twist_scale: tuple[float, float, float], history: int) -> Layout:

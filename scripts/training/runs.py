@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import platform
 import shlex
+import sys
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -108,6 +109,33 @@ def train(
     record["test"] = {name: found.to_dict() for name, found in tests.items()}
     learning.finish(trainee, folder, record)
     return {"policy": str(folder.policy), "training": record}
+
+
+def import_policy(algorithm: str, path: Path, folder: Path, given: dict[str, Any]) -> Path:
+    """Turn a Stable-Baselines3 zip into a policy file as the command does, and return its path.
+
+    Parameters
+    ----------
+    path, folder : the zip, and where the policy goes
+    given : options by the command's names, those that were given: what it was trained under
+
+    Raises
+    ------
+    InputError
+        If an option cannot be, the file is no such zip, or its policy cannot be written.
+    """
+    from youbot_scripts.training.exporting import import_zip, write_imported
+
+    choice, model = chosen(algorithm, {**given, "seed": 0})
+    if choice.base is not None:
+        raise InputError("import: a policy on top of a controller cannot be imported, only trained")
+    print(
+        f"youbot: warning: {path} holds pickles: loading it runs whatever code its author put "
+        "there",
+        file=sys.stderr,
+    )
+    found = import_zip(algorithm, path)
+    return write_imported(found, path.name, folder, choice.conditions, model)
 
 
 def _resumed(folder: Any, algorithm: str, given: dict[str, Any]) -> tuple[Choice, Model, str]:

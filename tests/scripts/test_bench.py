@@ -32,7 +32,7 @@ from youbot_scripts.blind_bench import (
     trials,
 )
 from youbot_scripts.blind_bench.effect_sizes import Sizing, size_table
-from youbot_scripts.blind_bench.proportions import Share
+from youbot_scripts.blind_bench.proportions import Proportion
 from youbot_scripts.cli import main
 from youbot_scripts.shared.results_folder import RESULTS, spread
 
@@ -478,11 +478,11 @@ def said(verdict: str, *missing: str, **ties: list[str]) -> dict[str, Any]:
 
 
 def test_shares_have_exact_intervals():
-    assert Share(0, 200).interval() == pytest.approx((0.0, 1 - 0.025 ** (1 / 200)))
-    assert Share(4, 200).interval() == pytest.approx((0.00548, 0.05041), abs=1e-5)
-    assert Share(200, 200).interval()[1] == 1.0
-    assert math.isnan(Share.of([None]).value)
-    assert Share.of([True, None, False]) == Share(1, 2)
+    assert Proportion(0, 200).interval() == pytest.approx((0.0, 1 - 0.025 ** (1 / 200)))
+    assert Proportion(4, 200).interval() == pytest.approx((0.00548, 0.05041), abs=1e-5)
+    assert Proportion(200, 200).interval()[1] == 1.0
+    assert math.isnan(Proportion.of([None]).value)
+    assert Proportion.of([True, None, False]) == Proportion(1, 2)
 
 
 def test_a_name_counts_alone_or_in_a_set_of_three():

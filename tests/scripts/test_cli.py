@@ -11,6 +11,7 @@ from pathlib import Path
 
 import pytest
 
+from tests.scripts.processes import heed_interrupts
 from youbot_scripts import cli
 
 COMMAND = '''"""Do a job."""
@@ -79,6 +80,7 @@ def start(folder: Path, *arguments: str, **options) -> subprocess.Popen[str]:
         stdout=options.pop("stdout", subprocess.PIPE),
         stderr=subprocess.PIPE,
         text=True,
+        preexec_fn=heed_interrupts,
         **options,
     )
 

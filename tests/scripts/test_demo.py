@@ -19,6 +19,8 @@ from identification.logs.recorded_motion import recorded_motion
 from youbot_env.model.model_file import load_model
 from youbot_scripts import cli, demo
 from youbot_scripts.cli import main
+from youbot_scripts.demonstration import chapters
+from youbot_scripts.demonstration.files import LOGS
 
 ROOT = Path(__file__).parents[2]
 
@@ -63,7 +65,7 @@ def shown(tmp_path_factory: pytest.TempPathFactory) -> Iterator[tuple[Path, str]
 
 def test_tells_the_story_in_order(shown: tuple[Path, str]):
     _, out = shown
-    chapters = [out.index(f"{k}. {title}") for k, title in enumerate(demo.STEPS, 1)]
+    chapters = [out.index(f"{k}. {title}") for k, title in enumerate(demo.CHAPTERS, 1)]
     told = ("doctor", "identify", "compare", "diagnose", "evaluate")
     commands = [out.index(f"$ youbot {name}") for name in told]
     assert chapters == sorted(chapters)
@@ -133,7 +135,9 @@ def test_what_to_type_next_can_be_typed(shown: tuple[Path, str], monkeypatch):
 
 def test_without_matplotlib_the_story_is_told_without_plots(tmp_path: Path, monkeypatch, capsys):
     monkeypatch.setitem(sys.modules, "matplotlib", None)
-    monkeypatch.setattr(demo, "STEPS", {"Identify": demo.identify, "Compare": demo.compare})
+    monkeypatch.setattr(
+        demo, "CHAPTERS", {"Identify": chapters.identify, "Compare": chapters.compare}
+    )
     assert main(["demo", "--output", str(tmp_path / "out")]) == 0
     printed = capsys.readouterr().out
     assert 'pip install "youbot[plots]"' in printed and "--plots" not in printed
@@ -157,14 +161,14 @@ def test_every_shipped_log_knows_its_motion(tmp_path: Path):
     from identification.logs.reading import read_log
 
     folder = resources.files("youbot_scripts").joinpath("data")
-    for name in demo.LOGS:
+    for name in LOGS:
         (tmp_path / name).write_bytes(folder.joinpath(name).read_bytes())
-    for name in demo.LOGS[:-1]:
+    for name in LOGS[:-1]:
         assert recorded_motion(read_log(tmp_path / name)) is not None, name
 
 
 def test_a_folder_with_a_blank_is_quoted(tmp_path: Path, capsys, monkeypatch):
-    monkeypatch.setattr(demo, "STEPS", {"Look": demo.check})
+    monkeypatch.setattr(demo, "CHAPTERS", {"Look": chapters.check})
     assert main(["demo", "--output", str(tmp_path / "my demo")]) == 0
     out = capsys.readouterr().out
     typed = next(line for line in out.splitlines() if line.startswith("$ youbot doctor"))

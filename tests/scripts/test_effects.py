@@ -12,7 +12,7 @@ from identification.mechanisms.axis_effects import AXIS_CATALOGUE, UNITS, Scales
 from tests.youbot_env.test_plugins import DRAG, HEAD
 from youbot_env.equations.equations import equation
 from youbot_env.physics.effect import CATALOGUE
-from youbot_env.physics.structure import ModelStructure
+from youbot_env.physics.mecanum import mecanum_structure
 from youbot_scripts import cli
 
 
@@ -109,11 +109,11 @@ def test_json_on_standard_output_stands_alone(capsys: pytest.CaptureFixture[str]
 
 def test_equations_of_the_effects_named(capsys: pytest.CaptureFixture[str], tmp_path: Path):
     assert cli.main(["effects", "--equations"]) == 0
-    assert capsys.readouterr().out.strip() == equation(ModelStructure())
+    assert capsys.readouterr().out.strip() == equation(mecanum_structure())
     path = tmp_path / "e.json"
     names = ["floor_tilt", "actuator_lag"]
     assert cli.main(["effects", *names, "--equations", "--latex", "--json", str(path)]) == 0
-    expected = equation(ModelStructure(tuple(names)), "latex")
+    expected = equation(mecanum_structure(tuple(names)), "latex")
     assert capsys.readouterr().out.strip() == expected
     assert json.loads(path.read_text())["equations"] == expected.splitlines()
 

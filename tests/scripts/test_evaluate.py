@@ -21,24 +21,26 @@ from youbot_env.errors import InputError
 from youbot_env.model.model import Model
 from youbot_env.motions.multisine import multisine
 from youbot_env.physics.hardware import MAX_WHEEL_TORQUE
-from youbot_scripts import evaluate as command
 from youbot_scripts.cli import main
-from youbot_scripts.evaluation import tables
-from youbot_scripts.evaluation.knowledge import ModelSource
-from youbot_scripts.evaluation.loop_settings import LoopSettings
-from youbot_scripts.evaluation.plants import PlantSource
-from youbot_scripts.evaluation.settings import SUITES, Settings, settings
-from youbot_scripts.evaluation.summary import gather, ratios, unscored
-from youbot_scripts.evaluation.trials import (
+from youbot_scripts.evaluation import evaluation, tables
+from youbot_scripts.evaluation.conditions import (
     Condition,
-    EvaluationTrial,
-    Learning,
+    LoopSettings,
+    ModelSource,
+    PlantSource,
     ReferenceMotion,
+    Settings,
+)
+from youbot_scripts.evaluation.evaluation import (
+    EvaluationTrial,
+    ModelTask,
     digest,
     learn,
     plan,
     run_all,
 )
+from youbot_scripts.evaluation.suites import SUITES, settings
+from youbot_scripts.evaluation.summary import gather, ratios, unscored
 
 QUICK: dict[str, Any] = {
     "models": ("known",),
@@ -71,7 +73,7 @@ def controllers(monkeypatch: pytest.MonkeyPatch) -> Callable[[str, Entry], None]
 
 
 def records(folder: Path | None = None, jobs: int = 1, **changes: Any) -> list[dict[str, Any]]:
-    found = command.evaluate(Settings(**{**QUICK, **changes}), jobs=jobs, folder=folder)
+    found = evaluation.evaluate(Settings(**{**QUICK, **changes}), jobs=jobs, folder=folder)
     return found.records
 
 
@@ -144,7 +146,7 @@ def test_designs_are_made_once_for_a_model_and_a_loop_and_kept(controllers, tmp_
     controllers("designed", Entry(build, "searched for", design))
     chosen = Settings(**{**QUICK, "controllers": ("designed",), "delay": 3})
     for _ in range(2):
-        found = command.evaluate(chosen, folder=tmp_path)
+        found = evaluation.evaluate(chosen, folder=tmp_path)
         assert [design["settings"] for design in found.to_dict()["designs"]] == [
             {"proportional": 0.5, "integral": 0.25}
         ]
@@ -178,7 +180,7 @@ def test_the_loop_closes():
         bands=((0.5, 3.0),),
         seeds=2,
     )
-    before, after = (result.mean("nrmse") for result in command.evaluate(chosen, jobs=2).results)
+    before, after = (result.mean("nrmse") for result in evaluation.evaluate(chosen, jobs=2).results)
     assert after < before / 3
 
 
@@ -188,7 +190,7 @@ def test_no_log_knows_of_a_surprise():
     assert surprised.recorded == plain.recorded
     assert tuple(surprised.truth.effects) == ("floor_tilt", "payload_change")
     know = ModelSource("identified")
-    assert Learning(surprised, know, 0).key == Learning(plain, know, 0).key
+    assert ModelTask(surprised, know, 0).key == ModelTask(plain, know, 0).key
     loop = LoopSettings()
     trials = [
         EvaluationTrial(
@@ -298,10 +300,10 @@ def test_a_key_stands_for_everything_that_a_result_depends_on():
     ]
     conditions = [
         base,
-        Condition(PlantSource(lag=0.03), base.knowledge, base.loop),
-        Condition(PlantSource(effects=("floor_tilt:tilt_x=0.01",)), base.knowledge, base.loop),
-        Condition(base.plant, base.knowledge, LoopSettings(noise=0.02)),
-        Condition(base.plant, base.knowledge, LoopSettings(pose=True)),
+        Condition(PlantSource(lag=0.03), base.model_source, base.loop),
+        Condition(PlantSource(effects=("floor_tilt:tilt_x=0.01",)), base.model_source, base.loop),
+        Condition(base.plant, base.model_source, LoopSettings(noise=0.02)),
+        Condition(base.plant, base.model_source, LoopSettings(pose=True)),
     ]
     for models in (model, model.with_values({"m0": 36.0})):
         found = plan(dict.fromkeys(conditions, models), ["kinematic"], courses, 0, 2)
@@ -428,7 +430,7 @@ def test_an_interruption_keeps_what_is_done_and_says_so(controllers, tmp_path: P
 @pytest.mark.parametrize("suite", SUITES)
 def test_every_suite_can_be_run(suite: str):
     chosen = settings(suite, {"seeds": 1})
-    assert chosen.seeds == 1 and chosen.conditions() and chosen.courses()
+    assert chosen.seeds == 1 and chosen.conditions() and chosen.references()
 
 
 def test_what_a_user_says_goes_before_the_suite():

@@ -23,7 +23,7 @@ from youbot_env.model.model import BASE_UNITS
 from youbot_env.model.model_file import load_model
 from youbot_env.motions.multisine import multisine
 from youbot_scripts.cli import main
-from youbot_scripts.shared.options import with_std
+from youbot_scripts.shared.tables import with_std
 
 PAPER = load_model("paper")
 AXES = {"VX", "VY", "W"}

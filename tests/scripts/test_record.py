@@ -17,6 +17,7 @@ import pytest
 from controllers.recording import record
 from identification.logs.log import Log
 from identification.logs.reading import read_log
+from tests.scripts.processes import heed_interrupts
 from youbot_env.errors import InputError
 from youbot_env.model.model_file import load_model, model_from_dict, model_to_dict, save_model
 from youbot_env.motions.calibration import motion_i, motion_iii
@@ -216,6 +217,7 @@ def test_ctrl_c_keeps_the_logs_that_are_finished(tmp_path: Path, short_motion: P
         stdout=subprocess.PIPE,
         stderr=subprocess.PIPE,
         text=True,
+        preexec_fn=heed_interrupts,
     )
     told = tmp_path / "runs" / "record.json"
     deadline = time.monotonic() + 60

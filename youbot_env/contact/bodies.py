@@ -15,7 +15,7 @@ from youbot_env.errors import optional_library
 from youbot_env.model.model import Model
 from youbot_env.physics.geometry import COS_ROLLER, SIGN_X, WHEELS
 from youbot_env.physics.mecanum import STATE
-from youbot_env.simulation.plant import DRIVES, POSE, TWIST, WHEEL_ANGLE, drive_delay
+from youbot_env.simulation.platforms import DRIVES, POSE, TWIST, WHEEL_ANGLE, drive_delay
 
 Array = NDArray[np.float64]
 

@@ -14,6 +14,12 @@ from youbot_env.model.model import Model
 from youbot_env.physics.catalogue import GRAVITY
 from youbot_env.physics.geometry import SIGN_LATERAL, SIGN_X, SIGN_Y, WHEELS, Geometry
 
+TRANSLATED = (
+    *("floor_tilt", "wheel_coulomb_friction", "uneven_wheel_friction", "payload_change"),
+    *("actuator_lag", "torque_delay"),
+)
+"""Effects of a model that the contact plant knows how to build."""
+
 Array = NDArray[np.float64]
 
 
@@ -221,3 +227,13 @@ def _roller(model: Model, contact: Contact, wheel: Wheel, index: int, k: int) ->
 
 def _zaxis(axis: tuple[float, float, float]) -> str:
     return f'zaxis="{_numbers(axis)}"'
+
+
+def check_translatable(model: Model) -> None:
+    """InputError if the model holds an effect that this plant cannot build."""
+    for name in model.effects:
+        if name not in TRANSLATED:
+            raise InputError(
+                f"model {model.name}: effect {name} cannot be built with contacts; a plant "
+                f"'contact' knows {', '.join(TRANSLATED)}"
+            )

@@ -29,12 +29,20 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from youbot_env.contact.bodies import CLOCK, YAW, Bodies
-from youbot_env.contact.settings import Contact, check_translatable
+from youbot_env.contact.mjcf import check_translatable
+from youbot_env.contact.settings import Contact
 from youbot_env.errors import InputError
 from youbot_env.model.model import Model
 from youbot_env.model.model_file import load_model
 from youbot_env.simulation.free_run import initial_state
-from youbot_env.simulation.plant import DRIVES, POSE, TWIST, WHEEL_ANGLE, StateRows, checked_torque
+from youbot_env.simulation.platforms import (
+    DRIVES,
+    POSE,
+    TWIST,
+    WHEEL_ANGLE,
+    StateRows,
+    checked_torque,
+)
 
 Array = NDArray[np.float64]
 

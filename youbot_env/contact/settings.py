@@ -1,17 +1,10 @@
-"""What a plant with real contacts has beyond its model, and which effects it can be built with."""
+"""What a plant with real contacts has beyond its model."""
 
 from __future__ import annotations
 
 from dataclasses import asdict, dataclass, field
 
 from youbot_env.errors import InputError, check_settings, count, finite
-from youbot_env.model.model import Model
-
-TRANSLATED = (
-    *("floor_tilt", "wheel_coulomb_friction", "uneven_wheel_friction", "payload_change"),
-    *("actuator_lag", "torque_delay"),
-)
-"""Effects of a model that the contact plant knows how to build."""
 
 
 @dataclass(frozen=True)
@@ -125,13 +118,3 @@ def contact_named(plant: str | Contact) -> Contact | None:
     if plant not in ("model", "contact"):
         raise InputError(f"plant: {plant!r} is none of 'model', 'contact' or Contact(...)")
     return Contact() if plant == "contact" else None
-
-
-def check_translatable(model: Model) -> None:
-    """InputError if the model holds an effect that this plant cannot build."""
-    for name in model.effects:
-        if name not in TRANSLATED:
-            raise InputError(
-                f"model {model.name}: effect {name} cannot be built with contacts; a plant "
-                f"'contact' knows {', '.join(TRANSLATED)}"
-            )

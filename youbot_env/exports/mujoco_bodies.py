@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import os
 
-from youbot_env.contact.mjcf import mjcf
-from youbot_env.contact.settings import Contact, check_translatable
+from youbot_env.contact.mjcf import check_translatable, mjcf
+from youbot_env.contact.settings import Contact
 from youbot_env.model.model import Model
 from youbot_env.model.model_file import load_model
 

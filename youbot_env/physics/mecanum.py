@@ -33,6 +33,7 @@ from youbot_env.physics.geometry import (
 )
 from youbot_env.physics.hardware import MAX_BODY_SPEED, MAX_WHEEL_TORQUE, WHEELS
 from youbot_env.physics.mechanism import Components, EffectPoints, Instant, MechanismKind, Site
+from youbot_env.physics.structure import ModelStructure
 
 STATE = (
     *("velocity_x", "velocity_y", "yaw_rate"),
@@ -179,3 +180,8 @@ MECANUM = MechanismKind(
     fault=_fault,
 )
 """The mecanum platform with four wheels."""
+
+
+def mecanum_structure(effects: Sequence[str] = ()) -> ModelStructure:
+    """The structure of a platform's model with these effects beside the base."""
+    return ModelStructure(tuple(effects), MECANUM)

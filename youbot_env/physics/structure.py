@@ -13,7 +13,6 @@ from typing import Any
 
 from youbot_env.errors import InputError
 from youbot_env.physics.effect import ACTUATOR, CLOCK, Effect, Place
-from youbot_env.physics.mecanum import MECANUM
 from youbot_env.physics.mechanism import EffectPoints, Instant, MechanismKind, component_force
 from youbot_env.physics.namespaces import floats
 
@@ -28,8 +27,8 @@ class ModelStructure:
         If an effect is unknown or named twice, or two of them are actuators.
     """
 
-    effects: tuple[str, ...] = ()
-    mechanism: MechanismKind = MECANUM
+    effects: tuple[str, ...]
+    mechanism: MechanismKind
 
     def __post_init__(self) -> None:
         if len(set(self.effects)) < len(self.effects):

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from youbot_env.simulation.delay_line import DelayLine
-from youbot_env.simulation.plant import TWIST, WHEEL_ANGLE, Platforms
+from youbot_env.simulation.platforms import TWIST, WHEEL_ANGLE, Platforms
 from youbot_env.tracking.sensors import Sensors, sense
 
 Array = NDArray[np.float64]

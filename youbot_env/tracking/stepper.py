@@ -16,7 +16,8 @@ from youbot_env.contact.settings import Contact
 from youbot_env.errors import InputError, finite
 from youbot_env.model.model import Model
 from youbot_env.motions.base import Motion
-from youbot_env.simulation.plant import Plant, Platforms, plant_substeps
+from youbot_env.simulation.plant import Plant, plant_substeps
+from youbot_env.simulation.platforms import Platforms
 from youbot_env.tracking.actuation import Actuation, reject, take
 from youbot_env.tracking.randomisation import Same, Source, episode_streams
 from youbot_env.tracking.sampled_plant import SampledPlant

@@ -17,7 +17,7 @@ from tests.identification.shared_data import DATA, needs_data, theta, truth
 from youbot_env.errors import InputError
 from youbot_env.model.model_file import load_model, model_from_dict, model_to_dict
 from youbot_env.physics.geometry import Geometry
-from youbot_env.physics.structure import ModelStructure
+from youbot_env.physics.mecanum import mecanum_structure
 
 PAPER = load_model("paper")
 
@@ -37,7 +37,7 @@ def check_recovery(model, expected):
 def test_given_platforms_come_back_and_predict_held_out_runs(name):
     result = identify([read_log(DATA / name / "calibration.csv")])
     check_recovery(result.model, truth(name))
-    engine = Mecanum(Geometry(), ModelStructure())
+    engine = Mecanum(Geometry(), mecanum_structure())
     for run in ("multisine_a", "multisine_b"):
         log = read_log(DATA / name / f"{run}.csv")
         found = compare(result.model, [log]).to_dict()

@@ -18,14 +18,14 @@ from youbot_env.model.model_file import load_model
 from youbot_env.physics.effect import CATALOGUE
 from youbot_env.physics.geometry import Geometry
 from youbot_env.physics.inverse_dynamics import wrench
+from youbot_env.physics.mecanum import mecanum_structure
 from youbot_env.physics.mechanism import Instant
-from youbot_env.physics.structure import ModelStructure
 
 PAPER = load_model("paper")
 
 
 def mechanism(*effects: str) -> Mecanum:
-    return Mecanum(Geometry(), ModelStructure(effects))
+    return Mecanum(Geometry(), mecanum_structure(effects))
 
 
 SHAPES = {"payload_change": {"time": 70.0}}

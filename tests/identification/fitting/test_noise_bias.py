@@ -11,7 +11,7 @@ from identification.fitting.noise_bias import final_fit, joint_fit
 from identification.mechanisms.mecanum import Mecanum
 from tests.identification.recordings import recording
 from youbot_env.model.model_file import load_model
-from youbot_env.physics.structure import ModelStructure
+from youbot_env.physics.mecanum import mecanum_structure
 
 COULOMB = (("wheel_coulomb_friction", (("torque", 0.3),)),)
 STRIBECK = (
@@ -27,7 +27,7 @@ def at_hand(effects, seeds=(1, 2)):
     truth = load_model("paper")
     for name, values in effects:
         truth = truth.with_effect(name, **dict(values))
-    mechanism = Mecanum(truth.geometry, ModelStructure(tuple(name for name, _ in effects)))
+    mechanism = Mecanum(truth.geometry, mecanum_structure(tuple(name for name, _ in effects)))
     logs = [recording("calibration", effects, seed=seed) for seed in seeds]
     samples = [mechanism.samples(log) for log in logs]
     return mechanism, samples, [NoiseLevel.of(item) for item in samples], truth.theta

@@ -23,10 +23,10 @@ from youbot_env.errors import InputError
 from youbot_env.model.model_file import load_model
 from youbot_env.motions.calibration import motion_i, motion_ii, motion_iii, motion_iv
 from youbot_env.physics.geometry import Geometry
-from youbot_env.physics.structure import ModelStructure
+from youbot_env.physics.mecanum import mecanum_structure
 
 PAPER = load_model("paper")
-ENGINE = Mecanum(Geometry(), ModelStructure())
+ENGINE = Mecanum(Geometry(), mecanum_structure())
 
 
 def whole_periods(motion):

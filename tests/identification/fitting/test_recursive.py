@@ -6,7 +6,7 @@ from identification.mechanisms.mecanum import Mecanum
 from tests.identification.recordings import recording
 from youbot_env.model.model_file import load_model
 from youbot_env.physics.geometry import Geometry
-from youbot_env.physics.structure import ModelStructure
+from youbot_env.physics.mecanum import mecanum_structure
 
 PAPER = load_model("paper")
 
@@ -37,7 +37,7 @@ def test_forgetting_follows_a_parameter_that_changes():
 
 def test_the_papers_round_gives_its_numbers_back():
     """I - III - II - IV, 140 s, stock control: within three deviations, and on the batch fit."""
-    engine = Mecanum(Geometry(), ModelStructure())
+    engine = Mecanum(Geometry(), mecanum_structure())
     samples = engine.samples(recording())
     batch = fit(engine, [samples], PAPER.theta)
     course = recursive_course(batch.rows, batch.theta, engine.scale, batch.std)

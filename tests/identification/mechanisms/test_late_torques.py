@@ -13,14 +13,14 @@ from tests.identification.recordings import recording
 from tests.identification.shared_data import DATA, needs_data, theta, truth
 from youbot_env.model.model_file import load_model, model_from_dict, model_to_dict
 from youbot_env.physics.geometry import Geometry
-from youbot_env.physics.structure import ModelStructure
+from youbot_env.physics.mecanum import mecanum_structure
 
 PAPER = load_model("paper")
 
 
 def fitted(name, values, rate=100.0, noise=1.0, seed=3):
     log = recording(effects=((name, tuple(values.items())),), rate=rate, noise=noise, seed=seed)
-    engine = Mecanum(Geometry(), ModelStructure((name,)))
+    engine = Mecanum(Geometry(), mecanum_structure((name,)))
     samples = engine.samples(log)
     return engine, samples, fit(engine, [samples], PAPER.with_effect(name).theta)
 
@@ -44,7 +44,7 @@ def test_late_torques_come_back_within_their_deviations(name, values, rate):
 
 @needs_data
 def test_the_lag_of_a_given_platform():
-    engine = Mecanum(Geometry(), ModelStructure(("actuator_lag",)))
+    engine = Mecanum(Geometry(), mecanum_structure(("actuator_lag",)))
     samples = [engine.samples(read_log(DATA / "actuator_lag" / "calibration.csv"))]
     found = fit(engine, samples, PAPER.with_effect("actuator_lag").theta)
     lag = truth_of_lag()
@@ -61,14 +61,14 @@ def truth_of_lag() -> float:
 @pytest.mark.parametrize("name", ["actuator_lag", "torque_delay"])
 def test_a_prompt_platform_is_found_prompt(name):
     """Neither a smoothed rate nor an interpolated force makes a lag out of noise."""
-    engine = Mecanum(Geometry(), ModelStructure((name,)))
+    engine = Mecanum(Geometry(), mecanum_structure((name,)))
     found = fit(engine, [engine.samples(recording(seed=4))], PAPER.with_effect(name).theta)
     assert abs(found.theta[-1]) < max(3 * found.std[-1], 1e-4)
 
 
 def test_the_right_delay_reaches_the_noise_of_the_prompt_platform():
     late = recording(effects=(("torque_delay", (("delay", 0.0237),)),), seed=4)
-    engine = Mecanum(Geometry(), ModelStructure(("torque_delay",)))
+    engine = Mecanum(Geometry(), mecanum_structure(("torque_delay",)))
     samples = engine.samples(late)
     errors = {}
     for delay in (0.0, 0.0237):
@@ -77,7 +77,7 @@ def test_the_right_delay_reaches_the_noise_of_the_prompt_platform():
             SumsOfSquares.of(traces(engine, at, samples)).ratio
             for traces in (force_traces, velocity_traces)
         ]
-    base = Mecanum(Geometry(), ModelStructure())
+    base = Mecanum(Geometry(), mecanum_structure())
     plain = base.samples(recording(seed=4))
     floor = [
         SumsOfSquares.of(traces(base, PAPER.theta, plain)).ratio
@@ -89,7 +89,7 @@ def test_the_right_delay_reaches_the_noise_of_the_prompt_platform():
 
 
 def test_a_log_whose_torques_are_late_has_a_negative_delay():
-    engine = Mecanum(Geometry(), ModelStructure(("torque_delay",)))
+    engine = Mecanum(Geometry(), mecanum_structure(("torque_delay",)))
     samples = engine.samples(recording(seed=5))
     moved = type(samples)(**{**vars(samples), "torque": np.roll(samples.torque, 3, axis=0)})
     found = fit(engine, [moved], PAPER.with_effect("torque_delay").theta)
@@ -119,7 +119,7 @@ def test_effects_in_a_form_of_their_own_are_identified_and_stored(name, values):
 def test_a_constant_pull_is_a_tether_to_a_far_anchor():
     """A tilt is the limit of a tether; what is stored must say the same as what was fitted."""
     tilt = (("floor_tilt", (("tilt_x", 0.02), ("tilt_y", -0.01))),)
-    engine = Mecanum(Geometry(), ModelStructure(("tether",)))
+    engine = Mecanum(Geometry(), mecanum_structure(("tether",)))
     samples = engine.samples(recording(effects=tilt, seed=7))
     found = fit(engine, [samples], PAPER.with_effect("tether").theta)
     model = fitted_model(engine, found)
@@ -130,7 +130,7 @@ def test_a_constant_pull_is_a_tether_to_a_far_anchor():
 
 
 def test_a_payload_that_is_not_there_is_found_light():
-    engine = Mecanum(Geometry(), ModelStructure(("payload_change",)))
+    engine = Mecanum(Geometry(), mecanum_structure(("payload_change",)))
     start = PAPER.with_effect("payload_change", time=70.0)
     found = fit(engine, [engine.samples(recording(rate=50.0, seed=8))], start.theta)
     model = fitted_model(engine, found)

@@ -10,7 +10,6 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from rich.console import Console
 
 from youbot_env.errors import InputError
 from youbot_env.files import atomic_path
@@ -110,37 +109,6 @@ def test_no_result_file_unless_asked_for(tmp_path: Path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     common.write_result(None, {"a": 1})
     assert list(tmp_path.iterdir()) == []
-
-
-def test_a_table_fits_in_80_columns_and_loses_no_text():
-    out = io.StringIO()
-    sentence = "The residual is a constant force in the world: turned around, its sign flips."
-    rows = [("floor_tilt", 1.5, sentence), ("tether", 22.25, "[red]no markup[/red] [N/m]")]
-    console = Console(file=out, width=80)
-    common.show_table(console, "Effects", ("effect", "size [rad]", "sign"), rows, left=("sign",))
-    lines = out.getvalue().splitlines()
-    assert max(map(len, lines)) <= 80
-    assert "[red]no markup[/red] [N/m]" in out.getvalue()
-    assert "size [rad]" in out.getvalue()
-    for word in sentence.split():
-        assert word in out.getvalue()
-    first, second = (next(line for line in lines if key in line) for key in ("1.5", "22.25"))
-    assert first.index("1.5") + 3 == second.index("22.25") + 5, "numbers are flush right"
-
-
-@pytest.mark.parametrize(
-    ("value", "std", "text"),
-    [
-        (35.3123, 0.2149, "35.31 ± 0.21"),
-        (0.0057312, 0.000123, "0.00573 ± 0.00012"),
-        (1234.5, 120.0, "1234 ± 120"),
-        (1.0, 0.0, "1"),
-        (1.0, float("nan"), "1"),
-        (float("nan"), 1.0, "-"),
-    ],
-)
-def test_an_estimate_is_rounded_to_its_uncertainty(value, std, text):
-    assert common.with_std(value, std) == text
 
 
 def test_progress_is_silent_without_a_terminal(capsys):

@@ -14,7 +14,7 @@ from PIL import Image
 from identification.figures.time_series import motion_figure
 from youbot_scripts.cli import command_line
 from youbot_scripts.shared.report_page import Picture, Words, page, pictures
-from youbot_scripts.shared.tables import Table
+from youbot_scripts.shared.tables import Table, columns, text as text_column
 
 EVIL = '<script>alert(1)</script> & "x" <img src=http://evil>'
 
@@ -39,7 +39,7 @@ class Reader(HTMLParser):
 
 def everywhere(text: str) -> str:
     """A page on which a text stands in every place that takes one."""
-    table = Table(text, (text, "b"), ((text, 1),), (text,), text, left=("b",))
+    table = Table(text, columns(text, text_column("b")), ((text, 1),), (text,), text)
     parts = [Words([text], "verdict", text), table, Picture(text, b"")]
     return page(text, parts, {text: text}, command=text)
 
@@ -52,9 +52,8 @@ def test_names_are_text_wherever_they_stand():
 
 
 def test_parts_come_in_order_and_tables_are_whole():
-    table = Table(
-        "T", ("name", "value", "unit"), (("a", 1.5, "m"), ("b", "-", "s")), left=("unit",)
-    )
+    headers = columns("name", "value", text_column("unit"))
+    table = Table("T", headers, (("a", 1.5, "m"), ("b", "-", "s")))
     text = page("P", [Words(["first"]), table, Words(["last"])], {"seed": 7})
     cells = re.findall(r"<td(?: class=\"text\")?>([^<]*)</td>", text)
     assert cells == ["a", "1.5", "m", "b", "-", "s"]
@@ -63,7 +62,7 @@ def test_parts_come_in_order_and_tables_are_whole():
 
 
 def test_a_table_without_rows_is_its_notes():
-    text = page("P", [Table("T", ("a", "b"), (), ("nothing to tell",))], {})
+    text = page("P", [Table("T", columns("a", "b"), (), ("nothing to tell",))], {})
     assert "nothing to tell" in text and "<table>" not in text
 
 

@@ -21,6 +21,7 @@ from youbot_env.model.model import Model
 from youbot_env.physics import inverse_dynamics as dynamics
 from youbot_env.physics.effect import BASE, CATALOGUE
 from youbot_env.physics.geometry import body_force, roller_rates, wheel_rates
+from youbot_env.physics.mecanum import mecanum_structure
 from youbot_env.physics.mechanism import Instant
 from youbot_env.physics.structure import ModelStructure
 
@@ -35,7 +36,7 @@ M_W = L (M2 + M4 - M1 - M3)/R"""
 
 
 def test_the_base_model_prints_as_the_paper_writes_it():
-    assert equation(ModelStructure()) == AS_IN_THE_PAPER
+    assert equation(mecanum_structure()) == AS_IN_THE_PAPER
 
 
 def parsed(line: str) -> sympy.Expr:
@@ -128,7 +129,7 @@ def test_latex_is_balanced_and_names_nothing_in_plain_text(case: str):
 
 
 def test_latex_of_the_base_model():
-    first = equation(ModelStructure(), "latex").splitlines()[0]
+    first = equation(mecanum_structure(), "latex").splitlines()[0]
     assert first == (
         r"\left(m_{0} + \frac{4 I_{1}}{R^{2}}\right) \dot{V}_{X} - m \, a_{Y} \dot{W} "
         r"- m_{0} V_{Y} W - m \, a_{X} W^{2} + \frac{4 \mu_{1}}{R^{2}} V_{X} = F_{X}"
@@ -137,9 +138,9 @@ def test_latex_of_the_base_model():
 
 def test_what_cannot_be_printed_is_refused():
     with pytest.raises(InputError, match="choose text, latex or numeric"):
-        equation(ModelStructure(), "html")  # type: ignore[arg-type]
+        equation(mecanum_structure(), "html")  # type: ignore[arg-type]
     with pytest.raises(InputError, match="numbers need a model"):
-        equation(ModelStructure(), "numeric")
+        equation(mecanum_structure(), "numeric")
 
 
 # --- linearity -------------------------------------------------------------------------------
@@ -183,9 +184,9 @@ def test_effects_that_multiply_base_parameters_are_proven_linear_in_the_base(cas
 
 
 def test_a_wrench_that_is_not_linear_would_be_seen():
-    symbols = Equations(ModelStructure(("floor_tilt",))).theta
+    symbols = Equations(mecanum_structure(("floor_tilt",))).theta
     assert not curvature(
-        Equations(ModelStructure(("floor_tilt",))).sides[0], symbols
+        Equations(mecanum_structure(("floor_tilt",))).sides[0], symbols
     ).is_zero_matrix
 
 

@@ -2,6 +2,8 @@
 
 import itertools
 import json
+import subprocess
+import sys
 
 import numpy as np
 import pytest
@@ -517,3 +519,12 @@ def test_steps_hold_their_levels_and_refuse_what_cannot_be() -> None:
         Steps(name="s", rise=0.1, hold=1.0, levels=((0.3, 0.0),))  # pyright: ignore
     with pytest.raises(InputError, match="at least one"):
         Steps(name="s", rise=0.1, hold=1.0, levels=())
+
+
+def test_every_kind_can_be_read_whatever_is_imported_first():
+    code = (
+        "from youbot_env.motions.base import motion_from_dict;"
+        f"print(motion_from_dict({some_multisine().to_dict()!r}).kind)"
+    )
+    run = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, timeout=60)
+    assert (run.stdout, run.stderr) == ("multisine\n", "")

@@ -30,7 +30,7 @@ from youbot_env.physics.geometry import (
     roller_rates,
     wheel_rates,
 )
-from youbot_env.physics.mecanum import MECANUM
+from youbot_env.physics.mecanum import MECANUM, mecanum_structure
 from youbot_env.physics.mechanism import EffectPoints, Instant, component_force
 from youbot_env.physics.namespaces import floats
 from youbot_env.physics.structure import ModelStructure
@@ -174,7 +174,7 @@ def test_shifts_are_sums_of_their_parameters(name: str):
     where = next(where for known, where in m.structure.slices if known is item)
     delay = dynamics.torque_delay(np, m.structure, m.theta)
     assert delay == pytest.approx(m.theta[where].sum(), rel=1e-15) and delay == m.delay
-    assert dynamics.torque_delay(np, ModelStructure(), model("base").theta) == 0.0
+    assert dynamics.torque_delay(np, mecanum_structure(), model("base").theta) == 0.0
     # At one instant it is transparent.
     at = random_instant(np.random.default_rng(8))
     torque = dynamics.inverse_dynamics(floats, m.structure, m.geometry, m.theta, at)

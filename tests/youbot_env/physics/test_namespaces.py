@@ -13,6 +13,7 @@ from tests.youbot_env.structures import CASES, model, random_instant, state_of
 from youbot_env.model.model import Model
 from youbot_env.physics import effect as effects, inverse_dynamics as dynamics
 from youbot_env.physics.effect import CATALOGUE, WHEEL, Parameter, effect
+from youbot_env.physics.mecanum import mecanum_structure
 from youbot_env.physics.mechanism import Instant
 from youbot_env.physics.namespaces import floats, symbols, tensors
 from youbot_env.physics.structure import ModelStructure
@@ -174,7 +175,7 @@ def everything_xp_offers(monkeypatch: pytest.MonkeyPatch) -> ModelStructure:
         return a * (smooth + edges + xp.where(x > 0.5, x, 3.0 * b) + xp.maximum(0.0, x))
 
     assert CATALOGUE["all_functions"].function is all_functions
-    return ModelStructure(("all_functions",))
+    return mecanum_structure(("all_functions",))
 
 
 def test_every_function_an_effect_may_use_works_everywhere(everything_xp_offers: ModelStructure):

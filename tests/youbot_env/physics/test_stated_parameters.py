@@ -10,9 +10,9 @@ from youbot_env.errors import InputError
 from youbot_env.model.model_file import load_model, save_model
 from youbot_env.physics.effect import BASE, BODY, CATALOGUE, Parameter, Public, effect
 from youbot_env.physics.geometry import Geometry
+from youbot_env.physics.mecanum import mecanum_structure
 from youbot_env.physics.namespaces import floats
 from youbot_env.physics.stated_parameters import jacobian, public_parameters, to_public, to_theta
-from youbot_env.physics.structure import ModelStructure
 from youbot_env.plugins import load_effects
 
 FORMED = [name for name in EFFECTS if CATALOGUE[name].public is not None]
@@ -54,7 +54,7 @@ def test_no_platform_without_its_wheels_has_no_centre_of_mass():
     paper = load_model("paper")
     wheels_alone = paper.theta.copy()
     wheels_alone[0] = 4 * paper.geometry.m1
-    found = to_public(ModelStructure(), paper.geometry, wheels_alone)
+    found = to_public(mecanum_structure(), paper.geometry, wheels_alone)
     assert found["aX"] == found["aY"] == 0.0
 
 

@@ -10,7 +10,7 @@ import pytest
 from identification.mechanisms.axis import AXIS
 from youbot_env.errors import InputError
 from youbot_env.physics.effect import CATALOGUE
-from youbot_env.physics.mecanum import MECANUM
+from youbot_env.physics.mecanum import MECANUM, mecanum_structure
 from youbot_env.physics.mechanism import MechanismKind
 from youbot_env.physics.structure import ModelStructure
 from youbot_env.simulation.generated_code import SOURCES
@@ -32,7 +32,7 @@ def test_equal_effects_make_equal_keys(kind: MechanismKind, effects: tuple[str, 
 
 
 def test_structures_of_two_mechanisms_differ():
-    assert ModelStructure() != of(AXIS)
+    assert mecanum_structure() != of(AXIS)
 
 
 @pytest.mark.parametrize(("kind", "effects"), CASES)
@@ -70,7 +70,7 @@ def test_structures_refuse_what_cannot_be(kind: MechanismKind):
 def test_a_platform_holds_one_actuator(monkeypatch: pytest.MonkeyPatch):
     monkeypatch.setitem(CATALOGUE._effects, "second_lag", CATALOGUE["actuator_lag"])
     with pytest.raises(InputError, match="one actuator effect"):
-        ModelStructure(("actuator_lag", "second_lag"))
+        mecanum_structure(("actuator_lag", "second_lag"))
 
 
 @pytest.mark.parametrize("kind", [MECANUM, AXIS])

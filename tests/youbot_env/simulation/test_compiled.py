@@ -16,11 +16,11 @@ from youbot_env.model.model_file import load_model
 from youbot_env.physics import inverse_dynamics as dynamics
 from youbot_env.physics.catalogue import wheel_coulomb_friction
 from youbot_env.physics.effect import CATALOGUE
-from youbot_env.physics.structure import ModelStructure
+from youbot_env.physics.mecanum import mecanum_structure
 from youbot_env.simulation import compiled as kernels
 from youbot_env.simulation.generated_code import System
 
-BASE = ModelStructure()
+BASE = mecanum_structure()
 
 PROGRAM = """
 import sys, warnings
@@ -164,7 +164,7 @@ def key_with(monkeypatch: pytest.MonkeyPatch, function) -> str:
     changed = replace(CATALOGUE["wheel_coulomb_friction"], function=function)
     with monkeypatch.context() as patch:
         patch.setitem(CATALOGUE._effects, "wheel_coulomb_friction", changed)
-        return kernels._key(ModelStructure(("wheel_coulomb_friction",)), System(dynamics))
+        return kernels._key(mecanum_structure(("wheel_coulomb_friction",)), System(dynamics))
 
 
 SCALE = 1.0

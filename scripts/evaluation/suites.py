@@ -1,104 +1,16 @@
-"""What is evaluated: settings as a user states them, ready-made suites, and the conditions."""
+"""Ready-made settings under a name, and settings as the command line states them."""
 
 from __future__ import annotations
 
 import difflib
 import math
 from collections.abc import Mapping
-from dataclasses import dataclass, fields
-from itertools import product
+from dataclasses import fields
 from typing import Any
 
 from controllers import registry
-from youbot_env.errors import InputError, count, finite
-from youbot_scripts.evaluation.knowledge import IDENTIFIED, ModelSource
-from youbot_scripts.evaluation.loop_settings import LoopSettings
-from youbot_scripts.evaluation.plants import PlantSource
-from youbot_scripts.evaluation.trials import Condition, ReferenceMotion
-
-Band = tuple[float, float]
-
-BASIC = ("kinematic", "kinematic_tuned", "pid", "lqi", "computed_torque")
-"""Compared unless others are named."""
-
-WIDE: tuple[Band, ...] = ((0.5, 3.0),)
-"""The band of the tracking task, as one."""
-
-SHORTEST = 20.0
-"""Least duration [s] of what is judged, unless another is asked for."""
-
-
-@dataclass(frozen=True)
-class Settings:
-    """All that decides what an evaluation finds.
-
-    Attributes
-    ----------
-    plants, effects, surprises, lag : what moves, see ``PlantSource``; effects are in every plant
-    models : how the controllers' models of it come about, see ``ModelSource``
-    controllers : names of the registry
-    bands : of the references [rad/s]
-    amplitude : peaks of VX, VY [m/s] and W [rad/s]
-    seeds : references, with their noise, for each band
-    duration : [s] that is judged; None is once around the band's slowest tone, at least 20 s
-    rate, delay, noise, pose : see ``LoopSettings``
-    against : the controller that others are measured by
-
-    Raises
-    ------
-    InputError
-        If a name is unknown or a number cannot be.
-    """
-
-    plants: tuple[str, ...] = ("paper",)
-    effects: tuple[str, ...] = ()
-    surprises: tuple[str, ...] = ()
-    lag: float = 0.0
-    models: tuple[str, ...] = (IDENTIFIED,)
-    controllers: tuple[str, ...] = BASIC
-    bands: tuple[Band, ...] = ((0.1, 0.5), (0.5, 1.0), (1.0, 2.0), (2.0, 4.0))
-    amplitude: tuple[float, float, float] = (0.22, 0.18, 0.6)
-    seeds: int = 5
-    duration: float | None = None
-    rate: float = 100.0
-    delay: int = 1
-    noise: float = 0.01
-    pose: bool = False
-    against: str = "kinematic_tuned"
-
-    def __post_init__(self) -> None:
-        for name in ("plants", "models", "controllers", "bands"):
-            if not getattr(self, name):
-                raise InputError(f"{name}: none is named")
-        for controller in self.controllers:
-            registry.check(controller)
-        count("seeds", self.seeds)
-        finite("lag [s]", self.lag, least=0.0)
-        if self.duration is not None:
-            finite("duration [s]", self.duration, positive=True)
-        self.courses()[0].motion(self.conditions()[0].plant, 0, 0)
-
-    def conditions(self) -> list[Condition]:
-        """Every plant with every model, in one loop."""
-        loop = LoopSettings(self.rate, self.delay, self.noise, self.pose)
-        plants = [
-            PlantSource(source, self.effects, self.surprises, self.lag)
-            for source in dict.fromkeys(self.plants)
-        ]
-        models = [ModelSource(how) for how in dict.fromkeys(self.models)]
-        return [Condition(plant, model, loop) for plant, model in product(plants, models)]
-
-    def courses(self) -> list[ReferenceMotion]:
-        """The references of each band."""
-        return [
-            ReferenceMotion(band, self.amplitude, self.duration or self._once_around(band))
-            for band in self.bands
-        ]
-
-    def _once_around(self, band: Band) -> float:
-        slowest = finite("band", band[0], positive=True)
-        return max(SHORTEST, float(math.ceil(2 * math.pi / slowest)))
-
+from youbot_env.errors import InputError
+from youbot_scripts.evaluation.conditions import BASIC, WIDE, Band, Settings
 
 SUITES: dict[str, Mapping[str, Any]] = {
     "paper": {},
@@ -158,12 +70,37 @@ def settings(suite: str, given: Mapping[str, Any]) -> Settings:
     said = {name: value for name, value in given.items() if value is not None}
     assert names.issuperset(said)
     chosen = Settings(**{**SUITES[suite], **said})
+    for controller in chosen.controllers:
+        registry.check(controller)
     if "against" in said and chosen.against not in chosen.controllers:
         raise InputError(
             f"against: {chosen.against!r} is not compared; name one of "
             f"{', '.join(chosen.controllers)}"
         )
     return chosen
+
+
+def settings_from_options(suite: str, options: Mapping[str, Any]) -> Settings:
+    """Settings of a suite, changed by options of the command line: texts, numbers and lists.
+
+    Parameters
+    ----------
+    options : by the name of the setting; None where an option was not given
+
+    Raises
+    ------
+    InputError
+        As :func:`settings`, and if a text cannot be read.
+    """
+    lists = {name: options[name] for name in ("plants", "effects", "surprises")}
+    read = {
+        **{name: tuple(values) if values else None for name, values in lists.items()},
+        "models": words("model", options["models"]),
+        "controllers": words("controllers", options["controllers"]),
+        "bands": bands(options["bands"]),
+        "amplitude": amplitude(options["amplitude"]),
+    }
+    return settings(suite, {**options, **read})
 
 
 def words(what: str, text: str | None) -> tuple[str, ...] | None:

@@ -1,0 +1,130 @@
+"""The chapters of the demonstration, from logs to a controller that is built on their model."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+from youbot_scripts.demonstration.files import Demonstration
+from youbot_scripts.shared.tables import Column, Table, columns, number, show, text, with_std
+
+CONTROLLERS = ("kinematic", "kinematic_tuned", "computed_torque", "ppo")
+"""Compared in the last chapter; they need no extra."""
+
+
+def check(demo: Demonstration) -> None:
+    """What is in the logs, and what they can show."""
+    demo.command("doctor", demo.calibration, demo.held_out)
+
+
+def identify(demo: Demonstration) -> None:
+    """Fit the seven parameters to the calibration run."""
+    demo.say(
+        "The paper's motions I, III, II and IV, 35 s each, under the platform's stock wheel-speed "
+        "control."
+    )
+    demo.command("identify", demo.calibration, "-o", demo.model, *demo.plots)
+    demo.say(
+        "A rank below 7 means that a motion is blind to the sums of x in its row: only together "
+        "do the motions tell all parameters apart."
+    )
+
+
+def judge(demo: Demonstration) -> None:
+    """The estimates beside the parameters that the logs were simulated with."""
+    from youbot_env.model.model_file import load_model
+
+    found, true = load_model(demo.model), load_model("paper")
+    rows = []
+    for name, estimate in found.parameters.items():
+        truth, std = true.parameters[name].value, estimate.std or float("nan")
+        off = (estimate.value - truth) / std
+        rows.append((name, truth, with_std(estimate.value, std), off, estimate.unit))
+    shown = (Column("true", number), "identified ± std", Column("off by (std)", "{:+.1f}".format))
+    headers = columns("name", *shown, text("unit"))
+    show(demo.out, [Table("Against the truth", headers, tuple(rows))])
+    inside = sum(abs(float(row[3])) <= 1.96 for row in rows)
+    demo.say(f"{inside} of {len(rows)} true values lie within ± 1.96 std (95 % are expected to).")
+
+
+def compare(demo: Demonstration) -> None:
+    """The model on a multisine that the fit has not seen."""
+    demo.say("A velocity multisine of 0.5 to 3 rad/s, kept aside until now.")
+    found = demo.result_of("compare", demo.model, demo.held_out, *demo.plots, to="compare.json")
+    error, floor = (found[key]["velocity_error"] for key in ("total", "noise_floor"))
+    demo.say(
+        f"Driven by the measured torques alone for a minute, the model is {100 * error:.2f} % off "
+        f"the measured velocities; noise alone makes {100 * floor:.2f} %. "
+        + ("Nothing is missing from it." if error < 1.2 * floor else "Something is missing.")
+    )
+
+
+def fail(demo: Demonstration) -> None:
+    """The same model on logs in which an effect is hidden."""
+    demo.say("The same robot in another room. Nobody has told the model what is different there.")
+    demo.command("compare", demo.model, *demo.changed_room)
+
+
+def diagnose(demo: Demonstration) -> None:
+    """What is different, named; the error falls."""
+    found = demo.result_of(
+        "diagnose", demo.model, *demo.changed_room, "-o", demo.extended_model, to="diagnosis.json"
+    )
+    first, last = found["steps"][0], found["steps"][-1]
+    demo.say(
+        f"The held-out velocity error falls from {100 * first['velocity_error']:.1f} % to "
+        f"{100 * last['velocity_error']:.1f} %, where noise alone would leave "
+        f"{100 * found['noise_floor']['velocity_error']:.1f} %."
+    )
+
+
+def drive(demo: Demonstration) -> None:
+    """Controllers where the model failed: on that model, and on the one with what it lacked."""
+    demo.say(
+        "Controllers in that other room, each on the model from before the diagnosis and on the "
+        "one from after it, along references that they have not seen, from noisy encoders and a "
+        "sample late: the stock wheel-speed control, the same tuned on the model, computed torque, "
+        "and a policy that was trained where the floor is flat."
+    )
+    found = demo.result_of(
+        "evaluate",
+        *(word for effect in demo.hidden_effects() for word in ("--effect", effect)),
+        *("--model", f"{demo.model},{demo.extended_model}"),
+        *("--controllers", ",".join(CONTROLLERS)),
+        *("--bands", "0.5-1,1-2,2-4", "--seeds", "3", "--duration", "10"),
+        *("--brief", "--jobs", "1"),  # so short that a second process would start too late
+        *demo.plots,
+        to="evaluation.json",
+    )
+    before, after = (
+        _error(found, "computed_torque", model) for model in (demo.model, demo.extended_model)
+    )
+    tuned = _error(found, "kinematic_tuned", demo.extended_model)
+    demo.say(
+        f"Computed torque misses {100 * before:.2f} % of the reference on the model that is blind "
+        f"to the slope, and {100 * after:.2f} % on the one that knows it; the tuned kinematic "
+        f"control {100 * tuned:.1f} %."
+    )
+
+
+def _error(found: dict[str, Any], controller: str, model: Path) -> float:
+    """Mean normalised RMSE over axes, seeds and bands."""
+    errors = [
+        result["metrics"]["nrmse"]["mean"]
+        for result in found["results"]
+        if (result["controller"], result["model"]) == (controller, str(model))
+    ]
+    return sum(errors) / len(errors)
+
+
+CHAPTERS: dict[str, Callable[[Demonstration], None]] = {
+    "Are the logs sound, and what can they show?": check,
+    "Identify the model from the calibration run": identify,
+    "Is that the truth? (Simulated logs: it is known)": judge,
+    "Does the model predict a run that it has not seen?": compare,
+    "Does it hold in another room?": fail,
+    "What is missing?": diagnose,
+    "Does a better model drive better?": drive,
+}
+"""The chapters in their order: title and function."""
