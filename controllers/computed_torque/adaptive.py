@@ -151,7 +151,8 @@ class AdaptiveComputedTorque(ComputedTorque):
         """As :class:`ComputedTorque`; what is learnt counts from the next call on."""
         torque = super().__call__(observation, reference)
         rows, estimator = self._rows, self.estimator
-        if rows.take(self._inputs[TWIST], self._place[:8], self._acted, self.loop.sample_time):
+        acted = self._drives["mean_torque"][0]
+        if rows.take(self._inputs[TWIST], self._place[:8], acted, self.loop.sample_time):
             columns = np.hstack([rows.columns / self._scale, np.eye(3)])
             if estimator.learn(columns, rows.measured, rows.demand):
                 found = estimator.estimate[:BASE_COUNT] / self._scale

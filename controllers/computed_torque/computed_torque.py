@@ -7,11 +7,11 @@ from math import ceil
 
 import numpy as np
 
-from controllers.computed_torque.feedback import PLANNED, WIDTH, act
+from controllers.computed_torque.feedback import COMMAND, DRIVES, ESTIMATE, act
 from controllers.computed_torque.feedback_design import FeedbackSettings, design, feedback_margins
 from controllers.computed_torque.prediction import POSE, TIME, TORQUE, TWIST, predict
 from controllers.interface import Array, Loop, Observation, Reference
-from controllers.linear.linear_system import ROUNDING, acting_delay
+from controllers.linear.linear_system import ROUNDING
 from controllers.linear.margins import Margins
 from controllers.linear.reference_window import reference_at
 from youbot_env.errors import finite
@@ -68,13 +68,12 @@ class ComputedTorque:
             bandwidth = finite("bandwidth [rad/s]", bandwidth, positive=True)
         self.design = design(model, self.loop, bandwidth, settings or FeedbackSettings())
         # In samples: a command is read ``_lead`` ahead of now, at the start of its hold.
-        self._lead = acting_delay(model, self.loop) / self.loop.sample_time
+        self._lead = float(self.design.constants["lead"][0])
         self.preview_needed = ceil(self._lead - ROUNDING) + 1
         # Only forces that read pose or wheel angles need them moved on along the reference.
         self._follows = bool(model.structure.at(WORLD)) or model.structure.depends_on_angle
         self._kernel = inverse_kernel(model.structure, dynamics)
         self._lengths, self._theta = model.lengths, model.theta.copy()
-        self._jacobian = np.ascontiguousarray(model.geometry.wheel_jacobian)
         self._warm_up()
 
     def _warm_up(self) -> None:
@@ -91,9 +90,9 @@ class ComputedTorque:
         self._begun = False
         self._inputs = np.zeros(17)
         self._nodes = np.zeros((self.design.past + 1 + self.preview_needed, 6))
-        self._state = np.zeros((2 + self.design.past, 3))
-        self._queue = np.zeros((self.design.slots, WIDTH))
-        self._drive, self._acted = np.zeros(WIDTH), np.zeros(WIDTH)
+        self._estimates = np.zeros(1 + self.design.past, ESTIMATE)
+        self._queue = np.zeros(self.design.slots, COMMAND)
+        self._drives = np.zeros(1, DRIVES)
         # Time, pose, wheel angles, and the twist that the pose was moved on with last.
         self._place = np.zeros(11)
         self._motion = np.zeros((3, len(MOTION)))
@@ -108,19 +107,15 @@ class ComputedTorque:
         drives are off. What is NaN in an observation is done without.
         """
         coming, has_slopes = self._read(observation, reference)
-        gains = self.design
+        past, constants = self.design.past, self.design.constants
         predict(
             self._inputs,
             self._nodes,
-            (gains.past, coming, has_slopes, self._begun, self._follows),
-            self._state,
+            (past, coming, has_slopes, self._begun, self._follows),
+            self._estimates,
             self._queue,
-            self._drive,
-            self._acted,
-            gains.axes,
-            gains.timing,
-            (self._jacobian, gains.to_acceleration),
-            self._lead,
+            self._drives,
+            constants,
             self._place,
             self._motion,
         )
@@ -138,17 +133,14 @@ class ComputedTorque:
             self._begin()
         torque = np.empty(4)
         self.share = act(
-            self._state,
+            self._estimates,
             self._queue,
-            self._drive,
-            gains.axes,
-            gains.timing,
-            self._nodes[gains.past],
+            self._drives,
+            constants,
+            self._nodes[past],
             self._motion,
             self._forward,
             self._mean,
-            (gains.slope, self.loop.torque_limit),
-            (gains.to_acceleration, gains.to_torque),
             torque,
         )
         return torque
@@ -161,18 +153,21 @@ class ComputedTorque:
     def _begin(self) -> None:
         """Until the first command acts, what acts now goes on; nothing does unless it is known."""
         acting = np.nan_to_num(self._inputs[TORQUE], posinf=0.0, neginf=0.0)
-        demanded = self.design.to_acceleration @ self._mean
-        exerted = self.design.to_acceleration @ acting - demanded
-        before = np.concatenate([exerted, acting, demanded, acting, np.zeros(3)])
-        self._queue[:], self._drive[:] = before, before
+        to_acceleration = self.design.constants["to_acceleration"][0]
+        demanded = to_acceleration @ self._mean
+        exerted = to_acceleration @ acting - demanded
+        queue, drives = self._queue, self._drives
+        queue["demand"], queue["command"] = demanded, acting
+        queue["correction"] = drives["correction"] = exerted
+        queue["torque"] = drives["torque"] = acting
         # The reference is taken to have come as it is known: that is no surprise.
-        ends = np.empty((len(self._queue) + 1, 6))
+        ends = np.empty((len(queue) + 1, 6))
         for age, at in enumerate(ends):
             reference_at(
                 self._nodes, self.design.past + self._lead - age, self.loop.sample_time, at
             )
         # Row k of the queue was commanded k + 1 samples ago, for the hold between two of the ends.
-        self._queue[:, PLANNED] = ends[:-1, :3] - ends[1:, :3]
+        queue["planned"] = ends[:-1, :3] - ends[1:, :3]
         self._begun = True
 
     def _read(self, observation: Observation, reference: Reference) -> tuple[int, bool]:

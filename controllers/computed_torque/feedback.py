@@ -8,6 +8,9 @@ wanders slowly, and a correction a that acts ``delay`` late through a drive's la
 The estimator runs this model on the corrections that were really exerted, so a saturated or missing
 torque winds nothing up, and compares with the measurement of the instant that it belongs to. The
 command cancels d and drives the error, as it will be when the command acts, to zero.
+
+What the functions work on are structured arrays, whose fields compiled code reads by name. Axes are
+VX, VY, W, so that three numbers in "m/s^2" are m/s^2, m/s^2, rad/s^2; wheels are fl, fr, bl, br.
 """
 
 from __future__ import annotations
@@ -17,155 +20,246 @@ from numba import njit
 
 from controllers.allocation import within_limits
 
-PERIOD, SLOTS, SHARE, STAYS, MEAN, STAYS_PART, AGE, CONTRADICTION = range(8)
-"""Places in ``feedback_design.FeedbackDesign.timing``."""
+# Structured arrays, because a call of compiled code takes one in 0.1 us. A NamedTuple of ten arrays
+# takes 1.1 us, a fifth of a whole step of the controller.
+CONSTANTS = np.dtype(
+    [
+        # An error e becomes transition e + input_gain (a + d) after a sample, and with ``_part``
+        # after the part of a sample that the delay has beside its whole ones.
+        ("transition", np.float64, 3),  # [1]
+        ("input_gain", np.float64, 3),  # [s]
+        ("transition_part", np.float64, 3),  # [1]
+        ("input_gain_part", np.float64, 3),  # [s]
+        # Estimator: per error found, how much the estimates of error and disturbance move.
+        ("error_correction", np.float64, 3),  # [1]
+        ("disturbance_correction", np.float64, 3),  # [1/s]
+        # Regulator: acceleration per error, and per acceleration that the drives exert.
+        ("error_feedback", np.float64, 3),  # [1/s]
+        ("drive_feedback", np.float64, 3),  # [1]
+        ("max_disturbance", np.float64, 3),  # [m/s^2] that is believed
+        ("max_first_error", np.float64, 3),  # [m/s] that may be noise
+        ("period", np.float64),  # [s] of a sample
+        ("age", np.float64),  # [s] of a measurement
+        ("lead", np.float64),  # [samples] from now to the instant at which a command acts
+        ("whole_samples", np.int64),  # of the lead
+        ("newer_share", np.float64),  # of a sample in which the newer of two commands acts
+        # Of what the drives exert beside the command's: what stays after a sample, what acts during
+        # it on average, and what stays after the part of a sample. All 0 without a lag.
+        ("lag_stays", np.float64),
+        ("lag_mean", np.float64),
+        ("lag_stays_part", np.float64),
+        ("slope", np.float64, 4),  # true torque per commanded one
+        ("torque_limit", np.float64),  # [N m] of a command
+        ("torque_tolerance", np.float64),  # [N m] beyond which a measured torque is believed
+        ("to_acceleration", np.float64, (3, 4)),  # [m/s^2 per N m] of the body, per wheel torque
+        ("to_torque", np.float64, (4, 3)),  # [N m per m/s^2] the least-norm way back
+        ("jacobian", np.float64, (4, 3)),  # [rad/s per m/s] wheel speeds per twist
+    ],
+    align=True,
+)
+"""What the feedback is given by its design, an array (1,)."""
 
-KEEP, GAIN, KEEP_PART, GAIN_PART, SEE_ERROR, SEE_LOAD, ON_ERROR, ON_DRIVE, MOST, JUMP = range(10)
-"""Columns of ``feedback_design.FeedbackDesign.axes``."""
+ESTIMATE = np.dtype(
+    [
+        ("error", np.float64, 3),  # [m/s] measured twist minus reference
+        ("disturbance", np.float64, 3),  # [m/s^2]
+    ],
+    align=True,
+)
+"""An array (1 + h,) holds the estimates of now and of the last h samples, newest first."""
 
-CORRECTION, TORQUE, DEMAND, COMMAND = slice(0, 3), slice(3, 7), slice(7, 10), slice(10, 14)
-PLANNED = slice(14, 17)
-"""Columns of the queue of commands and of the drives' state: correction [m/s^2, rad/s^2], torque
-behind the channel [N m], acceleration that the feed-forward stands for, command [N m], and the
-change of the reference that it was planned for."""
+COMMAND = np.dtype(
+    [
+        ("correction", np.float64, 3),  # [m/s^2] that it exerts beside the feed-forward's
+        ("torque", np.float64, 4),  # [N m] true ones, behind the channel
+        ("demand", np.float64, 3),  # [m/s^2] that the feed-forward stands for
+        ("command", np.float64, 4),  # [N m] as they are sent
+        ("planned", np.float64, 3),  # [m/s] change of the reference that it was planned for
+    ],
+    align=True,
+)
+"""An array (slots,), the queue, holds the commands that were sent last, newest first.
 
-WIDTH = PLANNED.stop
+It is no ``youbot_env.simulation.delay_line.DelayLine``. That one transports torques of any length
+and gives out those that have arrived; here commands of one length stay where the estimator reads
+them all, to predict the error at the end of the delay, and compiled code must be able to.
+"""
+
+DRIVES = np.dtype(
+    [
+        ("correction", np.float64, 3),  # [m/s^2] now
+        ("torque", np.float64, 4),  # [N m] now
+        # Over the last sample, as in ``COMMAND``.
+        ("mean_correction", np.float64, 3),
+        ("mean_torque", np.float64, 4),
+        ("mean_demand", np.float64, 3),
+        ("mean_planned", np.float64, 3),
+    ],
+    align=True,
+)
+"""What the drives exert behind delay and lag, an array (1,)."""
 
 
 @njit(cache=True, error_model="numpy")
-def estimate(
-    state, queue, drive, acted, axes, timing, to_acceleration, change, error, measured_torque
-):
+def estimate(estimates, queue, drives, constants, change, error, measured_torque):
     """One sample of the estimator.
 
-    ``state`` (2 + h, 3): error and disturbance now, then the errors of the last h samples; moves on
-    by the corrections that acted since, by what the reference's ``change`` (3,) since then differs
-    from the planned one, and by ``error`` (3,), measured twist minus the reference of the
-    measurement's instant (NaN: not measured). ``queue`` (slots, 17) holds the commands, newest
-    first, ``drive`` (17,) the torques behind the lag. A ``measured_torque`` (4,) that is
-    neither the one expected at the wheels nor the one commanded last is believed instead. Fills
-    ``acted`` (17,): the means over the last sample.
+    ``estimates`` moves on by the corrections that acted since, by what the reference's ``change``
+    (3,) [m/s] since then differs from the planned one, and by ``error`` (3,) [m/s], measured twist
+    minus the reference of the measurement's instant (NaN: not measured). A ``measured_torque`` (4,)
+    [N m] that is neither the one expected at the wheels nor the one commanded last is believed
+    instead. Moves ``drives`` on, too.
     """
-    slots, share = int(timing[SLOTS]), timing[SHARE]
-    stays, mean = timing[STAYS], timing[MEAN]
-    for row in range(state.shape[0] - 1, 1, -1):
-        state[row] = state[row - 1] if row > 2 else state[0]
-    for i in range(WIDTH):
-        late = queue[slots, i]
-        mixed = share * late + (1.0 - share) * queue[slots + 1, i]
-        if stays > 0.0 and i < 7:
-            acted[i] = mixed + (drive[i] - mixed) * mean
-            drive[i] = mixed + (drive[i] - mixed) * stays
-        else:
-            acted[i], drive[i] = mixed, late
-    if _contradicts(measured_torque, drive, queue, timing[CONTRADICTION]):
+    given, acting = constants[0], drives[0]
+    for row in range(estimates.size - 1, 0, -1):
+        estimates[row] = estimates[row - 1]
+    _move_drives(queue, acting, given)
+    if _contradicts(measured_torque, acting, queue[0], given.torque_tolerance):
         for axis in range(3):
-            value = -acted[7 + axis]
+            value = -acting.mean_demand[axis]
             for wheel in range(4):
-                value += to_acceleration[axis, wheel] * measured_torque[wheel]
-            acted[axis] = drive[axis] = value
-        acted[3:7] = measured_torque
-        drive[3:7] = measured_torque
-    behind = timing[AGE] / timing[PERIOD]
+                value += given.to_acceleration[axis, wheel] * measured_torque[wheel]
+            acting.mean_correction[axis] = acting.correction[axis] = value
+        for wheel in range(4):
+            acting.mean_torque[wheel] = acting.torque[wheel] = measured_torque[wheel]
+    # The measurement's instant lies between two samples of the past.
+    behind = given.age / given.period
     whole = int(behind)
     part = behind - whole
+    now = estimates[0]
     for axis in range(3):
-        before, load = state[0, axis], state[1, axis]
-        prior = axes[axis, KEEP] * before + axes[axis, GAIN] * (acted[axis] + load)
-        prior += acted[14 + axis] - change[axis]
-        newer = prior if whole == 0 else state[1 + whole, axis]
-        found = error[axis] - ((1.0 - part) * newer + part * state[2 + whole, axis])
+        disturbance = now.disturbance[axis]
+        prior = given.transition[axis] * now.error[axis]
+        prior += given.input_gain[axis] * (acting.mean_correction[axis] + disturbance)
+        prior += acting.mean_planned[axis] - change[axis]
+        newer = prior if whole == 0 else estimates[whole].error[axis]
+        older = estimates[1 + whole].error[axis]
+        found = error[axis] - ((1.0 - part) * newer + part * older)
         if not abs(found) < np.inf:
             found = 0.0
-        most = axes[axis, MOST]
-        state[0, axis] = prior + axes[axis, SEE_ERROR] * found
-        state[1, axis] = min(max(load + axes[axis, SEE_LOAD] * found, -most), most)
+        most = given.max_disturbance[axis]
+        now.error[axis] = prior + given.error_correction[axis] * found
+        disturbance += given.disturbance_correction[axis] * found
+        now.disturbance[axis] = min(max(disturbance, -most), most)
 
 
 @njit(cache=True, error_model="numpy")
-def _contradicts(measured, drive, queue, tolerance):
+def _move_drives(queue, acting, given):
+    """One sample of the drives, under the two commands that acted during it."""
+    newer, older = queue[given.whole_samples], queue[given.whole_samples + 1]
+    share = given.newer_share
+    for axis in range(3):
+        mixed = share * newer.correction[axis] + (1.0 - share) * older.correction[axis]
+        mean, now = _lagged(mixed, newer.correction[axis], acting.correction[axis], given)
+        acting.mean_correction[axis], acting.correction[axis] = mean, now
+        acting.mean_demand[axis] = share * newer.demand[axis] + (1.0 - share) * older.demand[axis]
+        mixed = share * newer.planned[axis] + (1.0 - share) * older.planned[axis]
+        acting.mean_planned[axis] = mixed
+    for wheel in range(4):
+        mixed = share * newer.torque[wheel] + (1.0 - share) * older.torque[wheel]
+        mean, now = _lagged(mixed, newer.torque[wheel], acting.torque[wheel], given)
+        acting.mean_torque[wheel], acting.torque[wheel] = mean, now
+
+
+@njit(cache=True, error_model="numpy")
+def _lagged(mixed, newer, before, given):
+    """What a drive exerts on average during a sample, and at its end."""
+    # Without a lag the newer command alone acts at the end.
+    if not given.lag_stays > 0.0:
+        return mixed, newer
+    rest = before - mixed
+    return mixed + rest * given.lag_mean, mixed + rest * given.lag_stays
+
+
+@njit(cache=True, error_model="numpy")
+def _contradicts(measured, acting, last, tolerance):
     """Whether the wheels' torque is known and not what the commands make of it."""
     expected, commanded = 0.0, 0.0
     for wheel in range(4):
         if not abs(measured[wheel]) < np.inf:
             return False
-        expected = max(expected, abs(measured[wheel] - drive[3 + wheel]))
-        commanded = max(commanded, abs(measured[wheel] - queue[0, 10 + wheel]))
+        expected = max(expected, abs(measured[wheel] - acting.torque[wheel]))
+        commanded = max(commanded, abs(measured[wheel] - last.command[wheel]))
     return expected > tolerance and commanded > tolerance
 
 
 @njit(cache=True, error_model="numpy")
-def correction(state, queue, drive, axes, timing, change, out):
-    """Fill ``out`` (3,) with the acceleration to command: the error is moved on to the instant at
-    which it acts by what is on its way. ``change`` (3,) of the reference until then, as it is known
-    now."""
-    slots, share = int(timing[SLOTS]), timing[SHARE]
-    stays, mean, stays_part = timing[STAYS], timing[MEAN], timing[STAYS_PART]
+def correction(estimates, queue, drives, constants, change, out):
+    """Fill ``out`` (3,) [m/s^2] with the acceleration to command: the error is moved on to the
+    instant at which it acts by what is on its way. ``change`` (3,) [m/s] of the reference until
+    then, as it is known now."""
+    given, now = constants[0], estimates[0]
+    whole, share, stays = given.whole_samples, given.newer_share, given.lag_stays
     for axis in range(3):
-        keep, gain = axes[axis, KEEP], axes[axis, GAIN]
-        error, load, torque = state[0, axis], state[1, axis], drive[axis]
+        error, disturbance = now.error[axis], now.disturbance[axis]
+        torque = drives[0].correction[axis]
+        # Where the reference was not planned to go: an error that no command on its way answers.
         surprise = -change[axis]
-        for ahead in range(slots):
-            mixed = share * queue[slots - 1 - ahead, axis]
-            mixed += (1.0 - share) * queue[slots - ahead, axis]
-            acts = mixed + (torque - mixed) * mean
+        for row in range(whole, 0, -1):
+            newer, older = queue[row - 1], queue[row]
+            mixed = share * newer.correction[axis] + (1.0 - share) * older.correction[axis]
+            acts = mixed + (torque - mixed) * given.lag_mean
             torque = mixed + (torque - mixed) * stays
-            error = keep * error + gain * (acts + load)
-            surprise += share * queue[slots - 1 - ahead, 14 + axis]
-            surprise += (1.0 - share) * queue[slots - ahead, 14 + axis]
+            error = given.transition[axis] * error + given.input_gain[axis] * (acts + disturbance)
+            surprise += share * newer.planned[axis]
+            surprise += (1.0 - share) * older.planned[axis]
         if share < 1.0:
-            mixed = queue[0, axis]
-            acts = mixed + (torque - mixed) * (0.5 + 0.5 * stays_part) * (stays > 0.0)
-            torque = mixed + (torque - mixed) * stays_part
-            error = axes[axis, KEEP_PART] * error + axes[axis, GAIN_PART] * (acts + load)
-            surprise += (1.0 - share) * queue[0, 14 + axis]
+            mixed = queue[0].correction[axis]
+            acts = mixed + (torque - mixed) * (0.5 + 0.5 * given.lag_stays_part) * (stays > 0.0)
+            torque = mixed + (torque - mixed) * given.lag_stays_part
+            error = given.transition_part[axis] * error
+            error += given.input_gain_part[axis] * (acts + disturbance)
+            surprise += (1.0 - share) * queue[0].planned[axis]
         error += surprise
-        out[axis] = -load - axes[axis, ON_ERROR] * error - axes[axis, ON_DRIVE] * (torque + load)
+        wanted = -disturbance - given.error_feedback[axis] * error
+        out[axis] = wanted - given.drive_feedback[axis] * (torque + disturbance)
 
 
 @njit(cache=True, error_model="numpy")
-def exert(queue, wanted, forward, mean, motion, slope, limit, to_acceleration, to_torque, out):
-    """Fill ``out`` (4,) with commands [N m]: feed-forward ``forward`` (4,) plus the acceleration
-    ``wanted`` (3,), within the limit; and remember what they will exert.
+def exert(queue, constants, wanted, forward, mean, planned, out):
+    """Fill ``out`` (4,) with commands [N m]: feed-forward ``forward`` (4,) [N m] plus the
+    acceleration ``wanted`` (3,) [m/s^2], within the limit; and remember what they will exert.
+    Returns the share of the force that is within the limit.
 
-    ``mean`` (4,): acting torques that the feed-forward stands for; ``motion`` (3, 14) at the start,
-    middle and end of its hold; ``slope`` (4,): true torque per commanded one.
+    ``mean`` (4,) [N m]: acting torques that the feed-forward stands for; ``planned`` (3,) [m/s]:
+    change of the reference during the hold.
     """
+    given = constants[0]
     torque, limits, kept = np.empty(4), np.empty(4), np.empty(4)
     for wheel in range(4):
-        torque[wheel] = slope[wheel] * forward[wheel]
-        limits[wheel] = limit * abs(slope[wheel])
+        torque[wheel] = given.slope[wheel] * forward[wheel]
+        limits[wheel] = given.torque_limit * abs(given.slope[wheel])
         for axis in range(3):
-            torque[wheel] += to_torque[wheel, axis] * wanted[axis]
+            torque[wheel] += given.to_torque[wheel, axis] * wanted[axis]
     share = within_limits(torque, limits, kept)
-    for row in range(queue.shape[0] - 1, 0, -1):
+    for row in range(queue.size - 1, 0, -1):
         queue[row] = queue[row - 1]
+    sent = queue[0]
     for axis in range(3):
         exerted, demanded = 0.0, 0.0
         for wheel in range(4):
-            extra = kept[wheel] - slope[wheel] * forward[wheel]
-            exerted += to_acceleration[axis, wheel] * extra
-            demanded += to_acceleration[axis, wheel] * mean[wheel]
-        queue[0, axis] = exerted
-        queue[0, 7 + axis] = demanded
-        queue[0, 14 + axis] = motion[2, axis] - motion[0, axis]
+            extra = kept[wheel] - given.slope[wheel] * forward[wheel]
+            exerted += given.to_acceleration[axis, wheel] * extra
+            demanded += given.to_acceleration[axis, wheel] * mean[wheel]
+        sent.correction[axis] = exerted
+        sent.demand[axis] = demanded
+        sent.planned[axis] = planned[axis]
     for wheel in range(4):
-        queue[0, 3 + wheel] = kept[wheel]
-        out[wheel] = kept[wheel] / slope[wheel]
-        queue[0, 10 + wheel] = out[wheel]
+        sent.torque[wheel] = kept[wheel]
+        out[wheel] = kept[wheel] / given.slope[wheel]
+        sent.command[wheel] = out[wheel]
     return share
 
 
 @njit(cache=True, error_model="numpy")
-def act(state, queue, drive, axes, timing, now, motion, forward, mean, limits, maps, torque):
-    """Fill ``torque`` (4,) with feed-forward and feedback; returns the share within the limit.
+def act(estimates, queue, drives, constants, now, motion, forward, mean, torque):
+    """Fill ``torque`` (4,) [N m] with feed-forward and feedback; returns the share within the
+    limit.
 
-    ``now`` (6,) is the reference at this instant.
+    ``now`` (6,) is the reference at this instant, ``motion`` (3, 14) that at the start, middle and
+    end of the command's hold; ``forward`` and ``mean`` as for :func:`exert`.
     """
-    slope, limit = limits
-    to_acceleration, to_torque = maps
     wanted = np.empty(3)
-    correction(state, queue, drive, axes, timing, motion[0, :3] - now[:3], wanted)
-    return exert(
-        queue, wanted, forward, mean, motion, slope, limit, to_acceleration, to_torque, torque
-    )
+    correction(estimates, queue, drives, constants, motion[0, :3] - now[:3], wanted)
+    planned = motion[2, :3] - motion[0, :3]
+    return exert(queue, constants, wanted, forward, mean, planned, torque)

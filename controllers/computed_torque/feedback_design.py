@@ -11,13 +11,14 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 
 import numpy as np
+from numpy.typing import NDArray
 from scipy.linalg import expm, solve_discrete_are
 
 from controllers.computed_torque.feedback import (
-    CORRECTION,
-    MOST,
-    PERIOD,
-    WIDTH,
+    COMMAND,
+    CONSTANTS,
+    DRIVES,
+    ESTIMATE,
     correction,
     estimate,
 )
@@ -97,24 +98,16 @@ class FeedbackDesign:
     Attributes
     ----------
     bandwidth : [rad/s] of the estimator and of the regulator
-    axes : (3, 10) transitions and gains of VX, VY, W in the order of ``feedback.KEEP`` ...
-    timing : (8,) in the order of ``feedback.PERIOD`` ...
+    constants : (1,) of ``feedback.CONSTANTS``: transitions, gains, times, limits and force maps
     slots : commands that are kept: those on their way, and two for a part of a sample
     past : past samples that are kept, so that the measurement's instant lies among them
-    slope : (4,) true torque per commanded one
-    to_acceleration : (3, 4) body acceleration per wheel torque
-    to_torque : (4, 3) least-norm wheel torques per body acceleration
-    mass : (3, 3) mass matrix that the two stand for
+    mass : (3, 3) mass matrix that the force maps stand for
     """
 
     bandwidth: float
-    axes: Array
-    timing: Array
+    constants: NDArray[np.void]
     slots: int
     past: int
-    slope: Array
-    to_acceleration: Array
-    to_torque: Array
     mass: Array
 
 
@@ -139,45 +132,63 @@ def design(
             settings.max_bandwidth_times_period / period,
             settings.max_bandwidth_times_delay / total,
         )
-    # The estimator steps by whole samples of the delay, then by the part that is left.
-    slots, part = split_delay(acting_delay(model, loop), period)
-    to_acceleration, to_torque = force_maps(model)
-    most = settings.max_disturbance_share * loop.torque_limit * np.abs(to_acceleration).sum(axis=1)
-    # A twist is a weighted sum of four wheels' speeds, each with its own noise.
-    per_wheel = np.sqrt((model.geometry.body_twist(np.eye(4)) ** 2).sum(axis=0))
-    jump = settings.first_error_deviations * loop.speed_noise * per_wheel
-    tolerance = settings.contradiction_share * loop.torque_limit
-    axes = np.empty((3, 10))
-    # Never zero: (1 - exp(-rate T)) / rate is 0 / 0 for a platform without friction.
-    for axis, rate in enumerate(np.maximum(decay_rates(model), 1e-6)):
-        keep, keep_part = np.exp(-rate * period), np.exp(-rate * part)
-        gain, gain_part = (1.0 - keep) / rate, (1.0 - keep_part) / rate
-        see = _estimator(keep, gain, period, bandwidth)
-        on = _regulator(rate, lag, period, bandwidth)
-        axes[axis] = (keep, gain, keep_part, gain_part, *see, *on, most[axis], jump[axis])
+    constants = np.zeros(1, CONSTANTS)
+    _fill_times(constants[0], model, loop)
+    _fill_limits(constants[0], model, loop, settings)
+    _fill_gains(constants[0], model, loop, bandwidth)
     return FeedbackDesign(
         bandwidth=float(bandwidth),
-        axes=axes,
-        timing=_timing(period, slots, part, lag, age, tolerance),
-        slots=slots + 2,
+        constants=constants,
+        slots=int(constants["whole_samples"][0]) + 2,
         past=int(age / period) + 2,
-        slope=channel_slope(model),
-        to_acceleration=to_acceleration,
-        to_torque=to_torque,
         mass=model.mass_matrix(),
     )
 
 
-def _timing(
-    period: float, slots: int, part: float, lag: float, age: float, tolerance: float
-) -> Array:
-    """The times as the estimator's transitions: ``stays`` of a drive's torque stays after a sample,
-    on average ``mean`` of it acts meanwhile."""
-    stays, mean, stays_part = 0.0, 0.0, 0.0
+def _fill_times(constants: np.void, model: Model, loop: Loop) -> None:
+    """The loop's times, and the drives' lag as transitions over them."""
+    period, delay, lag = loop.sample_time, acting_delay(model, loop), drive_lag(model)
+    # The estimator steps by whole samples of the delay, then by the part that is left.
+    whole, part = split_delay(delay, period)
+    constants["period"], constants["age"] = period, loop.measurement_delay
+    constants["lead"], constants["whole_samples"] = delay / period, whole
+    constants["newer_share"] = 1.0 - part / period
     if lag > 0.0:
-        stays, stays_part = np.exp(-period / lag), np.exp(-part / lag)
-        mean = lag / period * (1.0 - stays)
-    return np.array([period, slots, 1.0 - part / period, stays, mean, stays_part, age, tolerance])
+        stays = np.exp(-period / lag)
+        constants["lag_stays"], constants["lag_stays_part"] = stays, np.exp(-part / lag)
+        constants["lag_mean"] = lag / period * (1.0 - stays)
+
+
+def _fill_limits(constants: np.void, model: Model, loop: Loop, settings: FeedbackSettings) -> None:
+    """The force maps, and what is believed of torques, disturbances and errors."""
+    to_acceleration, constants["to_torque"] = force_maps(model)
+    constants["to_acceleration"] = to_acceleration
+    constants["jacobian"], constants["slope"] = model.geometry.wheel_jacobian, channel_slope(model)
+    constants["torque_limit"] = loop.torque_limit
+    constants["torque_tolerance"] = settings.contradiction_share * loop.torque_limit
+    most = settings.max_disturbance_share * loop.torque_limit * np.abs(to_acceleration).sum(axis=1)
+    constants["max_disturbance"] = most
+    # A twist is a weighted sum of four wheels' speeds, each with its own noise.
+    per_wheel = np.sqrt((model.geometry.body_twist(np.eye(4)) ** 2).sum(axis=0))
+    constants["max_first_error"] = settings.first_error_deviations * loop.speed_noise * per_wheel
+
+
+def _fill_gains(constants: np.void, model: Model, loop: Loop, bandwidth: float) -> None:
+    """Each axis' transitions over a sample and over the part of one, and the gains on them."""
+    period, lag = loop.sample_time, drive_lag(model)
+    _, part = split_delay(acting_delay(model, loop), period)
+    # Never zero: (1 - exp(-rate T)) / rate is 0 / 0 for a platform without friction.
+    for axis, rate in enumerate(np.maximum(decay_rates(model), 1e-6)):
+        keep, keep_part = np.exp(-rate * period), np.exp(-rate * part)
+        gain, gain_part = (1.0 - keep) / rate, (1.0 - keep_part) / rate
+        constants["transition"][axis], constants["input_gain"][axis] = keep, gain
+        constants["transition_part"][axis] = keep_part
+        constants["input_gain_part"][axis] = gain_part
+        error, disturbance = _estimator(keep, gain, period, bandwidth)
+        constants["error_correction"][axis] = error
+        constants["disturbance_correction"][axis] = disturbance
+        error, drive = _regulator(rate, lag, period, bandwidth)
+        constants["error_feedback"][axis], constants["drive_feedback"][axis] = error, drive
 
 
 def force_maps(model: Model) -> tuple[Array, Array]:
@@ -249,30 +260,28 @@ def channel_slope(model: Model) -> Array:
 def feedback_system(design: FeedbackDesign) -> LinearSystem:
     """Body force (3,) [N, N, N m] per error (3,), reference minus measured twist."""
     # Without the bound on the disturbance the code is linear.
-    axes = design.axes.copy()
-    axes[:, MOST] = np.inf
-    shapes = ((2 + design.past, 3), (design.slots, 3), (1, 3))
+    constants = design.constants.copy()
+    constants["max_disturbance"] = np.inf
+    # Error and disturbance of now, errors of before, corrections of the queue and of the drives.
+    shapes = ((1, 3), (1, 3), (design.past, 3), (design.slots, 3), (1, 3))
     sizes = [rows * columns for rows, columns in shapes]
     ends = np.cumsum(sizes)[:-1]
 
     def step(values: Array, error: Array) -> tuple[Array, Array]:
-        state, commands, drive = (
+        now, disturbance, before, commands, drive = (
             part.reshape(shape) for part, shape in zip(np.split(values, ends), shapes, strict=True)
         )
-        state, out = state.copy(), np.empty(3)
-        queue, drives = np.zeros((design.slots, WIDTH)), np.zeros(WIDTH)
-        queue[:, CORRECTION], drives[CORRECTION] = commands, drive[0]
+        estimates, out = np.zeros(1 + design.past, ESTIMATE), np.empty(3)
+        estimates["error"], estimates["disturbance"][:1] = np.vstack([now, before]), disturbance
+        queue, drives = np.zeros(design.slots, COMMAND), np.zeros(1, DRIVES)
+        queue["correction"], drives["correction"] = commands, drive
         # A reference without surprises, and torques that are not measured.
         smooth, unknown = np.zeros(3), np.full(4, np.nan)
-        maps = design.to_acceleration
-        estimate(
-            *(state, queue, drives, np.zeros(WIDTH), axes, design.timing, maps),
-            *(smooth, error, unknown),
-        )
-        correction(state, queue, drives, axes, design.timing, smooth, out)
-        queue[1:, CORRECTION] = queue[:-1, CORRECTION].copy()
-        queue[0, CORRECTION] = out
-        parts = (state, queue[:, CORRECTION], drives[CORRECTION])
+        estimate(estimates, queue, drives, constants, smooth, error, unknown)
+        correction(estimates, queue, drives, constants, smooth, out)
+        errors, disturbance = estimates["error"], estimates["disturbance"][0]
+        commands = np.vstack([out, queue["correction"][:-1]])
+        parts = (errors[0], disturbance, errors[1:], commands, drives["correction"])
         return np.concatenate([np.ravel(part) for part in parts]), out
 
     columns = [step(unit, np.zeros(3)) for unit in np.eye(sum(sizes))]
@@ -281,7 +290,7 @@ def feedback_system(design: FeedbackDesign) -> LinearSystem:
     (a, c), (b, d) = (
         [np.stack(part, axis=1) for part in zip(*rows, strict=True)] for rows in (columns, drives)
     )
-    period = float(design.timing[PERIOD])
+    period = float(design.constants["period"][0])
     return LinearSystem(a, b, design.mass @ c, design.mass @ d, period)
 
 

@@ -12,7 +12,6 @@ from dataclasses import dataclass, field
 import numpy as np
 from numba import njit
 
-from controllers.computed_torque.feedback import TORQUE
 from controllers.interface import Array, Loop
 from identification.mechanisms.mecanum import Mecanum
 from identification.signals.filters import FilterSettings, hold_weights
@@ -109,7 +108,7 @@ class OnlineRows:
         ----------
         twist : (3,) as measured now; NaN starts the filters anew
         place : (8,) time, pose and wheel angles now
-        acted : (17,) means over the last sample, see ``feedback.estimate``
+        acted : (4,) [N m] torques of the wheels, means over the last sample
         """
         if not np.isfinite(twist).all():
             # A filter that has seen a NaN keeps it for ever.
@@ -126,7 +125,7 @@ class OnlineRows:
             self._torque,
             self._thetas[0],
             self._steps,
-            acted[TORQUE],
+            acted,
             (self._jacobian, self._force_scale),
             self._weights,
             self._age,

@@ -10,7 +10,7 @@ from __future__ import annotations
 import numpy as np
 from numba import njit
 
-from controllers.computed_torque.feedback import AGE, JUMP, PERIOD, estimate
+from controllers.computed_torque.feedback import estimate
 from controllers.linear.reference_window import extend_to_past, reference_at, take_sample
 
 TIME, TWIST, POSE, TORQUE, WANTED = 0, slice(1, 4), slice(4, 7), slice(7, 11), slice(11, 17)
@@ -18,14 +18,16 @@ TIME, TWIST, POSE, TORQUE, WANTED = 0, slice(1, 4), slice(4, 7), slice(7, 11), s
 
 
 @njit(cache=True, error_model="numpy")
-def predict(
-    inputs, nodes, counts, state, queue, drive, acted, axes, timing, maps, lead, place, motion
-):
+def predict(inputs, nodes, counts, estimates, queue, drives, constants, place, motion):
     """Estimate where the platform is, and fill ``motion`` (3, 14) with the reference at the start,
-    the middle and the end of the hold in which the command will act."""
+    the middle and the end of the hold in which the command will act.
+
+    ``estimates``, ``queue``, ``drives`` and ``constants`` are the structured arrays of
+    :mod:`controllers.computed_torque.feedback`.
+    """
     past, coming, has_slopes, begun, follows = counts
-    jacobian, to_acceleration = maps
-    period = timing[PERIOD]
+    given, now = constants[0], estimates[0]
+    period, lead, jacobian = given.period, given.lead, given.jacobian
     # A reference that is no number goes on along its last acceleration, which stays constant.
     for i in range(11, 17):
         if not abs(inputs[i]) < np.inf:
@@ -41,19 +43,18 @@ def predict(
         extend_to_past(nodes, past, period)
     # The measurement is of ``age`` ago, so it is compared with the reference of that instant.
     at = np.empty(6)
-    reference_at(nodes, past - timing[AGE] / period, period, at)
+    reference_at(nodes, past - given.age / period, period, at)
     error = inputs[TWIST] - at[:3]
     change = nodes[past, :3] - nodes[past - 1, :3]
-    measured = inputs[TORQUE]
-    estimate(state, queue, drive, acted, axes, timing, to_acceleration, change, error, measured)
+    estimate(estimates, queue, drives, constants, change, error, inputs[TORQUE])
     if not begun:
         # Far beyond noise the platform moves already: the estimator starts at the measured error,
         # for it would take its first miss for a disturbance.
         for axis in range(3):
-            if abs(error[axis]) > axes[axis, JUMP] and abs(error[axis]) < np.inf:
-                state[0, axis] = error[axis]
-                state[1, axis] = 0.0
-    locate(inputs, nodes[past], state, period, jacobian, begun, place)
+            if abs(error[axis]) > given.max_first_error[axis] and abs(error[axis]) < np.inf:
+                now.error[axis] = error[axis]
+                now.disturbance[axis] = 0.0
+    locate(inputs, nodes[past], now.error, period, jacobian, begun, place)
     # Start, middle and end of the hold: the nodes of Simpson's rule for the mean demand.
     ends = np.array([0.0, 0.5, 1.0])
     pose, angle, here = place[1:4].copy(), place[4:8].copy(), float(past)
@@ -69,10 +70,10 @@ def predict(
 
 
 @njit(cache=True, error_model="numpy")
-def locate(inputs, wanted, state, period, jacobian, begun, place):
-    """Move ``place`` (11,) on to now: time, pose and wheel angles by the estimated twist, and by
-    what is measured of them."""
-    twist = wanted[:3] + state[0]
+def locate(inputs, wanted, error, period, jacobian, begun, place):
+    """Move ``place`` (11,) on to now: time, pose and wheel angles by the estimated twist
+    (``wanted`` plus ``error``), and by what is measured of them."""
+    twist = wanted[:3] + error
     if begun:
         # Trapezoid in the twist, midpoint in the yaw: second order, like what the samples know.
         mean = 0.5 * (twist + place[8:11])

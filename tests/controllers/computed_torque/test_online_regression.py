@@ -7,7 +7,6 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from controllers.computed_torque.feedback import TORQUE, WIDTH
 from controllers.computed_torque.online_regression import BASE_COUNT, OnlineRows, RowSettings
 from controllers.interface import Loop
 from identification.mechanisms.mecanum import Mecanum
@@ -34,11 +33,10 @@ def samples(found: Model, seconds: float = 6.0) -> Samples:
 
 
 def gather(rows: OnlineRows, drive: Samples) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    found, acted = [], np.zeros(WIDTH)
+    found = []
     for k in range(len(drive)):
-        acted[TORQUE] = drive.torque[k]
         place = np.concatenate([[drive.time[k]], drive.pose[k], drive.wheel_angle[k]])
-        if rows.take(drive.twist[k], place, acted, DT):
+        if rows.take(drive.twist[k], place, drive.torque[k], DT):
             found.append((rows.columns, rows.measured, rows.demand))
     columns, measured, demand = zip(*found, strict=True)
     return np.array(columns), np.array(measured), np.array(demand)
