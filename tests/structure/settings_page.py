@@ -14,6 +14,7 @@ from identification.comparison import ComparisonSettings
 from identification.diagnosis.settings import DiagnosisSettings
 from identification.fitting.settings import FitSettings
 from identification.logs.settings import LogSettings
+from identification.mechanisms.settings import MechanismSettings
 from identification.residual_map.settings import ResidualMapSettings
 from identification.signals.filters import FilterSettings
 from identification.signals.noise import NoiseSettings
@@ -22,6 +23,7 @@ SETTINGS = (
     FilterSettings,
     NoiseSettings,
     LogSettings,
+    MechanismSettings,
     FitSettings,
     ResidualMapSettings,
     DiagnosisSettings,

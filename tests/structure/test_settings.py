@@ -37,15 +37,6 @@ NO_SETTING = {
 }
 """Numbers by room that are no settings, and why: units, formats, geometry, bounds on resources."""
 
-TO_BECOME_SETTINGS = {
-    "mechanisms": {
-        "STEP", "BARELY", "BANDS", "ATTENUATION", "_ACCELERATION_TIME", "WINDOW", "SHORTEST",
-        "STILL", "ARM", "INTERNAL_SMOOTHING", "SLIPPING", "ROUGH",
-    },
-    "signals": {"RATE_SMOOTHING"},
-}  # fmt: skip
-"""Numbers that still stand beside the code that reads them. No name is added here."""
-
 DEFAULTS = {
     "seed": "of random numbers: any is as good",
     "cycles": "one curve over a whole turn",
@@ -111,8 +102,7 @@ def test_numbers_that_somebody_chose_are_settings():
         if path.name in HOMES:
             continue
         room, tree = room_of(path), ast.parse(path.read_text("utf-8"))
-        known = {*NO_SETTING.get(room, {}), *TO_BECOME_SETTINGS.get(room, ())}
-        strangers = set(named_numbers(tree)) - known
+        strangers = set(named_numbers(tree)) - {*NO_SETTING.get(room, {})}
         assert not strangers, f"{path.relative_to(ROOT)}: {sorted(strangers)} belong in settings"
 
 
