@@ -13,8 +13,8 @@ Array = NDArray[np.float64]
 class RecursiveLeastSquares:
     """x^' = P H^T (z - H x^), P' = -P H^T H P for rows that come one sample after another.
 
-    Each update solves the sampled form of the paper's continuous equations exactly. After any number
-    of rows the estimate is therefore the batch estimate with a prior of ``variance``.
+    Each update solves the sampled form of the paper's continuous equations exactly. After any
+    number of rows the estimate is therefore the batch estimate with a prior of ``variance``.
 
     Parameters
     ----------

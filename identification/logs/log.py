@@ -71,7 +71,7 @@ class Log:
         for name, shape in shapes.items():
             value = getattr(self, name)
             if value is not None:
-                # A frozen dataclass refuses assignment; here the checked copy replaces the given one.
+                # A frozen dataclass refuses assignment; the checked copy replaces the given one.
                 object.__setattr__(self, name, self._checked(name, value, shape))
         if n < 2 or not (np.diff(self.time) > 0).all():
             raise InputError(f"log {self.name}: time does not increase; sort the samples")
