@@ -1,4 +1,7 @@
-"""Independent pieces of work side by side, in threads: numpy's loops let the others run."""
+"""Independent pieces of work in parallel threads.
+
+Threads need no copies of the data, and numpy releases the interpreter lock in its loops.
+"""
 
 from __future__ import annotations
 
@@ -13,7 +16,7 @@ Item = TypeVar("Item")
 Result = TypeVar("Result")
 
 MAX_THREADS = 4
-"""Threads by default at most: beyond, memory is what all of them wait for."""
+"""Largest default number of threads: with more, memory bandwidth is the limit."""
 
 
 THREADS = "YOUBOT_THREADS"
