@@ -101,7 +101,7 @@ def _print(out: Console, found: dict[str, Any]) -> None:
 
 
 def _page(result: Comparison, found: dict[str, Any], geometry: Geometry | None) -> Iterator[Part]:
-    """The parts of the web page: the verdict first, then how it came about."""
+    """The parts of the web page: the verdict first, then its reasons."""
     from identification.figures.figures import figures_of_comparison
     from youbot_scripts.shared.report_page import Words, pictures
 

@@ -29,7 +29,7 @@ EXAMPLES = (
 )
 
 NUMERALS = {4: "four", 7: "seven"}
-"""How many parameters a base model has, in words: an axis' and a platform's."""
+"""Number of a base model's parameters in words: 4 of an axis, 7 of a platform."""
 
 
 def main(
