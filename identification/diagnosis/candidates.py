@@ -108,6 +108,7 @@ def _between(grid: Sequence[float], here: float, halving: int, parameter: Parame
     near = int(np.argmin(np.abs(points - here)))
     left = points[near] - points[near - 1] if near > 0 else 0.0
     right = points[near + 1] - points[near] if near + 1 < len(points) else left
+    # At the lower end of the grid there is no step to the left; the right one is used instead.
     steps = (-(left or right) / 2**halving, right / 2**halving)
     tried = (float(here + step) for step in steps)
     return [value for value in tried if parameter.lower <= value <= parameter.upper]
@@ -187,6 +188,7 @@ def needed_share(above_floor: float, settings: DiagnosisSettings) -> float:
 
     ``above_floor``: see :meth:`LoggedData.above_floor`.
     """
+    # Share of the squared error that lies above the squared noise floor.
     excess = 1.0 - 1.0 / above_floor**2
     return max(settings.min_share_of_residual, settings.min_share_of_excess * excess)
 

@@ -168,6 +168,7 @@ def select(
         # With one accepted effect there is nothing to revise: it has just won.
         if len(steps) > 2:
             steps, rankings = _revised(data, steps, rankings, rng)
+    # max_effects is at least 1, so the loop has made one ranking.
     assert first is not None
     return Selection(tuple(_judged_alike(data, steps)), tuple(rankings), first)
 

@@ -33,10 +33,12 @@ def threads() -> int:
     """
     wanted = os.environ.get(THREADS)
     if wanted:
+        # isdigit alone also accepts signs such as a superscript 2, which int refuses.
         if not (wanted.isascii() and wanted.isdigit() and int(wanted)):
             raise InputError(f"{THREADS}: {wanted!r} is not a whole number of at least 1")
         return int(wanted)
     if hasattr(os, "sched_getaffinity"):
+        # Cores that this process may use; cpu_count gives all cores of the machine.
         return min(MAX_THREADS, len(os.sched_getaffinity(0)))
     return min(MAX_THREADS, os.cpu_count() or 1)
 

@@ -136,6 +136,7 @@ def png(figure: Figure) -> bytes:
 
     with style():
         figure.canvas.draw()
+    # Without the alpha channel, since the background is opaque.
     picture = Image.fromarray(np.asarray(figure.canvas.buffer_rgba())[..., :3])  # type: ignore
     content = io.BytesIO()
     colours = picture.quantize(256, method=Image.Quantize.MAXCOVERAGE, dither=Image.Dither.NONE)
@@ -199,6 +200,7 @@ def header(axes: Axes, title: str) -> None:
     axes.set_title(plain(title), pad=38)
     figure = axes.get_figure()
     assert figure is not None
+    # 17 points (1/72 inch) above the axes leave room for the names of stretches.
     legend = axes.legend(
         loc="lower left",
         bbox_to_anchor=(0, 1),

@@ -204,6 +204,7 @@ def estimates_figure(
             axes.axhline(truth[k], label="true value", **look.TRUTH)
         axes.set_ylim(*_settled_range(*ends, batch[k]))
         axes.set_ylabel(label)
+        # With an offset the ticks would not show the values themselves.
         axes.ticklabel_format(axis="y", useOffset=False)
     look.header(panels[0], "Estimates over time")
     for axes in panels[-2:]:

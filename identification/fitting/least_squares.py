@@ -118,6 +118,7 @@ class _GaussNewton:
         here = self.at(start, rows=first)
         if sum(map(len, here.weights)) < settings.min_rows_per_parameter * len(self.chosen):
             raise InputError("the logs are too short to fit a model: record some 20 s of motion")
+        # Infinite, so that the first iterate counts as a fall.
         best, waited = replace(here, square=np.inf), 0
         for _ in range(settings.max_steps):
             progress()

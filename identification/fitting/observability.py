@@ -150,6 +150,7 @@ def log_observability(
         gauge = np.vstack([gauge, row / np.sqrt(row.sum())])
     scaled = columns / mechanism.scale[order]
     blind = settings.blind_eigenvalue
+    # The step only scales the Gramian; rank and blocks come from the normalised one.
     return observability(names, scaled, rows[0].step, gauge, blind=blind, settings=settings)
 
 

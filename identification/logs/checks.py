@@ -144,6 +144,7 @@ def _dead_channels(log: Log, limits: CheckLimits) -> Iterator[Finding]:
     # A constant speed is then no proof of a dead sensor.
     most = limits.settings.resting_slip
     may_rest = log.joints == WHEELS and wheel_checks.slip_ratio(log.velocity) < most
+    # Without position or command a log can still be fitted: these are warnings below.
     levels: dict[str, Level] = {"velocity": "warning" if may_rest else "error", "effort": "error"}
     for kind in ("velocity", "effort", "position", "command"):
         for column, signal in _channels(log, kind):

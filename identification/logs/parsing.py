@@ -65,6 +65,7 @@ def parse_csv(source: str, content: bytes) -> LogTable:
 def _decode(source: str, content: bytes) -> str:
     if content.startswith((b"\xff\xfe", b"\xfe\xff")):
         raise fault(source, "is UTF-16 text", "save it as UTF-8", row=1)
+    # Control characters except tab, line feed, vertical tab, form feed and carriage return.
     odd = re.search(rb"[\x00-\x08\x0e-\x1f]", content)
     if odd:
         row = content.count(b"\n", 0, odd.start()) + 1
@@ -141,6 +142,7 @@ def _is_cut(lines: list[str], used: list[int]) -> bool:
     before = [_split(lines[i]) for i in used[max(1, len(used) - 51) : -1]]
     if len(last) < min(len(cells) for cells in before):
         return True
+    # A number that lost its last decimals is still a number, but a wrong one.
     decimals = [len(cells[-1].strip().partition(".")[2]) for cells in before]
     return len(last[-1].strip().partition(".")[2]) < min(decimals)
 

@@ -87,6 +87,8 @@ def nominal_step(time: NDArray[np.float64]) -> float:
     The mean, not the median: time stamps at 400 Hz, rounded to milliseconds, step by 2 and 3 ms.
     """
     steps = np.diff(time)
+    # The median tells a usual step even if there are gaps; steps far from it are gaps or
+    # repetitions.
     usual = np.median(steps)
     return float(steps[(steps >= 0.5 * usual) & (steps <= 1.5 * usual)].mean())
 
@@ -127,6 +129,7 @@ def _fill_time(draft: Draft) -> None:
     first = int(np.argmax(missing))
     known = np.flatnonzero(~missing)
     runs = np.diff(known) - 1
+    # Times can be interpolated, but not extrapolated beyond the first and last known one.
     inside = known.size >= 3 and known[0] == 0 and known[-1] == len(missing) - 1
     if (
         not inside
@@ -243,6 +246,7 @@ def _insert_missing_rows(draft: Draft, step: float) -> None:
     gaps, missing = int((steps > 1).sum()), int((steps[steps > 1] - 1).sum())
     message = f"{missing} missing row(s) in {gaps} gap(s): interpolated"
     draft.report("repaired", message, "check the logger", at + 1, "time")
+    # A step below half of the usual one is rounded to 0, but still leads to another row.
     place = np.r_[0, np.cumsum(np.maximum(steps, 1))]
     index = np.arange(place[-1] + 1)
     source = np.searchsorted(place, index, side="right") - 1

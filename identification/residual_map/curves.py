@@ -89,6 +89,7 @@ def curves_of(
 def _knots(abscissa: _Abscissa, settings: ResidualMapSettings) -> Array:
     if abscissa.period:
         half = abscissa.period / 2
+        # One more: the last knot is the first one again, a period later.
         return np.linspace(-half, half, settings.curve_points + 1)
     low, high = np.quantile(np.concatenate(abscissa.values), settings.curve_range)
     return np.linspace(low, high, settings.curve_points)

@@ -97,6 +97,7 @@ class NormalMatrices(_Additive):
         """Features with features on all axes, block-diagonal: (A q, A g)."""
         axes, block = len(self.cross), self.features[np.ix_(left, right)]
         found = np.zeros((axes, len(left), axes, len(right)))
+        # This view of the diagonal has the shape (axes, q, g): the block is repeated for each axis.
         found[range(axes), :, range(axes)] = block
         return found.reshape(axes * len(left), axes * len(right))
 
@@ -240,6 +241,7 @@ class HeldOutSplit:
     @cached_property
     def _coefficients(self) -> Array:
         """(M, D) of the nuisance without any group."""
+        # Cached, like the two below: the same for all groups of features.
         return self._inverse @ self.training_sides.nuisance(self.nuisance.features)
 
     @cached_property
