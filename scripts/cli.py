@@ -50,6 +50,7 @@ OK, USAGE, INTERRUPTED, BROKEN_PIPE = 0, 2, 130, 141
 """Exit statuses; the last two are what a shell reports for SIGINT and SIGPIPE."""
 
 
+# Not sys.argv: a command such as demo runs other commands in this process.
 _running: ContextVar[tuple[str, ...]] = ContextVar("running", default=())
 
 

@@ -64,6 +64,7 @@ def main(
     fitted on are marked and stay out of the totals, unless all are. Where it fails: the share of
     the force residual that depends on each variable, and the worst stretches.
     """
+    # Imported here: `youbot compare --help` does without numpy and scipy.
     from identification.comparison import compare
 
     check_pictures(plots, report)

@@ -67,6 +67,7 @@ def main(
     (one log alone: five blocks). Prints the error as it falls, beside the noise floor. Works in a
     thread a core, four at most; the environment variable YOUBOT_THREADS says otherwise.
     """
+    # Imported here: `youbot diagnose --help` does without numpy and scipy.
     from identification.diagnosis.diagnose import diagnose
     from identification.mechanisms.registry import save_any_model
 

@@ -43,6 +43,7 @@ def main(
 
     Reports every log; the exit status is 2 if one of them cannot be used.
     """
+    # Imported here: `youbot doctor --help` does without numpy and scipy.
     from identification.doctor import examine_log
     from identification.mechanisms.registry import kind
     from youbot_env.errors import InputError

@@ -59,6 +59,7 @@ def main(
     Prints each parameter with its standard deviation and 95 % interval (true for correlated
     residuals), what each motion in the logs can show, and what looks implausible.
     """
+    # Imported here: `youbot identify --help` does without numpy and scipy.
     from identification.fitting.identify import identify
     from identification.mechanisms.registry import save_any_model
 

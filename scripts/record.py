@@ -114,6 +114,8 @@ def main(
         for recording in found:
             path = out_dir / f"{recording.log.name}.{format}"
             write_log(path, recording.log, decimals=decimals)
+            # Of the bytes as written: `recorded_motion` compares it with those of the file it
+            # reads.
             digest = hashlib.sha256(path.read_bytes()).hexdigest()
             how["logs"][path.name] = {**recording.summary(), "sha256": digest}
             # After each log, so that the record is right if the run is interrupted.

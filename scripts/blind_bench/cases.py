@@ -135,6 +135,7 @@ def draw_case(
         raise InputError(f"rate: {rate:g} Hz is outside 20 to 1000 Hz")
     platform = {name: float(rng.uniform(*edges)) for name, edges in RANGES.items()}
     has_pose = bool(rng.random() < POSE_SHARE)
+    # Drawn for every kind, and also if `noise` is given: later draws then stay the same.
     drawn_noise = {"none": 2.0 ** rng.uniform(-1, 1), "quarter": 2.0}.get(kind, 1.0)
     # On a fixed grid, so that a case plants the same at every log rate.
     path = _path(references(kind, index, seed, 0.02), 0.02)

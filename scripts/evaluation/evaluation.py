@@ -227,6 +227,7 @@ def learn(
 ) -> dict[Condition, Model]:
     """The model of each condition, identified or diagnosed from recorded logs where needed."""
     tasks = [ModelTask(c.plant, c.model_source, seed) for c in conditions]
+    # Known models and files cost nothing: they need neither a process nor a place in the folder.
     costly = [task for task in tasks if task.source.learns]
     records = run_all(costly, jobs, folder and folder / "models", progress)
     models = {r["key"]: model_from_dict(r["model"], "resumed model") for r in records}

@@ -57,6 +57,7 @@ def judge(trace: Trace, start: float = 0.0) -> dict[str, Any]:
     size = np.sqrt(np.mean(trace.reference[inside] ** 2, axis=0))
     rmse = np.sqrt(np.mean(error**2, axis=0))
     worst = np.percentile(np.abs(error), WORST, axis=0)
+    # From the whole run, not from `start` on: drift during the ramp counts too.
     wanted = integrated_pose(trace.reference, period, trace.pose[0])
     off = trace.pose[-1] - wanted[-1]
     rate = np.diff(trace.command[inside], axis=0) / period

@@ -209,6 +209,7 @@ def console(json: Path | None = None) -> Console:
         def on_broken_pipe(self) -> None:
             raise BrokenPipeError  # Rich would exit with status 1; `cli.main` returns 141
 
+    # No markup and emoji codes: names of files and units may hold brackets and colons.
     return PlainConsole(stderr=json == STDOUT, highlight=False, markup=False, emoji=False)
 
 

@@ -174,6 +174,7 @@ def _be_one_of_many() -> None:
     thread, since the processes share the cores. It ends if the parent dies.
     """
     signal.signal(signal.SIGINT, signal.SIG_IGN)
+    # setdefault: a number that the user has set stays.
     os.environ.setdefault(THREADS, "1")
     threading.Thread(target=_end_with_parent, daemon=True).start()
 

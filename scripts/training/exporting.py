@@ -77,6 +77,7 @@ def network_of(model: Any, features: Array, mix: Array) -> Network:
 
 
 def _numbers(tensor: torch.Tensor) -> np.ndarray:
+    # float32, in which torch has trained it.
     return tensor.detach().cpu().numpy().astype(np.float32)
 
 

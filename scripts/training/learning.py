@@ -116,9 +116,11 @@ def _learner(trainee: Trainee, begun: int, device: str, board: RunFolder | None)
         found = ALGORITHMS[choice.algorithm](
             "MlpPolicy",
             env,
+            # Stable-Baselines3 passes the share of the run that is left, from 1 to 0.
             learning_rate=lambda left: last + (first - last) * left,
             policy_kwargs=policy,
             tensorboard_log=None if board is None else str(board.path / "tensorboard"),
+            # NumPy's global seed, which Stable-Baselines3 sets, has 32 bits.
             seed=seed % 2**32,
             device=device,
             **options,

@@ -106,6 +106,7 @@ def _tensors(path: Path) -> dict[str, Any] | None:
     if not path.exists():
         return None
     try:
+        # On the CPU: a checkpoint from a GPU must be readable on a machine without one.
         found = torch.load(path, map_location="cpu", weights_only=True)
     except Exception as error:  # torch raises many kinds
         reason = str(error).splitlines()[0] if str(error) else type(error).__name__
