@@ -164,7 +164,7 @@ def try_out(item: Effect) -> None:
 
 
 def _try_public(item: Effect, values: list[float]) -> None:
-    """There and back again must be the same values, and no strength no error."""
+    """Check that ``inverse`` undoes ``forward``, and that zero strength raises no error."""
     if item.public is None:
         return
     geometry = Geometry()
@@ -222,7 +222,7 @@ _POINTS: dict[Place, Any] = {
 
 
 PLATFORM = Notation(_POINTS, WORDS, tuple(_BASE))
-"""That of the mecanum platform."""
+"""Notation of the mecanum platform."""
 
 
 class _OpenPoints(EffectPoints):
@@ -252,6 +252,7 @@ class Equations:
     @cached_property
     def geometry(self) -> Any:
         """Symbols of the lengths, with l + h = L as the paper abbreviates."""
+        # l is written as L - h, so that l + h simplifies to L in every formula.
         h, R, r, L = _real("h R r L")
         return SimpleNamespace(l=L - h, h=h, R=R, r=r)
 
@@ -305,6 +306,8 @@ class Equations:
 
     def _readable(self, part: Any) -> Any:
         rates = [symbol for symbol in self.no_slip if part.has(symbol)]
+        # Rates are replaced by the twist only where they are linear; tanh(phi1') or phi1' |phi1'|
+        # is easier to read with the rate, which the legend explains.
         if not rates or not part.is_polynomial(*rates):
             return part
         is_linear = sympy.Poly(part, *rates).total_degree() == 1
@@ -332,6 +335,8 @@ class Equations:
         return [(with_values(c, values), with_values(m, values)) for c, m in rows]
 
     def _rank(self, motion: Any, axis: int) -> tuple[Any, ...]:
+        # Order: accelerations (that of the side's own axis first), then products of
+        # the twist by falling degree, then everything else.
         for i, symbol in enumerate(_ACCELERATION):
             if motion.has(symbol):
                 return 0, i != axis, i, ""

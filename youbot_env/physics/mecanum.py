@@ -70,6 +70,7 @@ class Base(NamedTuple):
 
 def base_of(points: EffectPoints) -> Base:
     """The base parameters with what the platform carries, for effects that refer to them."""
+    # theta begins with the base parameters, in the order in which they are registered.
     m0, inertia, m_ax, m_ay, wheel_inertia, mu1, mu2 = points.theta[:7]
     for item, where in points.carriers:
         assert item.carries is not None
@@ -118,6 +119,7 @@ def _world_point(xp: Any, at: Instant, base: Base) -> World:
     x, y, yaw = at.pose
     vx, vy, _ = at.twist
     c, s = xp.cos(yaw), xp.sin(yaw)
+    # Of the whole platform: the wheels lie symmetrically about O, so they add mass and no moment.
     com_x, com_y = base.m_aX / base.m0, base.m_aY / base.m0
     return World(
         *(x, y, yaw),
