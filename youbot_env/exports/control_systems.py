@@ -127,6 +127,7 @@ def steady(model: Model, twist: ArrayLike, **at: ArrayLike) -> tuple[Array, Arra
 
     ``at`` names pose (3,), wheel_angle (4,) and time, zero by default.
     """
+    # The drives are steady (torque_rate is 0), so the acting torque is the true command.
     torque = model.inverse_dynamics(twist, np.zeros(3), **at)
     time = at.get("time", 0.0)
     acting = dynamics.channel_torque(np, model.structure, model.theta, list(torque), time)
@@ -187,6 +188,7 @@ class Platform:
         self._model, self._places = model, signals.places
         self._size = len(model.structure.state_names)
         self._derivative: Any = kernel(model.structure, dynamics).derivative
+        # The last parameters and their theta: python-control passes them at every call.
         self._known: tuple[dict[str, float], Array] = (dict(model.values), model.theta)
 
     def derivative(self, t: float, x: Array, u: Array, params: Mapping[str, float]) -> Array:
@@ -208,7 +210,7 @@ class Platform:
 
 @dataclass(frozen=True, eq=False)
 class DelayModel:
-    """What the torques pass before they act: xd' = a xd + b u, acting = c xd + d u."""
+    """Linear model of the delay: xd' = a xd + b u, and acting torques c xd + d u."""
 
     a: Array
     b: Array
@@ -237,6 +239,7 @@ def _late(control: Any, model: Model, order: int | None) -> DelayModel:
         raise InputError(
             f"pade: an order of at least 1 and a delay above zero, not {order} and {model.delay:g}"
         )
+    # All four wheels have the same delay, so one approximation is repeated in blocks.
     one, each = control.ss(control.tf(*control.pade(model.delay, order))), np.eye(4)
     names = tuple(f"late_{wheel}_{k + 1}" for wheel in WHEELS for k in range(order))
     return DelayModel(*(np.kron(each, part) for part in (one.A, one.B, one.C, one.D)), states=names)
