@@ -131,8 +131,8 @@ def lqi(model: Model, loop: Loop, weights: Weights) -> LQIDesign:
     mass, _ = effective_mass(model)
     bare = sampled_platform(model, loop, measured=False)
     size, period = len(bare.a), loop.sample_time
-    # Forces as accelerations, the integral times b, the cost over b^2: numbers of one size, without
-    # which the Riccati equation of a fast loop fails.
+    # Scaled to numbers of one size (forces as accelerations, the integral times b, the cost over
+    # b^2): without it the Riccati equation of a fast loop fails.
     fast, per_force = weights.bandwidth, np.linalg.inv(mass)
     blocks = [np.eye(3)] + [per_force] * (size // 3 - 1)
     scale = np.asarray(block_diag(*blocks), float)
@@ -149,7 +149,7 @@ def lqi(model: Model, loop: Loop, weights: Weights) -> LQIDesign:
         raise NoOptimumError(
             f"LQI: no optimal gains for this model and loop ({error}); try another bandwidth"
         ) from None
-    # The controller carries the plant with measurements on their way; the cost does not see them.
+    # The controller simulates the plant with measurements on their way; the cost ignores them.
     plant = sampled_platform(model, loop)
     gain = np.zeros((3, len(plant.a)))
     gain[:, :size] = mass @ found[:, :size] @ scale
@@ -219,7 +219,7 @@ def fastest(model: Model, loop: Loop, settings: LQISettings = LQISettings()) -> 
             f"{settings.gain_margin:g} dB and phase margin >= {settings.phase_margin:g} degrees; "
             "ask for less"
         )
-    # Halved in the logarithm: a bandwidth is known to a share of itself.
+    # Bisection in the logarithm, so that the relative error is the same for all bandwidths.
     for _ in range(settings.halvings):
         middle = float(np.sqrt(low * high))
         low, high = (middle, high) if keeps(middle) else (low, middle)

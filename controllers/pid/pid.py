@@ -17,7 +17,7 @@ from youbot_env.model.model import Model
 
 
 class BodyLoops:
-    """The PID law for many rows at once, each with its gains: one platform is a bank of one."""
+    """The PID law for many platforms at once, each with its own gains; one is a batch of one."""
 
     def __init__(self, model: Model, loop: Loop, gains: Sequence[PIDGains]) -> None:
         geometry, inertia = model.geometry, effective_mass(model)
@@ -28,7 +28,8 @@ class BodyLoops:
         for row, one in enumerate(gains):
             proportional, integral = matrices(inertia, one)
             step = period * integral
-            # So that an error that lasts winds the integral up to the limit's force, no further.
+            # With this gain of back-calculation a lasting error takes the integral to the force at
+            # the limit and no further.
             back = step @ np.linalg.inv(proportional + step)
             self._gains[row] = proportional, step, back
             self._numbers[row] = (*derivative_filter(one, period), one.derivative_time)
@@ -40,7 +41,7 @@ class BodyLoops:
     def reset(self) -> None:
         """Empties integrals and slopes."""
         self.state = np.zeros((len(self.lead), 3, 3))
-        # No last error: the first has no slope.
+        # NaN stands for no last error: the first error has no slope.
         self.state[:, 2] = np.nan
 
     def __call__(self, wheel_speed: Array, reference: Array) -> Array:

@@ -1,8 +1,8 @@
 """Tuning: the gains of a control law that track best, with and without stability margins.
 
 A law (see :mod:`controllers.tuning.tunable_laws`) has a few free numbers. They are sought on a grid
-that zooms in on its best point: that needs no slopes, the bound of what is allowed may be crooked,
-no chance plays, and all points of a grid are simulated side by side.
+that zooms in on its best point. This needs no gradients, works for an allowed region of any shape,
+is not random, and all points of a grid are simulated together.
 """
 
 from __future__ import annotations
@@ -251,6 +251,7 @@ class GainSearch:
     ) -> tuple[Array, Array]:
         """Points (c, p) of a grid around the centre and their costs (c,), inf where refused."""
         axes = [
+            # Points beyond the span fall on its edge; unique drops the repeated ones.
             np.unique(np.clip(c + w * np.linspace(-1, 1, steps), *np.log(ends)))
             for c, w, ends in zip(centre, width, self.law.span, strict=True)
         ]
