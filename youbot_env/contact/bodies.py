@@ -120,6 +120,7 @@ class Bodies:
         steps = max(1, math.ceil(duration / self._timestep - 1e-9))
         passed = self._line.passed(command[None].copy(), duration)
         pieces = [(torque[0], length) for torque, length in passed]
+        # The usual case in one call of the engine: one constant torque, no lag, no change of load.
         if len(pieces) == 1 and not self._lag and not self._load_is_due(duration):
             self.acting = pieces[0][0].copy()
             self._run(self.acting, duration / steps, steps)
@@ -140,6 +141,7 @@ class Bodies:
 
     def _load_is_due(self, within: float) -> bool:
         waits = self._now is not self._loaded
+        # Half a step earlier: the load comes at the step whose start is nearest to its time.
         return waits and self._time + within > self._load_time - 0.5 * self._timestep
 
     def _after_lag(self, torque: Array, length: float) -> Array:
@@ -179,6 +181,7 @@ class Bodies:
         # A copy: mj_forward writes into the data, and looking must not change the run.
         engine, bodies, data = _engine(), self._now, copy.copy(self._data)
         engine.mj_forward(bodies, data)
+        # M qvel, so that half of qvel . M qvel is the kinetic energy.
         momentum = np.zeros(bodies.nv)
         engine.mj_mulM(bodies, data, momentum, data.qvel)
         weight = -bodies.body_mass[:, None] * bodies.opt.gravity

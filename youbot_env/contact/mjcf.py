@@ -71,6 +71,7 @@ class Wheel:
         g, spin = model.geometry, model.values["I1"]
         if g.m1 <= 0.0:
             raise InputError(f"model {model.name}: a plant with contacts needs wheels with m1 > 0")
+        # The rollers' centres lie on a circle of radius R - r.
         ring = EngineSettings.roller_mass_share * g.m1 * (g.R - g.r) ** 2
         if spin < 2.0 * ring:
             raise InputError(
@@ -128,6 +129,7 @@ def platform_inertia(
 def gravity(model: Model) -> Array:
     """Weight per mass (3,) [m/s^2] in the frame of a floor with the model's slope."""
     down = [-math.sin(model.values.get(f"floor_tilt.tilt_{axis}", 0.0)) for axis in "xy"]
+    # The third component completes a unit vector: tilting does not change the weight.
     return GRAVITY * np.array([*down, -math.sqrt(1.0 - down[0] ** 2 - down[1] ** 2)])
 
 
@@ -215,6 +217,7 @@ def _wheel(model: Model, contact: Contact, wheel: Wheel, index: int) -> str:
 def _roller(model: Model, contact: Contact, wheel: Wheel, index: int, k: int) -> str:
     """Roller ``k``; number 0 stands on the floor when the wheel angle is zero."""
     v, g = model.values, model.geometry
+    # skew: angle between the roller's axis and X where it stands on the floor.
     turn, skew = 2 * math.pi * k / contact.rollers, SIGN_LATERAL[index] * math.pi / 4
     c, s = math.cos(turn), math.sin(turn)
     axis = (math.cos(skew) * c, math.sin(skew), -math.cos(skew) * s)
@@ -223,6 +226,7 @@ def _roller(model: Model, contact: Contact, wheel: Wheel, index: int, k: int) ->
     # With the inertia dt mu2 explicit damping stops a free roller in one step. With less its speed
     # would change sign in each step, and with less than half of it grow.
     spin = contact.timestep * v["mu2"]
+    # A solid ellipsoid: m (b^2 + c^2) / 5 about an axis, with the other two half axes b and c.
     across, along = wheel.roller * (g.r**2 + half**2) / 5, 0.4 * wheel.roller * g.r**2
     inertia = _numbers((across, across, along))
     return f"""

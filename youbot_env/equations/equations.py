@@ -141,8 +141,10 @@ def try_out(item: Effect) -> None:
         world.
     """
     point, count = _POINTS[item.acts_at], len(WORDS[item.acts_at])
+    # All different and not zero, so that exchanged or lost values show.
     plain = [0.3 + 0.1 * k for k in range(len(item.parameter_names))]
     _try_public(item, plain)
+    # On symbols too, as code is generated from them: an `if` in the function works on floats only.
     trials = (
         ("numbers", floats, _numeric(point), plain),
         ("symbols", symbols(), point, _real(item.parameter_names)),
@@ -263,6 +265,7 @@ class Equations:
         found: list[str] = []
         for full, short in zip(self.structure.parameter_names, names, strict=True):
             effect = full.rpartition(".")[0]
+            # Two effects may have a parameter of one name, such as "smoothing".
             found.append(short if names.count(short) == 1 else f"{short}_{effect}")
         return _real(_SPACED.get(name, name) for name in found)
 
@@ -367,6 +370,7 @@ class Equations:
             stated = _real(item.public_names)
             inner = item.to_internal(symbols(), _LENGTHS, stated)
             for symbol, value in zip(self.theta[where], inner, strict=True):
+                # A parameter that is stated as it is needs no line.
                 if value not in stated:
                     lines.append(f"{show(symbol)} = {show(sympy.sympify(value))}")
         return lines

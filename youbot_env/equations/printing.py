@@ -108,6 +108,7 @@ def _switched_on(expr: Any) -> Any:
 
 def text(expression: Any) -> str:
     """Plain text: products by spaces, powers by ``^``, derivatives by primes."""
+    # full_prec=False: 0.1, not 0.100000000000000.
     printed = _Text({"full_prec": False}).doprint(expression)
     return printed.replace("**", "^").replace("*", " ")
 

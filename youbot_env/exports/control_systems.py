@@ -109,6 +109,7 @@ def linear_control(
     late = _late(control, signals.model, pade)
     state, torque = steady(signals.model, twist, **at)
     a, b = signals.model.linearise(state, torque)
+    # Time, and with ``twist_only`` pose and angles, are no states of the system.
     a, b = a[np.ix_(signals.places, signals.places)], b[signals.places]
     return control.ss(
         np.block([[a, b @ late.c], [np.zeros((len(late.a), len(a))), late.a]]),
@@ -193,6 +194,7 @@ class Platform:
 
     def derivative(self, t: float, x: Array, u: Array, params: Mapping[str, float]) -> Array:
         """(k,) at time t [s], states x (k,) and torques u (4,) [N m]; ``params`` by full name."""
+        # States that are left out stay zero: with ``twist_only`` no force reads them.
         state = np.zeros(self._size)
         state[self._places], state[TIME] = x, t
         model = self._model

@@ -145,6 +145,7 @@ def allocate(geometry: Any, force: Triple) -> tuple[Any, ...]:
     """Least-norm wheel torques [N m] that exert a generalised force."""
     fx, fy, mz = force
     lever = geometry.l + geometry.h
+    # The pseudo-inverse: columns are orthogonal, and four wheels share each component.
     return tuple(
         geometry.R / 4 * (fx + SIGN_LATERAL[i] * fy - SIGN_Y[i] * mz / lever) for i in range(4)
     )
@@ -152,6 +153,7 @@ def allocate(geometry: Any, force: Triple) -> tuple[Any, ...]:
 
 def roller_force(geometry: Any, torque: Sequence[Any]) -> Triple:
     """Generalised force (F_X, F_Y, M_W) of torques [N m] at the four rollers' axles."""
+    # The transpose of ``roller_rates``. F_X is 0: driving ahead turns no roller on the floor.
     scaled = [-value / (geometry.r * COS_ROLLER) for value in torque]
     yaw = sum(SIGN_X[i] * geometry.h * scaled[i] for i in range(4))
     return 0.0, sum(scaled), yaw

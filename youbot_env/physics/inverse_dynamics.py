@@ -251,11 +251,12 @@ def state_derivative(
     command = channel_torque(xp, structure, theta, torque, time)
     acting = tuple(state[len(mechanism.state) :]) if structure.has_actuator else command
     at = Instant(twist, pose=pose, wheel_angle=angle, torque=acting, time=time)
+    # Without an actuator the true command acts at once; with one the acting torques are states.
     moved = (
         *forward_dynamics(xp, structure, geometry, theta, at),
         *mechanism.pose_rates(xp, pose, twist),
         *(mechanism.joint_rates(geometry, twist) if angle else ()),
-        1.0,
+        1.0,  # time is a state, too
     )
     if not structure.has_actuator:
         return moved

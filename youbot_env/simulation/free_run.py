@@ -17,8 +17,8 @@ Array = NDArray[np.float64]
 
 
 Model = Any
-"""A `Model`. Any, so that this file need not import it: other mechanisms are simulated without it.
-pyright does not match a Protocol with cached properties."""
+"""A `Model`. It is not named, so that this file need not import it: other mechanisms are simulated
+without it. pyright does not match a Protocol with cached properties."""
 
 SLOWEST = 15.0
 """Least rate [1/s] for which steps are chosen, also where a model is slower: a log at 50 Hz then
@@ -95,6 +95,7 @@ def stiffness(structure: ModelStructure, geometry: Lengths, theta: Array) -> flo
             )
             for t in (0.0, 1.0)
         )
+        # A lag is linear: the rate at torque 1 less that at 0 is -1 / time constant.
         rates.append(float(np.max(np.abs(np.subtract(quick, slow)))))
     if structure.depends_on_angle:
         rates.append(PHASE_SHARE * ripple_rate(structure, geometry, theta))
@@ -131,6 +132,7 @@ def substeps(model: Model, duration: float) -> int:
 
 
 def _substeps(structure: ModelStructure, geometry: Lengths, theta: Array, duration: float) -> int:
+    # A search may try parameters with a singular mass matrix; the check below refuses them.
     with np.errstate(divide="ignore", invalid="ignore"):
         rate = duration * max(stiffness(structure, geometry, theta), SLOWEST) / 0.25
     # Written so that NaN fails too.
@@ -180,6 +182,7 @@ def simulate_theta(
     delay = float(dynamics.torque_delay(np, structure, theta))
     grid = _grid(time, delay)
     fine, torque = np.diff(grid), np.asarray(torque, float)
+    # np.interp keeps the first value before the first sample, as promised for a delay.
     acting = np.stack([np.interp(grid - delay, time, column) for column in torque.T], axis=1)
     out = np.empty((len(grid), len(state)))
     lengths = np.array([getattr(geometry, name) for name in structure.mechanism.lengths])

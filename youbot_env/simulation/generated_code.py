@@ -29,8 +29,8 @@ cache's key."""
 
 
 Structure = Any
-"""A `ModelStructure`. Any, so that this file need not import it (a short chain of imports); pyright
-does not match a Protocol with cached properties."""
+"""A `ModelStructure`. It is not named, so that this file need not import it; pyright does not match
+a Protocol with cached properties."""
 
 
 class Dynamics(Protocol):
@@ -143,6 +143,7 @@ def _step(size: int, names: dict[str, list[str]]) -> str:
     def shifted(stage: str, factor: str) -> list[str]:
         return [f"{state[i]} + {factor} * {stage}{i}" for i in range(size)]
 
+    # The torque is linear in the step, so its middle is the mean of its ends.
     middle = [f"0.5 * ({a} + {b})" for a, b in zip(torque, ends, strict=True)]
     results = ",\n        ".join(
         f"{state[i]} + dt / 6.0 * (a{i} + 2.0 * (b{i} + c{i}) + d{i})" for i in range(size)
@@ -180,6 +181,7 @@ def _loops(size: int, names: dict[str, list[str]]) -> str:
     rest = ", ".join(names["lengths"] + names["theta"])
     now = [f"v{i + 1}" for i in range(inputs)]
     then = [f"x{i + 1}" for i in range(inputs)]
+    # Torque at the start and end of each substep: from j / n to (j + 1) / n of the interval.
     ramp = "\n".join(
         f"            {now[i]} = {torque[i]} + ({ends[i]} - {torque[i]}) * (j * part)\n"
         f"            {then[i]} = {torque[i]} + ({ends[i]} - {torque[i]}) * ((j + 1) * part)"

@@ -154,6 +154,8 @@ class Plant(StateRows):
 
     def acting_torque(self, command: Array) -> Array:
         """Torques (n, 4) [N m] that act at the wheels now, under the commands (n, 4)."""
+        # With drives the acting torques are states; without them they are the command itself, late
+        # and through the channels.
         if self.structure.has_actuator:
             return self.states[:, DRIVES].copy()
         if self._lines:
