@@ -108,6 +108,7 @@ class KinematicControl:
                 f"kinematic control with a lead of {self.gains.lead:g} s needs {count} coming "
                 "reference samples: give it a preview, or gains without lead"
             )
+        # preview[0] is one sample ahead, so the sample before it is the present twist.
         before = preview[count - 2] if count > 1 else reference.twist
         return before + self._share * (preview[count - 1] - before)
 

@@ -117,6 +117,7 @@ def sensors_of(loop: Loop) -> Sensors:
         If the age is none that encoders have.
     """
     window = 2 * loop.measurement_delay / loop.sample_time
+    # A mean over a window is half the window old, so the window is twice the age.
     if abs(window - round(window)) > WINDOW_ROUNDING:
         raise InputError(
             f"loop measurement_delay: {loop.measurement_delay:g} s is no multiple of half "

@@ -116,6 +116,7 @@ def estimate(estimates, queue, drives, constants, change, error, measured_torque
     for row in range(estimates.size - 1, 0, -1):
         estimates[row] = estimates[row - 1]
     _move_drives(queue, acting, given)
+    # Drives that do not obey: what they exert is taken from the measurement.
     if _contradicts(measured_torque, acting, queue[0], given.torque_tolerance):
         for axis in range(3):
             value = -acting.mean_demand[axis]

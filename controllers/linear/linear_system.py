@@ -139,6 +139,7 @@ def _about(model: Model, twist: Array) -> tuple[Array, Array]:
     # The torques that hold the twist: the linearisation is about a steady motion.
     torque = model.inverse_dynamics(twist, np.zeros(3))
     a, b = model.linearise(initial_state(model, twist=twist, torque=torque), torque)
+    # Four torques, three forces: the drives' states are mapped to forces, and back by least norm.
     to_force = model.geometry.wheel_jacobian.T
     to_wheels = model.geometry.wheel_torque(np.eye(3)).T
     if not model.structure.has_actuator:
@@ -164,6 +165,7 @@ def drive_lag(model: Model) -> float:
         at = Instant((0.0, 0.0, 0.0), torque=(torque,) * 4, torque_rate=(rate,) * 4)
         rows.append(dynamics.actuator_command(np, model.structure, model.theta, at)[0])
     still, torque, rate = (float(value) for value in rows)
+    # The command is affine: its slope in the rate over its slope in the torque is T.
     return max(0.0, (rate - still) / (torque - still))
 
 

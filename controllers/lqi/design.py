@@ -134,6 +134,7 @@ def lqi(model: Model, loop: Loop, weights: Weights) -> LQIDesign:
     # Scaled to numbers of one size (forces as accelerations, the integral times b, the cost over
     # b^2): without it the Riccati equation of a fast loop fails.
     fast, per_force = weights.bandwidth, np.linalg.inv(mass)
+    # States are twist, then forces in groups of three: drives and commands on their way.
     blocks = [np.eye(3)] + [per_force] * (size // 3 - 1)
     scale = np.asarray(block_diag(*blocks), float)
     back = np.linalg.inv(scale)
@@ -176,6 +177,7 @@ def linear_lqi(design: LQIDesign) -> LinearSystem:
     size = len(plant.a)
     seen = np.eye(3, size) - plant.c  # estimated twist = seen x + measured
     on_twist = design.gain[:, :3]
+    # The measured twist replaces the model's, so the twist's gain acts on the estimate.
     rest = design.gain.copy()
     rest[:, :3] = 0.0
     c = np.hstack([-(on_twist @ seen + rest), -design.integral])

@@ -83,6 +83,7 @@ class LQI:
             self._integral += self._back @ ((1.0 - share) * wanted)
         elif known:
             self._integral += self._period * error
+        # With the force that the limit leaves, not the wanted one: the model follows the platform.
         self._state = self._a @ self._state + self._b @ (share * wanted)
         self._exerted.command(torque)
         return torque

@@ -71,13 +71,14 @@ def _step(error, state, gains, numbers, to_wheels, limit, out):
         keep, rise, lead = numbers[row]
         known = True
         for axis in range(3):
-            known &= abs(error[row, axis]) < np.inf
+            known &= abs(error[row, axis]) < np.inf  # False for NaN
         for axis in range(3):
             wanted[axis] = integral[axis]
         if known:
             for axis in range(3):
                 change = error[row, axis] - last[axis]
-                # NaN, the first error after a reset or a gap, is no change.
+                # After a reset or a gap the last error is NaN, and NaN is not equal to itself: the
+                # slope then decays without a new change.
                 slope[axis] = keep * slope[axis] + (rise * change if change == change else 0.0)
                 last[axis] = error[row, axis]
             for axis in range(3):
@@ -132,6 +133,7 @@ class PID:
         self._to_force = model.geometry.wheel_jacobian.T
         self._age = loop.measurement_delay / loop.sample_time
         self._period = loop.sample_time
+        # 1e-9: an age of whole samples must not need one sample more by rounding.
         self._past = int(np.ceil(self._age - 1e-9))
         self.reset()
 

@@ -73,6 +73,7 @@ def load_policy(source: str | os.PathLike[str]) -> tuple[Network, Description]:
     description = _description(content)
     weights = weights_file(path)
     packed = read_bytes(weights, MAX_WEIGHTS)
+    # Two files: weights of another training beside this description would fit in shape.
     if hashlib.sha256(packed).hexdigest() != content["weights_sha256"]:
         raise InputError(f"{weights}: is not the file that {path.name} describes (sha256 differs)")
     unpack = _unpacked if weights.suffix == WEIGHTS else _unpacked_npz
@@ -187,6 +188,7 @@ def _unpacked_npz(content: bytes, source: str) -> Arrays:
                 raise InputError(f"{source}: unpacks to more than {MAX_WEIGHTS >> 20} MiB")
         with np.load(io.BytesIO(content), allow_pickle=False) as held:
             return {name: held[name] for name in held.files}
+    # The clause after it would turn this clear message into a general one.
     except InputError:
         raise
     except Exception:  # zipfile, zlib and numpy raise many kinds on broken bytes

@@ -228,7 +228,7 @@ class GainSearch:
         """
         # Gains matter by their ratios, so the grid is even in their logarithms.
         low, high = np.log(np.array(self.law.span)).T
-        width = (high - low) / 2
+        width = (high - low) / 2  # half width of the grid, in logarithms
         centre, least = (low + high) / 2, np.inf
         point = None
         later_steps = self.settings.grid_points[len(centre) - 1]
@@ -238,6 +238,7 @@ class GainSearch:
             at = int(cost.argmin())
             if cost[at] < least:
                 point, least, centre = points[at], cost[at], np.log(points[at])
+            # No point of the first grid is allowed, so there is none to zoom in on.
             if point is None:
                 raise InputError(_nothing_keeps(self.law, wanted))
             width = width * self.settings.zoom_share
