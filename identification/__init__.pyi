@@ -26,3 +26,4 @@ from .logs import (
     read_logs as read_logs,
     write_log as write_log,
 )
+from .mechanisms import MechanismSettings as MechanismSettings

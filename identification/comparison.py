@@ -203,7 +203,7 @@ def compare(
     """
     if not logs:
         raise InputError("no log given: compare needs at least one")
-    mechanism = mechanism_of(model, geometry)
+    mechanism = mechanism_of(model, geometry, settings.fit.mechanism)
     seen = {log.get("sha256") for log in model.logs}
     found = []
     samples = [mechanism.samples(log) for log in logs]

@@ -89,7 +89,7 @@ def add_effect(
     """
     if not logs:
         raise InputError("no log given: add needs at least one")
-    mechanism = mechanism_of(model)
+    mechanism = mechanism_of(model, settings=settings.fit.mechanism)
     item = mechanism.catalogue[effect]
     if effect in mechanism.structure.effects:
         raise InputError(f"the model holds {effect} already; identify fits it again")

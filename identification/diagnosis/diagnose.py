@@ -70,7 +70,7 @@ def diagnose(
     """
     if not logs:
         raise InputError("no log given: diagnose needs at least one")
-    mechanism = mechanism_of(model)
+    mechanism = mechanism_of(model, settings=settings.fit.mechanism)
     data = LoggedData(mechanism, logs, seed, progress, settings)
     names = list(effects) if effects is not None else list(mechanism.catalogue.names())
     chosen = select(data, mechanism, model.theta, names, np.random.default_rng(seed))

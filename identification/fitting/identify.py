@@ -174,7 +174,7 @@ def identify(
     if not logs:
         raise InputError("no log given: identify needs at least one")
     start = start or load_model("paper")
-    mechanism = mechanism_of(start, geometry)
+    mechanism = mechanism_of(start, geometry, settings.mechanism)
     samples = tuple(mechanism.samples(log) for log in logs)
     free = np.flatnonzero(mechanism.free)
     rows = [regression(mechanism, start.theta, item, free, settings) for item in samples]
@@ -203,7 +203,11 @@ def identify(
         parts=_part_reports(mechanism, start.theta, samples, rows, settings),
         total=total,
         course=_course(mechanism, force, settings) if recursive else None,
-        warnings=(*told, *_fit_warnings(mechanism, final), *kind.warnings(model)),
+        warnings=(
+            *told,
+            *_fit_warnings(mechanism, final),
+            *kind.warnings(model, settings.mechanism),
+        ),
         settings=settings,
     )
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import asdict, dataclass, field, fields
 from typing import Any
 
+from identification.mechanisms.settings import MechanismSettings
 from identification.signals.filters import FilterSettings
 from identification.signals.noise import NoiseSettings
 from youbot_env.errors import InputError, count, finite
@@ -24,6 +25,7 @@ class FitSettings:
 
     filter: FilterSettings = field(default_factory=FilterSettings)
     noise: NoiseSettings = field(default_factory=NoiseSettings)
+    mechanism: MechanismSettings = field(default_factory=MechanismSettings)
 
     # Rows of the regression
     row_rate: float = field(

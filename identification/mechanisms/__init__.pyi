@@ -7,3 +7,4 @@ from .registry import (
     mechanism_of as mechanism_of,
     save_any_model as save_any_model,
 )
+from .settings import MechanismSettings as MechanismSettings

@@ -24,6 +24,7 @@ from identification.mechanisms.axis_effects import (
 from identification.mechanisms.mechanism import Conventions, Mechanism, Variables
 from identification.mechanisms.quantities import of_axis
 from identification.mechanisms.samples import Samples
+from identification.mechanisms.settings import MechanismSettings
 from identification.signals.filters import FilterSettings, block_mean, integral_of
 from identification.signals.noise import white_noise
 from youbot_env.errors import InputError
@@ -87,7 +88,7 @@ AXIS = MechanismKind(
 # --- logs -------------------------------------------------------------------------------------
 
 
-def axis_samples(log: Log, scales: Scales | None = None) -> Samples:
+def axis_samples(log: Log) -> Samples:
     """Motion and effort of a log; without a position column the position starts at 0.
 
     Raises
@@ -106,17 +107,9 @@ def axis_samples(log: Log, scales: Scales | None = None) -> Samples:
     )
 
 
-BANDS = (100.0, 30.0)
-"""Bandwidths [rad/s] that a fit may take beyond the filter's own 10 rad/s."""
-
-ATTENUATION = 1e-3
-"""Share of the inertia that noise of the speed may hide in a fit."""
-
-_ACCELERATION_TIME = 0.05
-"""Seconds over which a speed is averaged before its typical rate is judged."""
-
-
-def typical(logs: Sequence[Log], *, turns: bool) -> Scales:
+def typical(
+    logs: Sequence[Log], *, turns: bool, settings: MechanismSettings = MechanismSettings()
+) -> Scales:
     """What is typical for the axis that some logs are of.
 
     Raises
@@ -129,7 +122,8 @@ def typical(logs: Sequence[Log], *, turns: bool) -> Scales:
     force = _rms([item.torque[:, 0] for item in samples])
     if not speed or not force:
         raise InputError("the axis never moves in these logs: record a motion that excites it")
-    width = [max(1, round(_ACCELERATION_TIME / item.dt)) for item in samples]
+    average = settings.acceleration_averaging_time
+    width = [max(1, round(average / item.dt)) for item in samples]
     rates = [
         np.diff(block_mean(item.twist[:, 0], n)) / (n * item.dt)
         for item, n in zip(samples, width, strict=True)
@@ -138,19 +132,22 @@ def typical(logs: Sequence[Log], *, turns: bool) -> Scales:
     numbers = (speed, _rms(rates), force, travel)
     # Three digits: the scales stand in the model file, and nothing depends on more.
     rounded = [float(f"{value:.3g}") for value in numbers]
-    return Scales(turns, *rounded, bandwidth=_bandwidth(samples, rounded[1]))
+    return Scales(turns, *rounded, bandwidth=_bandwidth(samples, rounded[1], settings))
 
 
-def _bandwidth(samples: Sequence[Samples], acceleration: float) -> float:
+def _bandwidth(
+    samples: Sequence[Samples], acceleration: float, settings: MechanismSettings
+) -> float:
     """How fast a filter all logs bear: noise in the acceleration attenuates the inertia.
 
     White noise s of the speed leaves 2 a^3 s^2 dt of variance in the acceleration that has passed
     a filter of the rate a and the mean over a row of 1/(2 a).
     """
-    for band in BANDS:
+    most = settings.max_inertia_attenuation * acceleration**2
+    for band in settings.axis_bandwidths:
         noise = [2 * band**3 * white_noise(s.twist)[0] ** 2 * s.dt for s in samples]
-        fine = all(band * s.dt <= 0.3 for s in samples)
-        if fine and max(noise) <= ATTENUATION * acceleration**2:
+        fine = all(band * s.dt <= settings.max_bandwidth_times_sample_time for s in samples)
+        if fine and max(noise) <= most:
             return band
     return FilterSettings.rate
 
@@ -160,6 +157,10 @@ def _rms(parts: list[Array]) -> float:
 
 
 # --- identification ---------------------------------------------------------------------------
+
+
+def _samples(log: Log, scales: Scales, settings: MechanismSettings) -> Samples:
+    return axis_samples(log)
 
 
 def _variables(samples: Samples, scales: Scales) -> Variables:
@@ -193,7 +194,7 @@ CONVENTIONS: Conventions[Scales] = Conventions(
     kind=AXIS,
     axes=("axis",),
     force_scale=_force_scale,
-    samples=axis_samples,
+    samples=_samples,
     variables=_variables,
     quantities=of_axis,
     advice=_advice,
@@ -206,8 +207,13 @@ CONVENTIONS: Conventions[Scales] = Conventions(
 class Axis(Mechanism[Scales]):
     """One axis with given effects, as its logs show it; ``geometry`` holds its scales."""
 
-    def __init__(self, scales: Scales, structure: ModelStructure | None = None) -> None:
-        super().__init__(scales, structure or ModelStructure((), AXIS), CONVENTIONS)
+    def __init__(
+        self,
+        scales: Scales,
+        structure: ModelStructure | None = None,
+        settings: MechanismSettings = MechanismSettings(),
+    ) -> None:
+        super().__init__(scales, structure or ModelStructure((), AXIS), CONVENTIONS, settings)
 
 
 def default_theta(axis: Mechanism[Scales]) -> Array:

@@ -14,6 +14,7 @@ from identification.logs.log import Log
 from identification.mechanisms.axis import AXIS, Axis, default_theta, typical
 from identification.mechanisms.axis_effects import AXIS_BASE, AXIS_CATALOGUE, Scales, fitted_to
 from identification.mechanisms.mechanism import Mechanism
+from identification.mechanisms.settings import MechanismSettings
 from identification.signals.filters import FilterSettings
 from youbot_env.errors import InputError
 from youbot_env.files import SCHEMA_VERSION, FileKind, write_json
@@ -48,7 +49,12 @@ def axis_model(
     return Model(axis.geometry, base, effects, mechanism=AXIS)
 
 
-def base_axis_model(logs: Sequence[Log], *, unit: str = "rad") -> AxisModel:
+def base_axis_model(
+    logs: Sequence[Log],
+    *,
+    unit: str = "rad",
+    settings: MechanismSettings = MechanismSettings(),
+) -> AxisModel:
     """Where the identification of an unknown axis starts: typical inertia and nothing else.
 
     Raises
@@ -58,7 +64,7 @@ def base_axis_model(logs: Sequence[Log], *, unit: str = "rad") -> AxisModel:
     """
     if unit not in UNITS:
         raise InputError(f"unit {unit!r}: an axis is logged in m (m/s, N) or rad (rad/s, N m)")
-    axis = Axis(typical(logs, turns=unit == "rad"))
+    axis = Axis(typical(logs, turns=unit == "rad", settings=settings))
     return axis_model(axis, default_theta(axis))
 
 

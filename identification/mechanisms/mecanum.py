@@ -24,6 +24,7 @@ from identification.mechanisms.paper_regressor import (
 )
 from identification.mechanisms.quantities import of_platform
 from identification.mechanisms.samples import Samples
+from identification.mechanisms.settings import MechanismSettings
 from youbot_env.motions.base import Motion
 from youbot_env.physics.geometry import WHEELS, Geometry
 from youbot_env.physics.mecanum import MECANUM, mecanum_structure
@@ -103,5 +104,10 @@ CONVENTIONS: Conventions[Geometry] = Conventions(
 class Mecanum(Mechanism[Geometry]):
     """A mecanum platform with given effects, as its logs show it."""
 
-    def __init__(self, geometry: Geometry, structure: ModelStructure = BASE) -> None:
-        super().__init__(geometry, structure, CONVENTIONS)
+    def __init__(
+        self,
+        geometry: Geometry,
+        structure: ModelStructure = BASE,
+        settings: MechanismSettings = MechanismSettings(),
+    ) -> None:
+        super().__init__(geometry, structure, CONVENTIONS, settings)

@@ -7,6 +7,7 @@ from numpy.typing import NDArray
 
 from identification.logs.log import Log
 from identification.mechanisms.samples import Samples, planar_pose
+from identification.mechanisms.settings import MechanismSettings
 from identification.signals.filters import integral_of
 from identification.signals.noise import white_noise
 from youbot_env.errors import InputError
@@ -14,14 +15,10 @@ from youbot_env.physics.geometry import WHEELS, Geometry
 
 Array = NDArray[np.float64]
 
-SLIPPING = 4.0
-"""Deviations of the random walk that noise on a wheel's speed makes; beyond them it slips."""
 
-ROUGH = 0.02
-"""Angle [rad] that a pose may be off by rounding and by turning between samples."""
-
-
-def _wheel_angles(log: Log, geometry: Geometry, dt: float) -> tuple[Array, bool]:
+def _wheel_angles(
+    log: Log, geometry: Geometry, dt: float, settings: MechanismSettings
+) -> tuple[Array, bool]:
     """Wheel angles (N, 4) [rad] and whether they are free of drift.
 
     Position columns are taken as they are. Integrated speeds drift with their noise, which blurs
@@ -43,11 +40,14 @@ def _wheel_angles(log: Log, geometry: Geometry, dt: float) -> tuple[Array, bool]
     rolled = np.vstack([np.zeros(4), np.cumsum(way, axis=0)])
     drift = white_noise(log.velocity) * np.sqrt(dt * dt * len(log))
     # Noise alone leaves a random walk; anything beyond is slip, and the wheels know better.
-    slips = np.abs(rolled - integrated).max(axis=0) > SLIPPING * drift + ROUGH
+    explained = settings.max_drift_deviations * drift + settings.max_pose_angle_error
+    slips = np.abs(rolled - integrated).max(axis=0) > explained
     return (integrated, False) if slips.any() else (rolled, True)
 
 
-def samples_of(log: Log, geometry: Geometry) -> Samples:
+def samples_of(
+    log: Log, geometry: Geometry, settings: MechanismSettings = MechanismSettings()
+) -> Samples:
     """Motion and torque of a log.
 
     The twist is the least-squares projection of the four wheel speeds. Without pose columns the
@@ -64,5 +64,5 @@ def samples_of(log: Log, geometry: Geometry) -> Samples:
     dt = float(time[-1] / (len(time) - 1))
     twist = geometry.body_twist(log.velocity)
     pose = log.pose if log.pose is not None else planar_pose(twist, dt)
-    angle, measured = _wheel_angles(log, geometry, dt)
+    angle, measured = _wheel_angles(log, geometry, dt, settings)
     return Samples(log.name, time, dt, twist, pose, angle, log.velocity, log.effort, measured)

@@ -18,6 +18,7 @@ from numpy.typing import NDArray
 from identification.logs.log import Log
 from identification.mechanisms.quantities import Quantities
 from identification.mechanisms.samples import DemandedForce, Part, Samples
+from identification.mechanisms.settings import MechanismSettings
 from identification.signals.filters import FilterSettings, integral_of
 from youbot_env.physics import inverse_dynamics as dynamics
 from youbot_env.physics.effect import Parameter, Registry
@@ -86,7 +87,7 @@ class Variables(NamedTuple):
     turns: bool | None = None
 
 
-def _whole(samples: Samples) -> list[Part]:
+def _whole(samples: Samples, settings: MechanismSettings) -> list[Part]:
     return [Part("run", samples)]
 
 
@@ -113,7 +114,7 @@ class Conventions(Generic[Known]):
     kind : the physics; ``known`` below is what is known beforehand of the mechanism at hand
     axes : names of the axes of force and speed in reports
     force_scale(known) : (A,) factors by which all axes weigh alike; speeds are divided by them
-    samples(log, known) : motion and torque of a log
+    samples(log, known, settings) : motion and torque of a log
     variables(samples, known) : what the residual may depend on
     quantities(known) : symbols and units of forces and speeds, for figures
     advice(known, direction) : what to record where ``direction`` (F,) of the parameters is not seen
@@ -122,7 +123,7 @@ class Conventions(Generic[Known]):
     scaling : how that scales the parameters, in words
     order : indices of base parameters in the order in which they are shown; () for theta's
     filter_rate(known) : of the filter through which forces are fitted [rad/s]
-    parts(samples) : stretches of a log that are judged apart
+    parts(samples, settings) : stretches of a log that are judged apart
     motions(known, seed) : motions that could be recorded next
     fault_of_fit(known, values) : why base parameters that were fitted cannot be, and what to do;
         "" if they can
@@ -132,7 +133,7 @@ class Conventions(Generic[Known]):
     kind: MechanismKind
     axes: tuple[str, ...]
     force_scale: Callable[[Known], Array]
-    samples: Callable[[Log, Known], Samples]
+    samples: Callable[[Log, Known, MechanismSettings], Samples]
     variables: Callable[[Samples, Known], Variables]
     quantities: Callable[[Known], Quantities]
     advice: Callable[[Known, Array], str]
@@ -140,7 +141,7 @@ class Conventions(Generic[Known]):
     scaling: str = "by catalogue size"
     order: tuple[int, ...] = ()
     filter_rate: Callable[[Known], float] = _usual_rate
-    parts: Callable[[Samples], list[Part]] = _whole
+    parts: Callable[[Samples, MechanismSettings], list[Part]] = _whole
     motions: Callable[[Known, int], Sequence[Experiment]] = _nothing
     fault_of_fit: Callable[[Known, Mapping[str, float]], str] = _no_fault
     motion_that_shows: Callable[[Known, Array], str] | None = None
@@ -151,11 +152,13 @@ class Mechanism(Generic[Known]):
     """A mechanism with given effects: what it measures, demands and simulates.
 
     geometry : what is known of it beforehand; structure : which effects it holds
+    settings : numbers that its samples, parts and demanded force depend on
     """
 
     geometry: Known
     structure: ModelStructure
     conventions: Conventions[Known]
+    settings: MechanismSettings = MechanismSettings()
 
     @property
     def kind(self) -> MechanismKind:
@@ -193,7 +196,8 @@ class Mechanism(Generic[Known]):
 
     def with_effects(self, effects: Sequence[str]) -> Mechanism[Known]:
         """The same mechanism with other effects beside the base model."""
-        return Mechanism(self.geometry, self.structure.with_effects(effects), self.conventions)
+        structure = self.structure.with_effects(effects)
+        return Mechanism(self.geometry, structure, self.conventions, self.settings)
 
     def extended(self, name: str) -> Mechanism[Known]:
         """The same mechanism with one effect more."""
@@ -282,11 +286,11 @@ class Mechanism(Generic[Known]):
 
     def samples(self, log: Log) -> Samples:
         """Motion and torque of a log."""
-        return self.conventions.samples(log, self.geometry)
+        return self.conventions.samples(log, self.geometry, self.settings)
 
     def parts(self, samples: Samples) -> list[Part]:
         """Stretches of a log that are judged apart."""
-        return self.conventions.parts(samples)
+        return self.conventions.parts(samples, self.settings)
 
     def variables(self, samples: Samples) -> Variables:
         """What the residual may depend on."""
@@ -341,6 +345,7 @@ class Mechanism(Generic[Known]):
             declared,
             np.asarray(theta, float),
             samples,
+            self.settings,
             like,
         )
 

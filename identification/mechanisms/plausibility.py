@@ -7,22 +7,23 @@ from typing import Any
 
 import numpy as np
 
+from identification.mechanisms.settings import MechanismSettings
 from youbot_env.model.model import Model
 from youbot_env.physics.geometry import Geometry
 
-BARELY = 0.2
-"""A standard deviation above this share of the value is called barely observable."""
 
-
-def warnings_of(model: Model[Geometry]) -> list[str]:
+def warnings_of(
+    model: Model[Geometry], settings: MechanismSettings = MechanismSettings()
+) -> list[str]:
     """Plain sentences on implausible or barely observable parameters."""
     # A centre of mass may well lie at O: it is judged by the footprint.
     footprint = {"aX": model.geometry.l, "aY": model.geometry.l}
-    barely = barely_observable(model, footprint)
-    return [*_inertia(model), *_wheel(model), *_centre_of_mass(model), *barely]
+    barely = barely_observable(model, settings, footprint)
+    implausible = [*_inertia(model, settings), *_wheel(model, settings), *_centre_of_mass(model)]
+    return [*implausible, *barely]
 
 
-def _inertia(model: Model[Geometry]) -> list[str]:
+def _inertia(model: Model[Geometry], settings: MechanismSettings) -> list[str]:
     g, value = model.geometry, model.values
     radius = float(np.sqrt(value["I0"] / value["m0"]))
     corner = float(np.hypot(g.l, g.h))
@@ -32,7 +33,7 @@ def _inertia(model: Model[Geometry]) -> list[str]:
             f"{radius:.2f} m, beyond the wheels' {corner:.2f} m from the centre: hardly possible "
             "for mass inside the footprint; did an arm reach out, or is another effect in it?"
         ]
-    if radius < 0.3 * corner:
+    if radius < settings.min_gyration_radius_share * corner:
         return [
             f"I0 = {value['I0']:.3g} kg m^2 with m0 = {value['m0']:.3g} kg is a gyration radius of "
             f"only {radius:.2f} m: the four wheels alone make more than that; check the units"
@@ -40,15 +41,15 @@ def _inertia(model: Model[Geometry]) -> list[str]:
     return []
 
 
-def _wheel(model: Model[Geometry]) -> list[str]:
+def _wheel(model: Model[Geometry], settings: MechanismSettings) -> list[str]:
     solid = 0.5 * model.geometry.m1 * model.geometry.R**2
     ratio = model.values["I1"] / solid if solid > 0 else 1.0
-    if ratio > 2:
+    if ratio > settings.max_wheel_inertia_ratio:
         return [
             f"I1 = {model.values['I1']:.2g} kg m^2 is {ratio:.1f} times a solid wheel's "
             f"{solid:.2g} kg m^2: the motor's rotor, seen through the gear, may explain it"
         ]
-    if ratio < 0.3:
+    if ratio < settings.min_wheel_inertia_ratio:
         return [
             f"I1 = {model.values['I1']:.2g} kg m^2 is only {ratio:.2f} of a solid wheel's "
             f"{solid:.2g} kg m^2: hardly possible; m0 and I1 may be mixed up"
@@ -66,7 +67,11 @@ def _centre_of_mass(model: Model[Geometry]) -> list[str]:
     return []
 
 
-def barely_observable(model: Model[Any], sizes: Mapping[str, float] | None = None) -> list[str]:
+def barely_observable(
+    model: Model[Any],
+    settings: MechanismSettings = MechanismSettings(),
+    sizes: Mapping[str, float] | None = None,
+) -> list[str]:
     """A sentence on each parameter that the logs hardly show, of any mechanism.
 
     Parameters
@@ -87,7 +92,7 @@ def barely_observable(model: Model[Any], sizes: Mapping[str, float] | None = Non
         if key and model.effect(effect).public is not None:
             # A place or a phase may well be zero: judged by its catalogue size.
             size = max(size, model.effect(effect).public_parameter(key).size)
-        if estimate.std is not None and estimate.std > BARELY * size:
+        if estimate.std is not None and estimate.std > settings.max_deviation_share * size:
             found.append(
                 f"{name} = {estimate.value:.3g} +- {estimate.std:.2g} {estimate.unit} is barely "
                 "observable in these logs"

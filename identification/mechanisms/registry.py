@@ -15,6 +15,7 @@ from identification.mechanisms.mechanism import Conventions, FitResult, Mechanis
 from identification.mechanisms.physical_parameters import fitted_model
 from identification.mechanisms.plausibility import barely_observable, warnings_of
 from identification.mechanisms.quantities import Quantities
+from identification.mechanisms.settings import MechanismSettings
 from youbot_env.errors import InputError
 from youbot_env.model.model import Model
 from youbot_env.model.model_file import (
@@ -40,7 +41,7 @@ class Entry:
     conventions : how it is identified
     start(logs, unit) : base model to fit
     read(data, source), save(path, model) : its model files
-    warnings(model) : plain sentences on what is implausible or barely observable
+    warnings(model, settings) : plain sentences on what is implausible or barely observable
     takes_geometry : whether a geometry can be given for it (``--geometry``)
     """
 
@@ -48,7 +49,7 @@ class Entry:
     start: Callable[[Sequence[Log], str], AnyModel]
     read: Callable[[Mapping[str, Any], str], AnyModel] = _no_file
     save: Callable[[str | os.PathLike[str], AnyModel], None] = _no_file
-    warnings: Callable[[AnyModel], list[str]] = barely_observable
+    warnings: Callable[[AnyModel, MechanismSettings], list[str]] = barely_observable
     takes_geometry: bool = False
 
     @property
@@ -123,8 +124,16 @@ def check_mechanism(model: AnyModel, name: str | None) -> None:
         raise InputError(f"model {model.name} is not of mechanism {name!r}; leave --mechanism out")
 
 
-def mechanism_of(model: AnyModel, geometry: Geometry | None = None) -> Mechanism[Any]:
+def mechanism_of(
+    model: AnyModel,
+    geometry: Geometry | None = None,
+    settings: MechanismSettings = MechanismSettings(),
+) -> Mechanism[Any]:
     """The mechanism that a model is of; ``geometry`` replaces a platform's own.
+
+    Parameters
+    ----------
+    settings : numbers that its samples, parts and demanded force depend on
 
     Raises
     ------
@@ -132,7 +141,7 @@ def mechanism_of(model: AnyModel, geometry: Geometry | None = None) -> Mechanism
         If a geometry is given for a mechanism that has none.
     """
     of = kind_of(model)
-    return Mechanism(_known(model, geometry), model.structure, of.conventions)
+    return Mechanism(_known(model, geometry), model.structure, of.conventions, settings)
 
 
 def quantities_of(model: AnyModel, geometry: Geometry | None = None) -> Quantities:

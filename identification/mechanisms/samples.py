@@ -13,8 +13,9 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from identification.mechanisms.settings import MechanismSettings
 from identification.signals.filters import integral_of, slope_ends
-from identification.signals.resampling import RATE_SMOOTHING, moved, smoothed
+from identification.signals.resampling import moved, smoothed
 from youbot_env.physics import inverse_dynamics as dynamics
 from youbot_env.physics.effect import CHANNEL, Effect, Parameter
 from youbot_env.physics.mechanism import (
@@ -93,9 +94,6 @@ def planar_pose(twist: Array, dt: float) -> Array:
     return np.column_stack([integral_of(velocity, dt), yaw])
 
 
-INTERNAL_SMOOTHING = 0.05
-"""Window [s] over which the internal torque is averaged: its noise would enter the columns."""
-
 LOAD_STEP = 5e-7
 """Share of the full torque over which the slope of a friction under load is taken."""
 
@@ -123,10 +121,12 @@ class DemandedForce:
         declared: Sequence[Parameter],
         theta: Array,
         samples: Samples,
+        settings: MechanismSettings,
         like: DemandedForce | None = None,
     ) -> None:
         self.structure, self.geometry, self.force_scale = structure, geometry, force_scale
         self.declared, self.theta, self.samples = declared, theta, samples
+        self.settings = settings
         self.mechanism = structure.mechanism
         self.instant = like.instant if like else self._instant()
         known = like is not None and like.structure.depends_on_load
@@ -278,8 +278,9 @@ class DemandedForce:
 
     def _internal_of(self, torque: Array) -> Array:
         """(2, N - 1) how much of the internal torques torques (N, J) hold, smoothed."""
-        internal, dt = np.array(self.mechanism.internal), self.samples.dt
-        amount = smoothed(torque @ internal / (internal @ internal), INTERNAL_SMOOTHING / dt)
+        internal = np.array(self.mechanism.internal)
+        window = self.settings.internal_torque_smoothing_time / self.samples.dt
+        amount = smoothed(torque @ internal / (internal @ internal), window)
         return _ends(amount[:, None])[0]
 
     def _rates(self, torque: tuple[Array, ...]) -> tuple[Array, ...]:
@@ -287,11 +288,12 @@ class DemandedForce:
         if not self.structure.has_actuator:
             return torque  # nobody asks
         rates: list[Array] = []
+        window = self.settings.torque_rate_smoothing_time / self.samples.dt
         for value in torque:
             node = np.concatenate(
                 [value[0, :1], 0.5 * (value[1, :-1] + value[0, 1:]), value[1, -1:]]
             )
-            slope = np.diff(smoothed(node, RATE_SMOOTHING / self.samples.dt)) / self.samples.dt
+            slope = np.diff(smoothed(node, window)) / self.samples.dt
             rates.append(np.broadcast_to(slope, value.shape))
         return tuple(rates)
 

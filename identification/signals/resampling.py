@@ -7,12 +7,6 @@ from numpy.typing import NDArray
 
 Array = NDArray[np.float64]
 
-RATE_SMOOTHING = 0.03
-"""Standard deviation [s] of the Gaussian that smooths torques before their rate is taken.
-
-The demanded torque holds the speeds' noise differentiated, its rate holds it twice: unsmoothed,
-noise would be most of the column of a drive's lag and pull the lag towards zero."""
-
 
 def smoothed(signal: Array, sigma: float) -> Array:
     """Gaussian mean (N,) of a signal, in samples, without a phase; straight on at its ends."""

@@ -14,7 +14,7 @@ from identification.signals.noise import NoiseSettings
 from tests.identification.recordings import recording
 from youbot_env.errors import InputError
 
-FIELDS = [item for item in fields(FitSettings) if item.name not in ("filter", "noise")]
+FIELDS = [item for item in fields(FitSettings) if item.name not in ("filter", "noise", "mechanism")]
 FIELDS += [*fields(FilterSettings), *fields(NoiseSettings)]
 
 

@@ -16,6 +16,7 @@ from identification.logs.log import Log
 from identification.mechanisms.mechanism import Conventions, Variables
 from identification.mechanisms.quantities import FORCES, VELOCITIES, Quantities
 from identification.mechanisms.samples import Samples, planar_pose
+from identification.mechanisms.settings import MechanismSettings
 from youbot_env.physics.effect import BODY, WHEEL, WORLD, Parameter, Registry, Wheel, effect
 from youbot_env.physics.mecanum import body_points, into_body, planar_rates
 from youbot_env.physics.mechanism import Components, EffectPoints, MechanismKind, Site
@@ -124,7 +125,7 @@ OMNI = MechanismKind(
 )
 
 
-def samples_of(log: Log, lengths: Lengths) -> Samples:
+def samples_of(log: Log, lengths: Lengths, settings: MechanismSettings) -> Samples:
     rates = np.array([wheel_rates(lengths, tuple(unit)) for unit in np.eye(3)]).T
     twist = log.velocity @ np.linalg.pinv(rates).T
     pose = log.pose if log.pose is not None else planar_pose(twist, log.dt)

@@ -35,6 +35,7 @@ from identification.mechanisms.axis_model import (
 )
 from identification.mechanisms.registry import load_any_model, mechanism_of
 from identification.mechanisms.samples import cut
+from identification.mechanisms.settings import MechanismSettings
 from tests.identification.shared_data import DATA
 from youbot_env.errors import InputError
 from youbot_env.physics import inverse_dynamics as dynamics
@@ -229,6 +230,8 @@ def test_scales_are_those_of_the_motion_and_the_band_is_what_noise_allows():
     assert scales.speed == pytest.approx(quiet.velocity.std(), rel=0.02)
     assert scales.force == pytest.approx(np.sqrt((quiet.effort**2).mean()), rel=0.01)
     assert scales.bandwidth == 100.0 and typical([loud], turns=False).bandwidth == 10.0
+    slower = MechanismSettings(axis_bandwidths=(20.0,))
+    assert typical([quiet], turns=False, settings=slower).bandwidth == 20.0
     still = replace(quiet, velocity=np.zeros_like(quiet.velocity))
     with pytest.raises(InputError, match="never moves"):
         typical([still], turns=False)
