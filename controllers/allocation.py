@@ -1,7 +1,8 @@
 """Four wheel torques for three generalised forces, within the torques that the drives can give.
 
-The fourth direction, (1, 1, -1, -1), exerts no force on the platform: the wheels only brace against
-each other. It is the room in which the largest torque can come down before the force has to.
+Torques along the fourth direction, (1, 1, -1, -1), exert no force on the platform: the wheels push
+against each other. A shift along it can bring the largest torque within its limit without a change
+of the force.
 """
 
 from __future__ import annotations
@@ -46,8 +47,8 @@ def within_limits(torque, limit, out):
     ``torque`` (4,), and return the share: 1 where a shift along ``NULL_SPACE`` is enough.
 
     In w = NULL_SPACE * torque the shift adds one number to all four, so the limits leave an
-    interval for it. Where that is empty, the two wheels that are furthest apart say by how much the
-    force must shrink.
+    interval for it. Where the interval is empty, the two values of w that are furthest apart,
+    relative to the sum of their limits, give the share of the force that is left.
     """
     low, high, share = -np.inf, np.inf, 1.0
     for i in range(4):
@@ -60,9 +61,11 @@ def within_limits(torque, limit, out):
         low = max(low, -limit[i] - value)
         high = min(high, limit[i] - value)
     if share < 1.0:
-        # The interval is a point, whose two ends rounding may have swapped.
+        # The interval is one point; rounding may have made its lower end the larger one.
         low = high = 0.5 * (low + high)
+    # The shift in the interval that is nearest to 0, which keeps the norm least.
     shift = min(max(0.0, low), high)
     for i in range(4):
+        # Cut once more, because rounding may exceed the limit by a last digit.
         out[i] = min(max(share * torque[i] + NULL_SPACE[i] * shift, -limit[i]), limit[i])
     return share

@@ -53,7 +53,7 @@ class Reference(NamedTuple):
 
 @dataclass(frozen=True)
 class Loop:
-    """What whoever builds a controller knows of the loop that it will run in.
+    """What is known of the loop in which a controller will run, when it is built.
 
     Attributes
     ----------
@@ -78,6 +78,7 @@ class Loop:
 
     def __post_init__(self) -> None:
         finite("loop sample_time", self.sample_time, positive=True)
+        # ``finite`` would refuse the infinity that stands for no limit.
         if self.torque_limit != math.inf:
             finite("loop torque_limit", self.torque_limit, positive=True)
         for name in ("delay", "measurement_delay", "speed_noise"):

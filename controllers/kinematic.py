@@ -41,8 +41,9 @@ class Gains:
 class KinematicControl:
     """Wheel-speed PI towards the no-slip wheel speeds of the reference twist.
 
-    Knows no mass: above some 0.5 rad/s the platform lags its reference. The torque is limited
-    at each wheel, and a wheel's integral rests while it would push further into its limit.
+    It knows no mass, so above some 0.5 rad/s the platform lags its reference. The torque is limited
+    at each wheel, and a wheel's integral is held while it would drive the torque further into its
+    limit (conditional integration).
 
     Parameters
     ----------
@@ -75,7 +76,7 @@ class KinematicControl:
         self._integral_step = self.gains.integral * self.sample_time
         self._to_wheels = self.geometry.wheel_jacobian
         ahead = self.gains.lead / self.sample_time
-        # A lead of whole samples, up to rounding, needs no sample beyond.
+        # 1e-9: a lead of whole samples must not need one sample more by rounding.
         self.preview_needed = math.ceil(ahead - 1e-9)
         self._share = 1.0 + ahead - self.preview_needed  # between the last two samples needed
         self.reset()
@@ -96,7 +97,7 @@ class KinematicControl:
         """
         twist = self._ahead(reference) if self.preview_needed else reference.twist
         errors = (self._to_wheels @ twist - observation.wheel_speed).tolist()
-        # floats, because numpy on four numbers takes three times as long
+        # Python floats: numpy takes three times as long for four numbers.
         return np.array([self._loop(wheel, error) for wheel, error in enumerate(errors)])
 
     def _ahead(self, reference: Reference) -> Array:
@@ -107,6 +108,7 @@ class KinematicControl:
                 f"kinematic control with a lead of {self.gains.lead:g} s needs {count} coming "
                 "reference samples: give it a preview, or gains without lead"
             )
+        # preview[0] is one sample ahead, so the sample before it is the present twist.
         before = preview[count - 2] if count > 1 else reference.twist
         return before + self._share * (preview[count - 1] - before)
 
@@ -115,6 +117,7 @@ class KinematicControl:
         wanted = self.gains.proportional * error + self._integral[wheel] + step
         torque = min(max(wanted, -self.torque_limit), self.torque_limit)
         # Conditional integration: not while the limit holds and the error would push further.
+        # A comparison with NaN is false, so a NaN never gets into the integral.
         if (wanted - torque) * error <= 0.0:
             self._integral[wheel] += step
         return torque

@@ -61,8 +61,8 @@ def instants(
 ) -> Iterator[tuple[Instant, Array]]:
     """The closed loop, instant by instant; the plant has been put at its start.
 
-    Each is yielded with the commands (n, 4) [N m] that are held from there to the next, before the
-    plant moves on: whoever iterates may look at both, or stop.
+    Each instant is yielded with the commands (n, 4) [N m] that are held until the next one, before
+    the plant moves on. So the caller can read both, or end the loop.
 
     Parameters
     ----------
@@ -74,6 +74,7 @@ def instants(
     rows, elapsed = (0, len(states)), 0
     command = np.zeros((len(states), 4))
     for index in range(count):
+        # New arrays: an ``Instant`` that was handed out must not change.
         wheel_speed, body_twist = np.empty((len(states), 4)), np.empty((len(states), 3))
         sampled.measure(wheel_speed, body_twist, rows, elapsed)
         time = index * sampled.period
@@ -81,6 +82,7 @@ def instants(
         torque = law(now)
         command = torque if torque_limit == math.inf else limited(torque, torque_limit)
         yield now, command
+        # The last command is never applied: nothing is measured after it.
         if index < count - 1:
             sampled.apply(command)
             elapsed = 1
@@ -89,8 +91,8 @@ def instants(
 def limited(torque: Array, limit: float) -> Array:
     """Torques (n, 4) cut to +-``limit`` [N m].
 
-    As a share of the limit, as the action of an environment: the loop and an environment that is
-    given the same controller then agree to the bit.
+    Computed as a share of the limit, as the action of an environment is: then a loop and an
+    environment with the same controller agree to the bit.
     """
     share = torque / limit
     np.maximum(share, -1.0, out=share)
@@ -115,6 +117,7 @@ def sensors_of(loop: Loop) -> Sensors:
         If the age is none that encoders have.
     """
     window = 2 * loop.measurement_delay / loop.sample_time
+    # A mean over a window is half the window old, so the window is twice the age.
     if abs(window - round(window)) > WINDOW_ROUNDING:
         raise InputError(
             f"loop measurement_delay: {loop.measurement_delay:g} s is no multiple of half "
@@ -190,7 +193,7 @@ class ControllerRows:
         torque = np.empty((len(self.tables), 4))
         for row, controller in enumerate(self._controllers):
             pose = now.states[row, POSE] if self._show_pose else None
-            # Told is the last command: what the drives make of it no controller can know.
+            # The last command, not the acting torque: a controller cannot know what the drives do.
             seen = Observation(
                 now.time, now.wheel_speed[row], now.body_twist[row], pose, now.last_command[row]
             )
@@ -199,7 +202,7 @@ class ControllerRows:
 
 
 def preview_needed(controllers: Sequence[Controller]) -> int:
-    """Coming reference samples that the neediest of some controllers reads."""
+    """The largest number of coming reference samples that one of the controllers reads."""
     return max(int(getattr(controller, "preview_needed", 0)) for controller in controllers)
 
 
@@ -282,6 +285,7 @@ def closed_loop(
         If the loop's measurement is none that encoders give.
     """
     period = loop.sample_time
+    # round: the duration over the period may miss a whole number by rounding.
     count = count or round(motion.duration / period)
     law = ControllerRows(
         [controller], [motion], period, count, preview=preview, show_pose=show_pose

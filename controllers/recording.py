@@ -1,4 +1,4 @@
-"""Records a plant under the stock kinematic control, or any other, and logs what a robot would."""
+"""Records a plant under the stock kinematic control, or another, as logs like those of a robot."""
 
 from __future__ import annotations
 
@@ -38,7 +38,8 @@ TORQUE_NOISE, SPEED_NOISE = 0.03, 0.01
 
 
 def generator(seed: int, *names: str) -> np.random.Generator:
-    """Random numbers of one purpose, whatever else is drawn from the same seed."""
+    """Random numbers for one purpose; they do not depend on other draws with the same seed."""
+    # crc32, because Python's hash of a text differs from process to process.
     return np.random.default_rng([seed, *(zlib.crc32(name.encode()) for name in names)])
 
 
@@ -131,6 +132,7 @@ def run(
     """
     ticks = count("ticks", ticks or ticks_per_row(rate))
     dt = 1.0 / (rate * ticks)
+    # Whole rows; 1e-9, so that rounding adds none.
     total = int(np.ceil(motion.duration * rate - 1e-9)) * ticks
     if total > MAX_TICKS:
         raise InputError(
@@ -145,7 +147,7 @@ def run(
             motion,
             Loop(dt, torque_limit=np.inf, speed_noise=speed_noise),
             rng or np.random.default_rng(0),
-            count=total + 1,
+            count=total + 1,  # the start, then one a tick
             preview=preview,
             show_pose=True,
             progress=progress,

@@ -1,4 +1,4 @@
-"""Controllers by name, each built on a model for a loop; modules are imported when one is built."""
+"""Controllers by name. The module of a controller is imported when one is built."""
 
 from __future__ import annotations
 
@@ -182,7 +182,7 @@ def check(name: str) -> None:
 
 
 def fingerprint(name: str) -> str:
-    """What a file of that name holds, as a short word; empty for what this package's version says.
+    """A hash of what a file of that name holds; empty for controllers of this package.
 
     Raises
     ------
@@ -195,6 +195,7 @@ def fingerprint(name: str) -> str:
     if name.endswith(".json") and is_gains_file(name):
         return hashlib.sha256(repr(load_gains(name)).encode()).hexdigest()
     network, description = load_policy(name)
+    # The content, not the file: the weights may be in either of two formats.
     found = hashlib.sha256(repr(description).encode())
     for array in (network.features, network.mix, *chain.from_iterable(network.layers)):
         found.update(array.tobytes())

@@ -101,6 +101,7 @@ class Comparison:
     @property
     def counted(self) -> tuple[LogComparison, ...]:
         """Logs in the totals: those that the fit has not seen, or all if it has seen all."""
+        # Errors on logs of the fit are too small.
         unseen = tuple(item for item in self.logs if not item.seen_in_fit)
         return unseen or self.logs
 
@@ -156,6 +157,7 @@ def _log_dict(item: LogComparison) -> dict[str, Any]:
 def _stretches_of(item: LogComparison, duration: float) -> list[dict[str, Any]]:
     time, square = item.force.time, item.force.residual**2
     edges = np.arange(time[0], time[-1], duration)
+    # Infinity: the last stretch includes the last sample.
     rows = np.searchsorted(time, [*edges, np.inf])
     return [
         {
@@ -166,6 +168,7 @@ def _stretches_of(item: LogComparison, duration: float) -> list[dict[str, Any]]:
             "force_error": float(np.sqrt(square[a:b, k].mean() / measured[k])),
             "square": float(square[a:b, k].sum()),
         }
+        # Relative to the whole log, not to the stretch: a stretch at rest would have a huge error.
         for measured in [(item.force.measured**2).mean(axis=0) + 1e-300]
         for a, b in zip(rows, rows[1:], strict=False)
         for k, axis in enumerate(item.axes)
@@ -235,6 +238,7 @@ def _compare_one(
     return LogComparison(
         log=log,
         axes=mechanism.axes,
+        # A log made in memory has no hash; two empty hashes are no sign of the same log.
         seen_in_fit=bool(log.sha256) and seen,
         force=force,
         velocity=velocity,
@@ -262,7 +266,7 @@ def write_predictions(path: str | os.PathLike[str], item: LogComparison) -> None
         [np.interp(time, log.time, item.joint_speed[:, k]) for k in range(len(names))]
     )
     lines = [",".join(["time", *names])]
-    # repr keeps every digit of a time stamp; speeds to a nanoradian per second are plenty.
+    # repr keeps every digit of a time stamp, so that rows can be matched to those of the log.
     lines += [
         ",".join([repr(t), *(f"{value:.9f}" for value in row)])
         for t, row in zip(time, speeds.tolist(), strict=True)

@@ -47,6 +47,7 @@ def main(
     Says when it was not worth it (no material or significant fall, implausible sign or size), and
     does what was asked all the same.
     """
+    # Imported here: `youbot add --help` does without numpy and scipy.
     from identification.diagnosis.add_effect import add_effect
     from identification.mechanisms.registry import save_any_model
 

@@ -50,6 +50,7 @@ OK, USAGE, INTERRUPTED, BROKEN_PIPE = 0, 2, 130, 141
 """Exit statuses; the last two are what a shell reports for SIGINT and SIGPIPE."""
 
 
+# Not sys.argv: a command such as demo runs other commands in this process.
 _running: ContextVar[tuple[str, ...]] = ContextVar("running", default=())
 
 
@@ -61,8 +62,8 @@ def command_line() -> str:
 def main(arguments: Sequence[str] | None = None) -> int:
     """Run the command line `arguments` (default: the process's own) and return the exit status.
 
-    What a user can cause ends in one line on standard error; any other exception is a bug and
-    keeps its traceback.
+    Errors that a user can cause end in one line on standard error. Any other exception is a bug
+    and keeps its traceback.
     """
     arguments = list(sys.argv[1:] if arguments is None else arguments)
     # The matrices here are tall and thin: a second BLAS thread costs more than it brings, and
@@ -70,15 +71,16 @@ def main(arguments: Sequence[str] | None = None) -> int:
     os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
     for stream in (sys.stdout, sys.stderr):
         if hasattr(stream, "reconfigure"):
+            # A terminal that cannot show a sign such as ± must not end the command.
             stream.reconfigure(errors="replace")  # pyright: ignore[reportAttributeAccessIssue]
     try:
         status = _invoke(arguments)
-        print(end="", flush=True)  # a full disk or a closed pipe shows here, not at exit
+        print(end="", flush=True)  # a full disk or a closed pipe raises here, not at exit
         return status
     except KeyboardInterrupt:
         return _complain("interrupted", INTERRUPTED)
     except ValueError as error:
-        from youbot_env.errors import InputError  # the package is too much for `youbot --help`
+        from youbot_env.errors import InputError  # slow: not at the top
 
         if not isinstance(error, InputError):
             raise
@@ -106,10 +108,10 @@ def available() -> dict[str, str]:
 def build_app(wanted: str | None = None) -> typer.Typer:
     """The Typer application, with only the command `wanted` imported.
 
-    The other commands are there by name and summary alone: importing them all would make each
-    start pay for numpy, scipy and numba.
+    Of the other commands only names and summaries are read: importing them all would load numpy,
+    scipy and numba at each start.
     """
-    # Rich would take units such as [m/s] in a help text for markup.
+    # With Rich, units such as [m/s] in a help text would be read as markup.
     app = typer.Typer(
         name="youbot", add_completion=False, rich_markup_mode=None, help=_HELP, epilog=_EPILOG
     )
@@ -133,6 +135,7 @@ _EPILOG = "`youbot COMMAND --help` shows a command's options and examples."
 
 
 def _invoke(arguments: list[str]) -> int:
+    # The command is the first word; options before it take no values.
     wanted = next((argument for argument in arguments if not argument.startswith("-")), None)
     command = typer.main.get_command(build_app(wanted))
     before = _running.set(tuple(arguments))
@@ -140,11 +143,13 @@ def _invoke(arguments: list[str]) -> int:
         with command.make_context("youbot", list(arguments) or ["--help"]) as context:
             command.invoke(context)
     except typer.Exit as stop:
+        # `youbot` alone shows the help, but is no complete command.
         return stop.exit_code if arguments else USAGE
     except typer.Abort:
         return _complain("interrupted", INTERRUPTED)
     except Exception as error:
-        # The class has moved between typer's releases; what it can do has not.
+        # Typer's releases hold the class of usage errors in different modules: it is recognised by
+        # its method.
         if not hasattr(error, "format_message"):
             raise
         context = getattr(error, "ctx", None)
@@ -183,14 +188,14 @@ def _summary(path: str) -> str:
 
 
 def _examples(lines: Sequence[str]) -> str:
-    """An epilog that Typer does not rewrap (that is what the backspace asks of it)."""
+    """An epilog that Typer does not rewrap: after a backspace Click keeps a paragraph's lines."""
     return "\n".join(("\b", "Examples:", *(f"  {line}" for line in lines)))
 
 
 def _abandon_stdout() -> None:
-    """Let what standard output still holds go nowhere, if it can't be written any more.
+    """Discard the rest of standard output if it cannot be written any more.
 
-    Otherwise the interpreter's own attempt at exit would print a second, cryptic error.
+    Otherwise the interpreter would try to write it at exit and print a second error.
     """
     try:
         sys.stdout.flush()

@@ -64,6 +64,7 @@ def main(
     fitted on are marked and stay out of the totals, unless all are. Where it fails: the share of
     the force residual that depends on each variable, and the worst stretches.
     """
+    # Imported here: `youbot compare --help` does without numpy and scipy.
     from identification.comparison import compare
 
     check_pictures(plots, report)
@@ -101,7 +102,7 @@ def _print(out: Console, found: dict[str, Any]) -> None:
 
 
 def _page(result: Comparison, found: dict[str, Any], geometry: Geometry | None) -> Iterator[Part]:
-    """The parts of the web page: the verdict first, then how it came about."""
+    """The parts of the web page: the verdict first, then its reasons."""
     from identification.figures.figures import figures_of_comparison
     from youbot_scripts.shared.report_page import Words, pictures
 

@@ -46,7 +46,7 @@ def _heading(out: Console, title: str) -> None:
 
 
 def _finish(demo: Demonstration) -> None:
-    """Where everything is, and what to type next."""
+    """Print the files and the next commands to try."""
     out, folder = demo.out, demo.folder
     _heading(out, "What there is now")
     _show_files(out, folder)

@@ -42,7 +42,7 @@ EXAMPLES = (
 
 
 SHOWN_CANDIDATES = 4
-"""Candidates that the terminal lists; the page and the JSON have them all."""
+"""Candidates listed in the terminal; page and JSON list all of them."""
 
 
 def main(
@@ -67,6 +67,7 @@ def main(
     (one log alone: five blocks). Prints the error as it falls, beside the noise floor. Works in a
     thread a core, four at most; the environment variable YOUBOT_THREADS says otherwise.
     """
+    # Imported here: `youbot diagnose --help` does without numpy and scipy.
     from identification.diagnosis.diagnose import diagnose
     from identification.mechanisms.registry import save_any_model
 
@@ -86,7 +87,7 @@ def main(
         title = f"What is missing from the model: {given.model.name}"
         write_page(report, title, _page(result, found, given), seed)
         out.print(f"report written to {report}", soft_wrap=True)
-    if output:  # last: where the logs do not show a model, all else is there
+    if output:  # last: it raises if there is no physical model, and all other results are kept
         save_any_model(output, result.model)
         out.print(f"model written to {output}", soft_wrap=True)
 
@@ -104,7 +105,7 @@ def _print(out: Console, found: dict[str, Any]) -> None:
 
 
 def _next_experiment(found: dict[str, Any]) -> list[str]:
-    """The motion that tells apart what is tied, if there is one."""
+    """The motion that best separates tied effects, if there is one."""
     proposed = found["next_experiment"]
     if not proposed:
         return []
@@ -113,7 +114,7 @@ def _next_experiment(found: dict[str, Any]) -> list[str]:
 
 
 def _page(result: Diagnosis, found: dict[str, Any], given: Inputs) -> Iterator[Part]:
-    """The parts of the web page: the verdict first, then how it came about."""
+    """The parts of the web page: the verdict first, then its reasons."""
     from identification.figures.figures import figures_of_diagnosis
     from youbot_scripts.shared.report_page import Words, pictures
 

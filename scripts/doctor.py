@@ -29,7 +29,7 @@ EXAMPLES = (
 )
 
 NUMERALS = {4: "four", 7: "seven"}
-"""How many parameters a base model has, in words: an axis' and a platform's."""
+"""Number of a base model's parameters in words: 4 of an axis, 7 of a platform."""
 
 
 def main(
@@ -43,6 +43,7 @@ def main(
 
     Reports every log; the exit status is 2 if one of them cannot be used.
     """
+    # Imported here: `youbot doctor --help` does without numpy and scipy.
     from identification.doctor import examine_log
     from identification.mechanisms.registry import kind
     from youbot_env.errors import InputError

@@ -34,10 +34,10 @@ CUTOFF = 100.0
 """Cut-off [Hz] of the zero-phase Butterworth filter, of order 4 each way, on the position."""
 
 EDGE = 2.0 / CUTOFF
-"""Seconds at either end that are left out: there the filter and the differences lack one side."""
+"""Seconds left out at each end, where filter and differences have samples on one side only."""
 
 DECIMATION = 10
-"""Of the 1 kHz data; the filter ahead of it removes what a 100 Hz model cannot show."""
+"""Of the 1 kHz data, after a low-pass filter, as the authors do."""
 
 OFFICIAL = {"inertia": 95.1089, "viscous": 203.5034, "coulomb": 20.3935, "offset": -3.1648}
 """The authors' parameters [kg, N s/m, N, N]."""
@@ -66,6 +66,7 @@ class Run:
         """Position, speed and acceleration (N,): filtered without delay, central differences."""
         from scipy.signal import butter, filtfilt
 
+        # SciPy's frequency is relative to half the sample rate.
         coefficients: Any = butter(4, 2 * CUTOFF * self.dt)
         position = filtfilt(coefficients[0], coefficients[1], self.position)
         speed = np.gradient(position, self.dt)
@@ -139,7 +140,7 @@ def force_of_model(run: Run, model: Any) -> Array:
 
 
 def official_model() -> Any:
-    """The authors' model, as an AxisModel: sign(v) where theirs jumps, to 10 um/s."""
+    """The authors' model as an AxisModel; their sign(v) is smoothed over 10 um/s."""
     from identification.mechanisms.axis_model import axis_from_dict
 
     units = {"inertia": "kg", "viscous": "N s/m", "coulomb": "N", "offset": "N"}

@@ -59,6 +59,7 @@ def main(
     Prints each parameter with its standard deviation and 95 % interval (true for correlated
     residuals), what each motion in the logs can show, and what looks implausible.
     """
+    # Imported here: `youbot identify --help` does without numpy and scipy.
     from identification.fitting.identify import identify
     from identification.mechanisms.registry import save_any_model
 
@@ -118,7 +119,7 @@ def _tables(result: Identification) -> list[Table]:
 
 
 def _page(result: Identification, read: Sequence[Log], seed: int) -> Iterator[Part]:
-    """The parts of the web page: the verdict first, then how it came about."""
+    """The parts of the web page: the verdict first, then its reasons."""
     from identification.figures.figures import figures_of_identification, figures_of_residual
     from identification.residual_map.residual_map import residual_map
     from youbot_scripts.shared.report_page import Words, pictures

@@ -106,7 +106,7 @@ def main(
         "logs": {},
     }
     if format is Format.PARQUET:
-        import_parquet(str(out_dir))  # refuses before anything is driven
+        import_parquet(str(out_dir))  # raises now if pyarrow is missing, not after the simulation
     platform = driven.platform()
     _make_folder(out_dir)
     with common.progress(sum(motion.duration for motion in chosen), "driving") as advance:
@@ -114,8 +114,11 @@ def main(
         for recording in found:
             path = out_dir / f"{recording.log.name}.{format}"
             write_log(path, recording.log, decimals=decimals)
+            # Of the bytes as written: `recorded_motion` compares it with those of the file it
+            # reads.
             digest = hashlib.sha256(path.read_bytes()).hexdigest()
             how["logs"][path.name] = {**recording.summary(), "sha256": digest}
+            # After each log, so that the record is right if the run is interrupted.
             common.write_result(out_dir / "record.json", how, seed)
     common.write_result(json, how, seed)
     _show(common.console(json), driven, how["logs"], out_dir)

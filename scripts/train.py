@@ -123,6 +123,7 @@ def main(
 
         _say_where(out, import_policy(algorithm.value, import_, folder, given))
         return
+    # Imported here, after require_learning: it needs torch and Stable-Baselines3.
     from youbot_scripts.training.learning import train_policy
 
     result = train_policy(

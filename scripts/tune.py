@@ -38,7 +38,7 @@ EXAMPLES = (
 )
 
 MOST_SECONDS = 2000.0
-"""Of references: a search of an hour."""
+"""Largest total duration of references [s]: the search then takes an hour."""
 
 
 class TunedKind(StrEnum):
@@ -112,6 +112,7 @@ def main(
     if lag is not None:
         plant = plant.with_effect("actuator_lag", time_constant=finite("lag", lag, positive=True))
     period = 1.0 / finite("rate", rate, positive=True)
+    # 0.5: encoder counts give the mean speed of a period, half a period old.
     loop = Loop(period, delay * period, 0.5 * period, torque_limit, noise)
     task = TuningTask(plant, loop, gain_margin, phase_margin, torque_rate, runs, duration, seed)
     with common.progress(STEPS, "tuning") as advance:

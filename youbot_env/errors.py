@@ -30,10 +30,11 @@ def finite(what: str, value: Any, *, positive: bool = False, least: float | None
         If it is not a finite (and, on request, positive or large enough) real number; names
         ``what``.
     """
+    # bool is a subclass of int, so True would pass for the number 1.
     real = isinstance(value, Real) and not isinstance(value, bool)
     try:
         number = float(value) if real else math.nan
-    except OverflowError:
+    except OverflowError:  # an integer above the largest float
         number = math.inf
     if not math.isfinite(number):
         raise InputError(f"{what}: {value!r} is not a finite number")
@@ -64,6 +65,7 @@ def check_settings(settings: Any) -> None:
         wanted = item.default if isinstance(item.default, tuple) else (item.default,)
         given = value if isinstance(value, (tuple, list)) else (value,)
         for one, default in zip(given, wanted, strict=False):
+            # Before int: a bool is an int in Python, and every bool is allowed.
             if isinstance(default, bool):
                 continue
             if isinstance(default, int):

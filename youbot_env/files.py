@@ -1,8 +1,8 @@
-"""Files: written at once or not at all, JSON read and checked against the schema of its kind.
+"""Reading and writing files: atomic writes, and JSON that is checked against a schema.
 
-All JSON that a user may bring (models, gains, policies, training runs, results, motions) is read
-here, so what no file may hold is refused in one place: a key given twice, a number past the range
-of floats, NaN, nesting without end.
+All JSON files of users (models, gains, policies, training runs, results, motions) are read here, so
+one place refuses what no file may hold: a key given twice, a number outside the range of floats,
+NaN, too deep nesting.
 """
 
 from __future__ import annotations
@@ -61,10 +61,12 @@ def atomic_path(path: str | os.PathLike[str]) -> Iterator[Path]:
     InputError
         If the folder is missing or the file cannot be written.
     """
+    # Of a symbolic link the file behind it is replaced: os.replace would replace the link itself.
     target = Path(os.path.realpath(path))
     if not target.parent.is_dir():
         reason = f"there is no folder {target.parent}; create it first"
         raise InputError(f"{path}: cannot be written: {reason}")
+    # A device or a pipe (/dev/stdout) must not be replaced by a file.
     replaced = target.is_file() or target.is_dir() or not target.exists()
     stand_in = target.with_name(f".{os.getpid()}-{target.name}") if replaced else target
     try:
@@ -97,9 +99,11 @@ def plain(value: Any) -> Any:
         return {str(key): plain(item) for key, item in value.items()}
     if isinstance(value, (list, tuple)):
         return [plain(item) for item in value]
+    # numpy's arrays and scalars, without an import of numpy.
     if hasattr(value, "tolist"):
         return plain(value.tolist())
     if isinstance(value, float):
+        # JSON has no NaN and no infinity.
         return value if math.isfinite(value) else None
     return value if value is None or isinstance(value, (bool, int, str)) else str(value)
 
@@ -158,7 +162,7 @@ class FileKind(Generic[T]):
         # Imported late: commands that read no file start without it.
         from fastjsonschema import JsonSchemaValueException
 
-        found = dict(content)  # of any mapping; the validator knows dictionaries alone
+        found = dict(content)  # any mapping may come; the validator accepts dictionaries only
         try:
             self._validate(found)
         except JsonSchemaValueException as error:
@@ -170,6 +174,7 @@ class FileKind(Generic[T]):
         if not isinstance(content, Mapping):
             raise InputError(f"{source}: the file must be a JSON object")
         version = content.get("schema_version")
+        # true == 1 in Python, and true is no version.
         if self.version is None or (version == self.version and not isinstance(version, bool)):
             return
         raise InputError(
@@ -179,7 +184,7 @@ class FileKind(Generic[T]):
 
     @cached_property
     def _validate(self) -> Callable[[Any], Any]:
-        """Compiled on first use: 5 ms, and commands that read no file go without."""
+        """The schema's validator. Compiled at first use, because compiling takes 5 ms."""
         import fastjsonschema
 
         return fastjsonschema.compile(dict(self.schema), use_default=False)
@@ -210,7 +215,8 @@ def read_bytes(
     source = os.fspath(path)
     try:
         with open(source, "rb") as stream:
-            # In two steps, since a read makes room for all that it may get: 16 MiB for 5 KiB.
+            # In two steps: read(n) allocates n bytes at once, 16 MiB for a file of 5 KiB. One byte
+            # more than allowed is read, so that a file that is too large shows.
             content = stream.read(USUAL_BYTES)
             if len(content) == USUAL_BYTES:
                 content += stream.read(max_bytes + 1 - USUAL_BYTES)
@@ -227,9 +233,9 @@ def read_bytes(
 
 
 def named(source: str, error: InputError) -> InputError:
-    """The same error with the file's name, if it lacks it, and no longer than a screen."""
+    """The same error, with the file's name in front, cut to ``MAX_CAUSE`` characters."""
     cause = str(error).removeprefix(f"{source}: ")
-    # Names and values in it are the file's own, which may be megabytes.
+    # The message may repeat names and values of the file, which can be megabytes long.
     return InputError(
         f"{source}: {cause if len(cause) <= MAX_CAUSE else cause[:MAX_CAUSE] + '...'}"
     )
@@ -239,7 +245,7 @@ def named(source: str, error: InputError) -> InputError:
 
 
 def parse_json(text: str | bytes, source: str, kind: FileKind[Any]) -> Any:
-    """The content of a JSON text, which holds only what every reader understands alike.
+    """The content of a JSON text, refused where JSON readers could understand it differently.
 
     Raises
     ------
@@ -254,7 +260,8 @@ def parse_json(text: str | bytes, source: str, kind: FileKind[Any]) -> Any:
     try:
         content = json.loads(text, object_pairs_hook=_object)
     except (ValueError, RecursionError) as error:
-        # ValueError beside JSONDecodeError: an integer of thousands of digits.
+        # A ValueError that is no JSONDecodeError comes from an integer of thousands of digits, a
+        # RecursionError from deep nesting.
         is_syntax = isinstance(error, json.JSONDecodeError)
         where = f"row {error.lineno}, column {error.colno}: " if is_syntax else ""
         raise InputError(f"{source}: {where}not valid JSON; is it {kind.noun}?") from None
@@ -264,7 +271,10 @@ def parse_json(text: str | bytes, source: str, kind: FileKind[Any]) -> Any:
 
 
 class _Repeated(dict[str, Any]):
-    """An object that gives ``key`` twice; it lives until the walk that can tell its path."""
+    """Marks an object that gives ``key`` twice.
+
+    The parser does not know the path of an object; ``_fault`` does, and reports the key.
+    """
 
     def __init__(self, key: str) -> None:
         super().__init__()
@@ -275,7 +285,7 @@ def _object(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
     found = dict(pairs)
     if len(found) == len(pairs):
         return found
-    # One pass, since a hostile file may hold a million keys.
+    # One pass: a search for each key would take too long for a file with a million keys.
     seen: set[str] = set()
     return _Repeated(next(key for key, _ in pairs if key in seen or seen.add(key)))
 
@@ -294,7 +304,7 @@ def _fault(value: Any, may_hold_nan: bool, depth: int) -> tuple[str, str] | None
         return "", f"key {_short(repr(value.key))} is given twice; remove one"
     is_object = isinstance(value, dict)
     for key, item in value.items() if is_object else enumerate(value):
-        # Texts and sound numbers are nearly all that files hold: no call for them.
+        # Nearly all values are texts or finite numbers; a recursive call for each would be slow.
         kind = type(item)
         if kind is str or (kind is float and -LARGEST <= item <= LARGEST):
             continue
@@ -304,13 +314,13 @@ def _fault(value: Any, may_hold_nan: bool, depth: int) -> tuple[str, str] | None
 
 
 def _at(path: str) -> str:
-    """A path as a message has it before its cause."""
+    """A path as the beginning of a message: "path: ", or "" at the top."""
     path = path.removeprefix(".")
     return f"{path}: " if path else ""
 
 
 def _short(value: Any) -> str:
-    """A file's own text for a message; a stranger's file may hold megabytes of it."""
+    """Text of a file as a message may repeat it: at most ``MAX_SHOWN`` characters."""
     try:
         text = str(value)
     except ValueError:  # an integer of thousands of digits
@@ -340,7 +350,8 @@ BOUNDS = {
 
 
 def _misfit(error: Any, noun: str) -> str:
-    """What a validator's error says, as `path: cause`, in the words of all our messages."""
+    """A validator's error as `path: cause`, in the words that all our messages use."""
+    # The validator calls the whole content "data".
     path = error.name.removeprefix("data").removeprefix(".")
     what, rule, value, node = path or "the file", error.rule, error.value, error.definition
     if rule == "required":

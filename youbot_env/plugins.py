@@ -1,7 +1,7 @@
 """Effects from outside the package: a user's own file, or an installed package's entry points.
 
-Both run code of their author's, so both happen only where a user asks for them. A model file never
-does: it names effects, and one that is not registered is an error.
+Both run foreign code, so both happen only where a user asks for it. A model file never runs code:
+it names effects, and a name that is not registered is an error.
 """
 
 from __future__ import annotations
@@ -41,6 +41,7 @@ def load_effects(path: str | Path) -> tuple[Effect, ...]:
         raise InputError(f"{path}: no such file; give a Python file that registers effects")
     if path.suffix != ".py":
         raise InputError(f"{path}: not a Python file (its name must end in .py)")
+    # A name made of the path: two files with one name must not be one module.
     name = f"youbot_effects_{sha256(str(path.resolve()).encode()).hexdigest()[:12]}"
     return _registered(str(path), lambda: _run(name, path))
 
@@ -64,6 +65,7 @@ def _registered(source: str, run: Callable[[], Any]) -> tuple[Effect, ...]:
     before = {item.name: item for item in CATALOGUE}
     with _undone_on_error(source):
         run()
+        # By identity: a file that is loaded again registers new objects under the old names.
         new = tuple(item for item in CATALOGUE if before.get(item.name) is not item)
         if not new and source.endswith(".py"):
             raise InputError("registers no effect; decorate a function with @effect(...)")
@@ -79,6 +81,7 @@ def _undone_on_error(source: str) -> Iterator[None]:
             yield
         except InputError as error:
             raise InputError(f"{source}: {error}") from None
+        # SystemExit too: a user's file that calls exit() must not end the program silently.
         except (Exception, SystemExit) as error:
             raise InputError(f"{source}: {_where(error, source)}{_what(error)}") from None
 
@@ -87,6 +90,7 @@ def _where(error: BaseException, source: str) -> str:
     """Row of the user's file in which an exception arose."""
     if isinstance(error, SyntaxError):
         return f"row {error.lineno}: "
+    # The last frame in the user's file: frames after it belong to libraries that it called.
     rows = [
         frame.lineno
         for frame in traceback.extract_tb(error.__traceback__)
@@ -103,6 +107,7 @@ def _run(name: str, path: Path) -> None:
     spec = importlib.util.spec_from_file_location(name, path.absolute())
     assert spec is not None and spec.loader is not None
     module = importlib.util.module_from_spec(spec)
+    # Before the module runs: dataclasses and pickle look for a class's module there.
     sys.modules[name] = module
     try:
         spec.loader.exec_module(module)

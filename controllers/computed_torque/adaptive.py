@@ -1,4 +1,4 @@
-"""Adaptive computed torque: goes on identifying its model while it drives."""
+"""Adaptive computed torque: it identifies its model's base parameters while it drives."""
 
 from __future__ import annotations
 
@@ -83,8 +83,8 @@ class AdaptiveComputedTorque(ComputedTorque):
     Each ``settings.rows.row_time`` the filtered speeds and the torques that acted make a row for
     recursive least squares with guards (:mod:`controllers.computed_torque.online_estimator`). The
     feedback keeps the gains of the first model, with margins that bear a platform twice as heavy.
-    An effect that the model lacks and that is neither a parameter's nor a constant force (a tether)
-    makes it worse than the fixed one.
+    It is worse than the fixed controller where the model lacks an effect that is neither a change
+    of its parameters nor a constant force (a tether, for example).
 
     Parameters
     ----------
@@ -114,13 +114,15 @@ class AdaptiveComputedTorque(ComputedTorque):
         self._scale = mechanism.scale[:BASE_COUNT]
         self._start = model.theta[:BASE_COUNT].copy()
         sizes = np.array([label.parameter.size for label in mechanism.labels[:BASE_COUNT]])
-        # A small start may be wrong by more than its own size, a large one by its share.
+        # The error of a large value is a share of it; a value near 0 may be wrong by a share of the
+        # usual size.
         spread = (
             settings.parameter_deviation_share
             * np.maximum(np.abs(self._start), sizes)
             * self._scale
         )
         self._spread = np.append(spread, np.full(3, settings.constant_force_deviation))
+        # Last, because it calls ``reset``, which needs all of the above.
         super().__init__(model, loop, bandwidth, settings.feedback)
 
     @property
@@ -148,7 +150,7 @@ class AdaptiveComputedTorque(ComputedTorque):
         )
 
     def __call__(self, observation: Observation, reference: Reference) -> Array:
-        """As :class:`ComputedTorque`; what is learnt counts from the next call on."""
+        """As :class:`ComputedTorque`; new parameters are used from the next call on."""
         torque = super().__call__(observation, reference)
         rows, estimator = self._rows, self.estimator
         acted = self._drives["mean_torque"][0]
@@ -159,7 +161,7 @@ class AdaptiveComputedTorque(ComputedTorque):
                 physical = physical_parameters(
                     found, self._start, self.model.geometry, self._settings
                 )
-                # Written back: a recursion that goes on from what cannot be drifts away.
+                # Written back: a recursion that continues from impossible values drifts away.
                 estimator.estimate[:BASE_COUNT] = physical * self._scale
                 self._believe(physical)
         return torque
@@ -187,6 +189,8 @@ def physical_parameters(
     )
     found[0] = max(found[0], settings.min_mass_ratio * geometry.m1)
     reach = settings.max_centre_share * found[0] * np.array([geometry.h, geometry.l])
+    # The mass matrix is positive definite where (m aX)^2 + (m aY)^2 < m0 I0; half the root for
+    # each component leaves at most half of that.
     reach = np.minimum(reach, 0.5 * np.sqrt(found[0] * found[1]))
     found[2:4] = np.clip(theta[2:4], -reach, reach)
     return found

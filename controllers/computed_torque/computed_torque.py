@@ -1,4 +1,4 @@
-"""Computed torque: the model's own demand fed forward in time, and feedback on what is left."""
+"""Computed torque: the model's inverse dynamics fed forward, and feedback on the tracking error."""
 
 from __future__ import annotations
 
@@ -29,13 +29,13 @@ class ComputedTorque:
     """Wheel torques that the model demands for the reference, and feedback on the error.
 
     A command issued at t is held for ``loop.sample_time`` and acts from t + ``loop.delay`` +
-    ``model.delay`` on, so the feed-forward is the mean demand over just that time, along the
-    reference and, for effects that read them, along the pose, wheel angles and time that will be
-    then. A drive's lag is inverted for the reference alone, never for noise. The feedback is
-    described in :mod:`controllers.computed_torque.feedback`.
+    ``model.delay`` on. So the feed-forward is the mean demand over exactly that time: along the
+    reference, and for effects that read them along the predicted pose, wheel angles and time. A
+    drive's lag is inverted only for the reference, because that would amplify noise. The feedback
+    is described in :mod:`controllers.computed_torque.feedback`.
 
-    The reference must show its next ``preview_needed`` samples; what it lacks is guessed from its
-    last acceleration (a warning at the first call says so).
+    The reference must show its next ``preview_needed`` samples; missing ones are extrapolated with
+    its last acceleration (a warning at the first call says so).
 
     Parameters
     ----------
@@ -73,11 +73,12 @@ class ComputedTorque:
         # Only forces that read pose or wheel angles need them moved on along the reference.
         self._follows = bool(model.structure.at(WORLD)) or model.structure.depends_on_angle
         self._kernel = inverse_kernel(model.structure, dynamics)
+        # A copy: the adaptive controller writes into it, and the model is immutable.
         self._lengths, self._theta = model.lengths, model.theta.copy()
         self._warm_up()
 
     def _warm_up(self) -> None:
-        """Compile, or load what is compiled, before the first tick of a loop needs it."""
+        """Compile, or load compiled code, before a loop runs: its first call must not be slow."""
         still = np.zeros((self.preview_needed, 3))
         self.reset()
         observation = Observation(0.0, np.zeros(4), np.zeros(3))
@@ -102,9 +103,9 @@ class ComputedTorque:
     def __call__(self, observation: Observation, reference: Reference) -> Array:
         """Wheel torques (4,) fl, fr, bl, br [N m], within the limit.
 
-        Uses the measured body twist; the pose where the model reads it (without one the platform
-        is dead-reckoned from (0, 0, 0)); the acting torque where it is known, to notice that the
-        drives are off. What is NaN in an observation is done without.
+        Uses the measured body twist; the pose where the model reads it (without one it is
+        dead-reckoned from (0, 0, 0)); the acting torque where it is known, to notice drives that
+        are off. NaN in an observation counts as not measured.
         """
         coming, has_slopes = self._read(observation, reference)
         past, constants = self.design.past, self.design.constants
@@ -151,7 +152,10 @@ class ComputedTorque:
         return feedback_margins(self.design, plant or self.model, self.loop)
 
     def _begin(self) -> None:
-        """Until the first command acts, what acts now goes on; nothing does unless it is known."""
+        """Fill the queue for the time before the first command acts.
+
+        The measured torque is taken to go on; without a measurement no torque acts.
+        """
         acting = np.nan_to_num(self._inputs[TORQUE], posinf=0.0, neginf=0.0)
         to_acceleration = self.design.constants["to_acceleration"][0]
         demanded = to_acceleration @ self._mean
@@ -160,7 +164,7 @@ class ComputedTorque:
         queue["demand"], queue["command"] = demanded, acting
         queue["correction"] = drives["correction"] = exerted
         queue["torque"] = drives["torque"] = acting
-        # The reference is taken to have come as it is known: that is no surprise.
+        # The past reference counts as planned, so its changes are no new errors.
         ends = np.empty((len(queue) + 1, 6))
         for age, at in enumerate(ends):
             reference_at(

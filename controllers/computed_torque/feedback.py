@@ -1,13 +1,14 @@
-"""Feedback on what the feed-forward leaves: an estimator that knows delay, lag and hold.
+"""Feedback on the error that the feed-forward leaves, by an estimator with delay, lag and hold.
 
-In units of acceleration each axis is the same: an error e of the twist, a disturbance d that
-wanders slowly, and a correction a that acts ``delay`` late through a drive's lag::
+In units of acceleration all axes have one model: an error e of the twist, a slowly changing
+disturbance d, and a correction a that acts ``delay`` late through a drive's lag::
 
     e' = -decay e + a + d,        T m' = u - m,   a(t) = m(t - delay)
 
-The estimator runs this model on the corrections that were really exerted, so a saturated or missing
-torque winds nothing up, and compares with the measurement of the instant that it belongs to. The
-command cancels d and drives the error, as it will be when the command acts, to zero.
+The estimator runs this model with the corrections that were really exerted, so a saturated or
+missing torque causes no windup. It compares a measurement with the estimate of the instant at which
+it was taken. The command cancels d, and drives the error that is predicted for the instant at which
+the command acts to zero.
 
 What the functions work on are structured arrays, whose fields compiled code reads by name. Axes are
 VX, VY, W, so that three numbers in "m/s^2" are m/s^2, m/s^2, rad/s^2; wheels are fl, fr, bl, br.
@@ -80,9 +81,9 @@ COMMAND = np.dtype(
 )
 """An array (slots,), the queue, holds the commands that were sent last, newest first.
 
-It is no ``youbot_env.simulation.delay_line.DelayLine``. That one transports torques of any length
-and gives out those that have arrived; here commands of one length stay where the estimator reads
-them all, to predict the error at the end of the delay, and compiled code must be able to.
+It is not a ``youbot_env.simulation.delay_line.DelayLine``, which holds torques of any duration and
+returns those that arrive. Here all commands last one sample, and the estimator, in compiled code,
+reads all of them to predict the error at the end of the delay.
 """
 
 DRIVES = np.dtype(
@@ -111,9 +112,11 @@ def estimate(estimates, queue, drives, constants, change, error, measured_torque
     instead. Moves ``drives`` on, too.
     """
     given, acting = constants[0], drives[0]
+    # From the end, so that no row is overwritten before it is copied.
     for row in range(estimates.size - 1, 0, -1):
         estimates[row] = estimates[row - 1]
     _move_drives(queue, acting, given)
+    # Drives that do not obey: what they exert is taken from the measurement.
     if _contradicts(measured_torque, acting, queue[0], given.torque_tolerance):
         for axis in range(3):
             value = -acting.mean_demand[axis]
@@ -135,6 +138,7 @@ def estimate(estimates, queue, drives, constants, change, error, measured_torque
         newer = prior if whole == 0 else estimates[whole].error[axis]
         older = estimates[1 + whole].error[axis]
         found = error[axis] - ((1.0 - part) * newer + part * older)
+        # NaN (not measured) or infinity: the prediction stands alone.
         if not abs(found) < np.inf:
             found = 0.0
         most = given.max_disturbance[axis]
@@ -185,15 +189,15 @@ def _contradicts(measured, acting, last, tolerance):
 
 @njit(cache=True, error_model="numpy")
 def correction(estimates, queue, drives, constants, change, out):
-    """Fill ``out`` (3,) [m/s^2] with the acceleration to command: the error is moved on to the
-    instant at which it acts by what is on its way. ``change`` (3,) [m/s] of the reference until
-    then, as it is known now."""
+    """Fill ``out`` (3,) [m/s^2] with the acceleration to command. The error is predicted for the
+    instant at which the command acts, with the commands that are on their way. ``change`` (3,)
+    [m/s] is the reference's change until then, as it is known now."""
     given, now = constants[0], estimates[0]
     whole, share, stays = given.whole_samples, given.newer_share, given.lag_stays
     for axis in range(3):
         error, disturbance = now.error[axis], now.disturbance[axis]
         torque = drives[0].correction[axis]
-        # Where the reference was not planned to go: an error that no command on its way answers.
+        # Change of the reference that was not planned: no command on its way accounts for it.
         surprise = -change[axis]
         for row in range(whole, 0, -1):
             newer, older = queue[row - 1], queue[row]
@@ -205,6 +209,7 @@ def correction(estimates, queue, drives, constants, change, out):
             surprise += (1.0 - share) * older.planned[axis]
         if share < 1.0:
             mixed = queue[0].correction[axis]
+            # Mean of the lag over the part of a sample, by its two ends; 0 without a lag.
             acts = mixed + (torque - mixed) * (0.5 + 0.5 * given.lag_stays_part) * (stays > 0.0)
             torque = mixed + (torque - mixed) * given.lag_stays_part
             error = given.transition_part[axis] * error
@@ -212,6 +217,7 @@ def correction(estimates, queue, drives, constants, change, out):
             surprise += (1.0 - share) * queue[0].planned[axis]
         error += surprise
         wanted = -disturbance - given.error_feedback[axis] * error
+        # A steady drive exerts -disturbance, so only the difference from it is fed back.
         out[axis] = wanted - given.drive_feedback[axis] * (torque + disturbance)
 
 
@@ -228,6 +234,7 @@ def exert(queue, constants, wanted, forward, mean, planned, out):
     torque, limits, kept = np.empty(4), np.empty(4), np.empty(4)
     for wheel in range(4):
         torque[wheel] = given.slope[wheel] * forward[wheel]
+        # The limit is one of commands; here torques are those behind the channel.
         limits[wheel] = given.torque_limit * abs(given.slope[wheel])
         for axis in range(3):
             torque[wheel] += given.to_torque[wheel, axis] * wanted[axis]

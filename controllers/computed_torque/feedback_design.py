@@ -1,9 +1,9 @@
 """Gains of the feedback on the twist's error, from the model's inertia and the loop's times, and
 the stability margins that they leave.
 
-The margins are those of the code that runs, on the exact sampled plant: estimator and regulator of
-:mod:`controllers.computed_torque.feedback` are linear as long as nothing saturates, so unit vectors
-through them give their matrices; nothing is written down twice.
+The margins are those of the code that runs, on the exact sampled plant. Estimator and regulator of
+:mod:`controllers.computed_torque.feedback` are linear as long as nothing saturates, so calls with
+unit vectors give their matrices, and the law need not be written a second time.
 """
 
 from __future__ import annotations
@@ -203,6 +203,7 @@ def _estimator(keep: float, gain: float, period: float, bandwidth: float) -> tup
     """Kalman gains on error and disturbance. In continuous time, without decay, a disturbance of
     intensity bandwidth^4 times the noise's gives the poles of s^2 + sqrt(2) b s + b^2."""
     transition, seen = np.array([[keep, gain], [0.0, 1.0]]), np.array([[1.0, 0.0]])
+    # Over a sample: the intensity of the disturbance times T, that of the noise divided by T.
     wander = np.diag([0.0, bandwidth**4 * period**2])
     # The filter's Riccati equation is the regulator's of the transposed system.
     spread = solve_discrete_are(transition.T, seen.T, wander, np.eye(1))
@@ -231,7 +232,7 @@ def _regulator(rate: float, lag: float, period: float, bandwidth: float) -> tupl
 def decay_rates(model: Model) -> Array:
     """(3,) rates [1/s] at which viscous friction slows VX, VY and W, each alone.
 
-    Of the base model: near rest dry friction is steeper than any feedback should count on.
+    Of the base model: near rest dry friction has a slope that feedback must not rely on.
     """
     base, step = model.without_effects(), 1e-3
     force = base.wrench(step * np.eye(3), np.zeros((3, 3)))
@@ -259,7 +260,7 @@ def channel_slope(model: Model) -> Array:
 
 def feedback_system(design: FeedbackDesign) -> LinearSystem:
     """Body force (3,) [N, N, N m] per error (3,), reference minus measured twist."""
-    # Without the bound on the disturbance the code is linear.
+    # A copy, since the design is used on. Without the bound on the disturbance the code is linear.
     constants = design.constants.copy()
     constants["max_disturbance"] = np.inf
     # Error and disturbance of now, errors of before, corrections of the queue and of the drives.
@@ -275,7 +276,7 @@ def feedback_system(design: FeedbackDesign) -> LinearSystem:
         estimates["error"], estimates["disturbance"][:1] = np.vstack([now, before]), disturbance
         queue, drives = np.zeros(design.slots, COMMAND), np.zeros(1, DRIVES)
         queue["correction"], drives["correction"] = commands, drive
-        # A reference without surprises, and torques that are not measured.
+        # The reference changes as planned, and torques are not measured.
         smooth, unknown = np.zeros(3), np.full(4, np.nan)
         estimate(estimates, queue, drives, constants, smooth, error, unknown)
         correction(estimates, queue, drives, constants, smooth, out)

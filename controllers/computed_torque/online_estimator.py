@@ -1,10 +1,10 @@
-"""Recursive least squares that may run for hours: it forgets, notices changes, and does not drift.
+"""Recursive least squares with forgetting, for long runs: it detects changes and does not drift.
 
-Around :class:`identification.fitting.recursive.RecursiveLeastSquares` stand four guards. Axes that
-hardly move are not learnt from. No direction becomes less certain than it was beforehand, so that
-noise moves nothing that the motion does not show. What rows miss by is measured, so that a model
-that lacks an effect learns slowly instead of chasing it. And where rows suddenly miss by far more,
-the parameters have changed, and all that was certain is given up.
+:class:`identification.fitting.recursive.RecursiveLeastSquares` gets four guards. Rows of an axis
+that hardly moves are not used. No direction becomes less certain than at the start, so that noise
+does not move parameters that the motion does not show. The size of the residuals is measured, so
+that a model that lacks an effect learns slowly. If the residuals suddenly become much larger, the
+parameters have changed, and the covariance is set back to that of the start.
 """
 
 from __future__ import annotations
@@ -172,7 +172,7 @@ class OnlineEstimator:
         self._excitation += self._shares[0] * (demand**2 - self._excitation)
         used = self._excitation > self._settings.min_excitation**2
         missed = measured - columns @ self.estimate
-        # Written so that NaN, too, is no row.
+        # Written so that a row with NaN is refused too.
         if not used.any() or not np.abs(missed).max() < self._settings.max_miss:
             return False
         known = np.einsum("ai,ij,aj->a", columns, self._squares.covariance, columns)
@@ -183,17 +183,21 @@ class OnlineEstimator:
             self._start_over()
             return False
         self._judge(missed, known, used)
-        # Rows over their noise: the recursion weighs all rows alike.
+        # Divided by their noise, because the recursion gives all rows the same weight.
         rows = columns[used] / self.noise[used, None]
         self._squares.update(rows, measured[used] / self.noise[used])
         self._bound()
         return True
 
     def _judge(self, missed: Array, known: Array, used: Array) -> None:
-        """Update noise and surprise by what was missed and what was ``known`` to be uncertain."""
+        """Update noise and surprise by the residuals ``missed``.
+
+        ``known`` is the part of their variance that comes from uncertain parameters.
+        """
         expected = self.noise**2 + known
         ratio = np.where(used, missed**2 / expected, 0.0)
         self._surprise += self._shares[2] * (ratio - self._surprise)
+        # Outliers are cut, and the part that uncertain parameters explain is not noise.
         most = self._settings.outlier_deviations**2 * expected
         level = np.maximum(np.minimum(missed**2, most) - known, 0.0)
         variance = self.noise**2 + used * self._shares[1] * (level - self.noise**2)
@@ -205,12 +209,13 @@ class OnlineEstimator:
             self._since_change = self._pause
             self.changes += 1
         elif self._since_change == self._grace:
-            # Learning has not helped, so the misses are an effect that the model lacks: more noise.
+            # Learning has not helped, so the residuals come from an effect that the model lacks.
+            # They count as noise from now on.
             self.noise = self.noise * np.sqrt(np.maximum(self._surprise, 1.0))
             self._start_over()
 
     def _start_over(self) -> None:
-        """Give up all that was certain, but for the estimate."""
+        """Set the covariance back to that of the start and keep the estimate."""
         self._squares.covariance = np.diag(self._prior)
         self._surprise[:] = 0.0
 

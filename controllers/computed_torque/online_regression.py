@@ -1,8 +1,8 @@
 """Rows of the regression y = H x, built while driving: one sample at a time, filtered.
 
-The columns are those of the model's own inverse dynamics, the filter is the identification's:
-a_f/(p + a_f) on signals that are linear between samples, so that a filtered acceleration is
-a_f (s - s_f) and nothing is ever differentiated.
+The columns are those of the model's inverse dynamics. The filter is that of the identification,
+a_f/(p + a_f), for signals that are linear between samples: then a filtered acceleration is
+a_f (s - s_f), and no signal is differentiated.
 """
 
 from __future__ import annotations
@@ -76,7 +76,7 @@ class OnlineRows:
         sizes = [abs(label.parameter.size) for label in mechanism.labels[:BASE_COUNT]]
         self._steps = settings.column_step_share * np.array(sizes)
         self._weights = np.array(hold_weights(FilterSettings.rate, loop.sample_time))
-        # Signals are filtered before they are compared, so their ages must agree.
+        # Speeds are older than torques by this much; both sides of a row must be of one instant.
         self._age = loop.measurement_delay / loop.sample_time
         self._settled = int(
             np.ceil(FilterSettings.settling_time_constants / FilterSettings.rate / loop.sample_time)
@@ -111,7 +111,7 @@ class OnlineRows:
         acted : (4,) [N m] torques of the wheels, means over the last sample
         """
         if not np.isfinite(twist).all():
-            # A filter that has seen a NaN keeps it for ever.
+            # A recursive filter would keep the NaN for ever.
             self._count = 0
             return False
         move_on(self._motion, twist, place, period)
@@ -133,7 +133,7 @@ class OnlineRows:
             self._sums,
         )
         if self._count < self._settled:
-            # The filters started from zero, which the platform did not.
+            # The filters start from zero and need this time to forget it.
             self._sums[:] = 0.0
             return False
         self._gathered += 1
@@ -186,7 +186,7 @@ def filter_rows(torque, theta, steps, acted, maps, weights, age, filtered, sums)
                 unit = scale[axis] * jacobian[wheel, axis] / steps[i]
                 start += unit * (torque[1 + i, 0, wheel] - torque[0, 0, wheel])
                 end += unit * (torque[1 + i, 1, wheel] - torque[0, 1, wheel])
-            # What the base parameters demand is not "else": it stands in the columns.
+            # The remainder is the demand without the part of the base parameters.
             rest_start -= theta[i] * start
             rest_end -= theta[i] * end
             filtered[i, axis] = decay * filtered[i, axis] + at_start * start + at_end * end

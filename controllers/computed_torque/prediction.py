@@ -1,8 +1,8 @@
-"""From a call's inputs to the motion that its command will drive, as compiled code.
+"""From the inputs of a call to the motion during which its command acts, as compiled code.
 
-:func:`predict` is one sample: it takes the reference on, runs the estimator of the tracking error,
-moves the platform's place on to now, and reads the reference at the instants at which the command
-will act.
+:func:`predict` does one sample: it moves the window of the reference on, runs the estimator of the
+tracking error, updates the platform's pose, and reads the reference at the instants at which the
+command will act.
 """
 
 from __future__ import annotations
@@ -28,7 +28,7 @@ def predict(inputs, nodes, counts, estimates, queue, drives, constants, place, m
     past, coming, has_slopes, begun, follows = counts
     given, now = constants[0], estimates[0]
     period, lead, jacobian = given.period, given.lead, given.jacobian
-    # A reference that is no number goes on along its last acceleration, which stays constant.
+    # NaN in the reference is replaced: the twist goes on with the last acceleration.
     for i in range(11, 17):
         if not abs(inputs[i]) < np.inf:
             slope = nodes[past, i - 8] if i < 14 else 0.0
@@ -75,7 +75,8 @@ def locate(inputs, wanted, error, period, jacobian, begun, place):
     (``wanted`` plus ``error``), and by what is measured of them."""
     twist = wanted[:3] + error
     if begun:
-        # Trapezoid in the twist, midpoint in the yaw: second order, like what the samples know.
+        # Trapezoidal rule for the twist, midpoint rule for the yaw. Both are of second order; more
+        # would be useless, because the twist is known at samples alone.
         mean = 0.5 * (twist + place[8:11])
         yaw = place[3] + 0.5 * period * mean[2]
         c, s = np.cos(yaw), np.sin(yaw)
@@ -87,7 +88,7 @@ def locate(inputs, wanted, error, period, jacobian, begun, place):
             for axis in range(3):
                 place[4 + wheel] += period * jacobian[wheel, axis] * mean[axis]
     place[8:11] = twist
-    # What is measured replaces what was reckoned; NaN fails the comparison and leaves it.
+    # Measured values replace reckoned ones; NaN fails the comparison and changes nothing.
     for i in range(4):
         value = inputs[TIME] if i == 0 else inputs[3 + i]
         if abs(value) < np.inf:

@@ -1,4 +1,4 @@
-"""What the commands of a loop come to at the wheels, and whether the wheels agree."""
+"""Acting wheel torques that follow from a loop's commands, and their check by measured torques."""
 
 from __future__ import annotations
 
@@ -24,16 +24,16 @@ class CommandTracker:
         self.reset()
 
     def reset(self) -> None:
-        """Nothing is on its way."""
+        """As before the first command: no torque acts, and none is on its way."""
         self._line = DelayLine(self.delay, shape=(4,))
         self._last: Array = np.zeros(4)
         self.acting: Array = np.zeros(4)
 
     def contradiction(self, measured: Array | None) -> Array | None:
-        """Measured minus expected torque (4,) [N m], where it is known and cannot be ours.
+        """Measured minus expected torque (4,) [N m], where the two contradict each other.
 
-        None where it is not known, or is what the commands make of it, or is the last command: some
-        loops report that.
+        None where the torque is not measured, where it is the one expected, or where it is the last
+        command, which some loops report in its place.
         """
         if measured is None or not np.isfinite(measured).all():
             return None
@@ -47,5 +47,6 @@ class CommandTracker:
         """Moves on by one sample under a new command (4,) [N m]."""
         self._last = torque
         for late, piece in self._line.passed(torque, self.period):
+            # Exact solution of the first-order lag under a held torque.
             keep = np.exp(-piece / self.lag) if self.lag > 0.0 else 0.0
             self.acting = late + keep * (self.acting - late)

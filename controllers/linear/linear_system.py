@@ -1,11 +1,11 @@
 """The loop as a linear system: platform, drives, delay, hold and measurement.
 
-Everything is written for the body force (F_X, F_Y, M_W) [N, N, N m] that the wheels exert
-together, because least-norm wheel torques and it say the same. Seen at its samples a linear loop
-with a hold is a linear system again, so the sampled model is exact for delays of any length.
+The input is the body force (F_X, F_Y, M_W) [N, N, N m] of all wheels together, because least-norm
+wheel torques follow from it and it from them. A linear system behind a hold is again linear from
+sample to sample, so the sampled model is exact for delays of any length.
 
-What a design asks of a model stands here too: its drives' lag, the delay of its commands, and the
-mass and friction that a command meets.
+Here are also the quantities of a model that a design needs: the lag of its drives, the delay of its
+commands, and the effective mass and friction.
 """
 
 from __future__ import annotations
@@ -95,6 +95,7 @@ class LinearSystem:
         """(S,) in the s plane [1/s], the slowest first; a pole at z = 0 (pure delay) is -inf."""
         found: Complex = np.linalg.eigvals(self.a).astype(np.complex128)
         if self.period is not None:
+            # log(0) = -inf is the pole of a pure delay.
             with np.errstate(divide="ignore"):
                 found = np.asarray(np.log(found) / self.period, np.complex128)
         return found[np.lexsort((found.imag, -found.real))]
@@ -135,9 +136,10 @@ def twist_dynamics(model: Model, twist: ArrayLike | None = None) -> LinearSystem
 
 def _about(model: Model, twist: Array) -> tuple[Array, Array]:
     """a (S, S) and b (S, 3) of twist and drives in the coordinates of the body force."""
-    # The torques that hold the twist: a linear system is one about a steady motion.
+    # The torques that hold the twist: the linearisation is about a steady motion.
     torque = model.inverse_dynamics(twist, np.zeros(3))
     a, b = model.linearise(initial_state(model, twist=twist, torque=torque), torque)
+    # Four torques, three forces: the drives' states are mapped to forces, and back by least norm.
     to_force = model.geometry.wheel_jacobian.T
     to_wheels = model.geometry.wheel_torque(np.eye(3)).T
     if not model.structure.has_actuator:
@@ -163,6 +165,7 @@ def drive_lag(model: Model) -> float:
         at = Instant((0.0, 0.0, 0.0), torque=(torque,) * 4, torque_rate=(rate,) * 4)
         rows.append(dynamics.actuator_command(np, model.structure, model.theta, at)[0])
     still, torque, rate = (float(value) for value in rows)
+    # The command is affine: its slope in the rate over its slope in the torque is T.
     return max(0.0, (rate - still) / (torque - still))
 
 
@@ -183,14 +186,14 @@ class Inertia(NamedTuple):
 
 
 def effective_mass(model: Model) -> Inertia:
-    """What the commanded body force (3,) meets once everything turns.
+    """Mass and viscous friction that the commanded body force (3,) moves, with all wheels turning.
 
-    The wheels' spin is in it, and so is a gain between commanded and acting torque.
+    They include the wheels' spin inertia and a gain between commanded and acting torque.
     """
     plant = twist_dynamics(model)
     push = plant.b[TWIST]
     if len(plant.a) > 3:
-        # Drives that have come to rest: what a command amounts to after their lag.
+        # The drives in their steady state: the effect of a command after their lag.
         push = push - plant.a[:3, 3:] @ np.linalg.solve(plant.a[3:, 3:], plant.b[3:])
     mass = np.asarray(np.linalg.inv(push), float)
     return Inertia(mass, -mass @ plant.a[TWIST, TWIST])
@@ -198,7 +201,7 @@ def effective_mass(model: Model) -> Inertia:
 
 def held(a: Array, b: Array, duration: float) -> tuple[Array, Array]:
     """exp(a t) (S, S) and its integral over [0, t] times b (S, m): a held input's effect."""
-    # As scipy.signal.cont2discrete does, to the bit; its import alone takes longer than a design.
+    # The same as scipy.signal.cont2discrete, to the bit; importing that takes longer than a design.
     size, inputs = b.shape
     block = np.zeros((size + inputs, size + inputs))
     block[:size, :size], block[:size, size:] = a, b
@@ -207,7 +210,7 @@ def held(a: Array, b: Array, duration: float) -> tuple[Array, Array]:
 
 
 def split_delay(delay: float, period: float) -> tuple[int, float]:
-    """How many whole periods a delay [s] has, and what is left of it [s], in [0, period)."""
+    """Number of whole periods in a delay [s], and the rest [s], in [0, period)."""
     whole = int(np.floor(delay / period + ROUNDING))
     rest = delay - whole * period
     return whole, rest if rest > ROUNDING * period else 0.0
@@ -247,7 +250,7 @@ def sampled(
             (whole + 1, moved @ early),
             (whole, held(plant.a, plant.b, since - first)[1]),
         ):
-            # No effect, no column: without a part of a sample the older command has no state.
+            # Without a rest of the delay the older command has no effect and no state of its own.
             if effect.any():
                 matrix, where = commanded(age)
                 matrix[rows, where] += output @ effect
@@ -287,7 +290,7 @@ def sampled_platform(
 
 
 def continuous_response(model: Model, loop: Loop, frequency: ArrayLike) -> Complex:
-    """(w, 3, 3): the same by s = j w, hold and delays as factors; what aliases is left out."""
+    """(w, 3, 3): the same at s = j w, with hold and delays as factors and without aliasing."""
     s = 1j * np.asarray(frequency, float)
     hold = -np.expm1(-s * loop.sample_time) / (s * loop.sample_time)
     late = np.exp(-s * (acting_delay(model, loop) + loop.measurement_delay))

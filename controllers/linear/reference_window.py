@@ -1,4 +1,4 @@
-"""The reference around the present: its last and coming samples, and what lies between them.
+"""The reference around the present: its last and coming samples, and interpolation between them.
 
 A window ``nodes`` (n, 6) holds a sample a row, one period apart: twist (3,) [m/s, m/s, rad/s] and
 acceleration (3,). Row ``past`` is the present sample; places in the window are counted in periods
@@ -15,8 +15,8 @@ from numba import njit
 def reference_at(nodes, place, period, out):
     """Fill ``out`` (6,) with twist and acceleration at ``place``.
 
-    A cubic Hermite polynomial between two rows; beyond the last (first) row its acceleration goes
-    on."""
+    A cubic Hermite polynomial between two rows; beyond the last (first) row, that row's
+    acceleration is kept."""
     last = nodes.shape[0] - 1
     index = min(max(int(place), 0), last - 1)
     u = place - index
@@ -38,8 +38,8 @@ def reference_at(nodes, place, period, out):
 @njit(cache=True, error_model="numpy")
 def take_sample(nodes, past, seen, coming, has_slopes, period):
     """Move ``nodes`` on by one sample. ``seen`` (6,) is the present one, at index ``past``; the
-    next ones are there, ``coming`` of them, with their accelerations if ``has_slopes``. What is
-    missing behind them follows the last acceleration."""
+    next ones, ``coming`` of them, are already there, with their accelerations if ``has_slopes``.
+    Rows after them are filled with the last acceleration."""
     # Only the past is shifted: the caller has written the coming samples at their new rows.
     for row in range(past):
         nodes[row] = nodes[row + 1]
@@ -66,7 +66,7 @@ def take_sample(nodes, past, seen, coming, has_slopes, period):
 
 @njit(cache=True, error_model="numpy")
 def extend_to_past(nodes, past, period):
-    """Before the first sample the reference came along its first acceleration."""
+    """Fill the rows before the first sample, as if its acceleration had been constant before."""
     for row in range(past):
         for axis in range(3):
             slope = nodes[past, 3 + axis]

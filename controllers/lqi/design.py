@@ -131,9 +131,10 @@ def lqi(model: Model, loop: Loop, weights: Weights) -> LQIDesign:
     mass, _ = effective_mass(model)
     bare = sampled_platform(model, loop, measured=False)
     size, period = len(bare.a), loop.sample_time
-    # Forces as accelerations, the integral times b, the cost over b^2: numbers of one size, without
-    # which the Riccati equation of a fast loop fails.
+    # Scaled to numbers of one size (forces as accelerations, the integral times b, the cost over
+    # b^2): without it the Riccati equation of a fast loop fails.
     fast, per_force = weights.bandwidth, np.linalg.inv(mass)
+    # States are twist, then forces in groups of three: drives and commands on their way.
     blocks = [np.eye(3)] + [per_force] * (size // 3 - 1)
     scale = np.asarray(block_diag(*blocks), float)
     back = np.linalg.inv(scale)
@@ -149,7 +150,7 @@ def lqi(model: Model, loop: Loop, weights: Weights) -> LQIDesign:
         raise NoOptimumError(
             f"LQI: no optimal gains for this model and loop ({error}); try another bandwidth"
         ) from None
-    # The controller carries the plant with measurements on their way; the cost does not see them.
+    # The controller simulates the plant with measurements on their way; the cost ignores them.
     plant = sampled_platform(model, loop)
     gain = np.zeros((3, len(plant.a)))
     gain[:, :size] = mass @ found[:, :size] @ scale
@@ -176,6 +177,7 @@ def linear_lqi(design: LQIDesign) -> LinearSystem:
     size = len(plant.a)
     seen = np.eye(3, size) - plant.c  # estimated twist = seen x + measured
     on_twist = design.gain[:, :3]
+    # The measured twist replaces the model's, so the twist's gain acts on the estimate.
     rest = design.gain.copy()
     rest[:, :3] = 0.0
     c = np.hstack([-(on_twist @ seen + rest), -design.integral])
@@ -219,7 +221,7 @@ def fastest(model: Model, loop: Loop, settings: LQISettings = LQISettings()) -> 
             f"{settings.gain_margin:g} dB and phase margin >= {settings.phase_margin:g} degrees; "
             "ask for less"
         )
-    # Halved in the logarithm: a bandwidth is known to a share of itself.
+    # Bisection in the logarithm, so that the relative error is the same for all bandwidths.
     for _ in range(settings.halvings):
         middle = float(np.sqrt(low * high))
         low, high = (middle, high) if keeps(middle) else (low, middle)

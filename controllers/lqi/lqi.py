@@ -14,14 +14,14 @@ from youbot_env.model.model import Model
 class LQI:
     """Linear quadratic control of the body twist with the loop's delays in its state.
 
-    It carries the sampled linear model, driven by the commands that were really given: so it knows
-    the drives' torques and what is on its way, and what the twist has become since the measurement.
-    The measured twist, moved on by that, stands for the model's. The reference's steady state and
-    force (N_x, N_u) are fed forward, its acceleration is not: that is computed torque.
+    It simulates the sampled linear model with the commands that were really given. So it knows the
+    drives' torques, the commands on their way, and the change of the twist since the measurement;
+    the measured twist plus that change replaces the model's. The reference's steady state and force
+    (N_x, N_u) are fed forward, its acceleration is not: that is computed torque.
 
-    Where the limit cuts the force, or measured torques are none that were commanded (drives off),
-    the integral is set so that it asks for what is exerted; where the twist is not measured, the
-    model's own stands in and the integral rests.
+    Where the limit cuts the force, or measured torques contradict the commands (drives off), the
+    integral is set so that the law demands the force that is exerted. Where the twist is not
+    measured, the model's twist is used and the integral is held.
 
     Parameters
     ----------
@@ -49,7 +49,7 @@ class LQI:
         self._to_wheels = model.geometry.wheel_torque(np.eye(3)).T.copy()
         self._to_force = model.geometry.wheel_jacobian.T
         self._forward = self.design.force + self.design.gain @ self.design.state
-        # u = ... - integral q: what a missing force asks of q
+        # In u = ... - integral q: the change of q that changes u by a force.
         self._back = np.linalg.inv(self.design.integral)
         self._limit = np.full(4, loop.torque_limit)
         self._period = loop.sample_time
@@ -71,7 +71,7 @@ class LQI:
         if known:
             self._shift = gap
         error = reference.twist - self._state[:3] - self._shift
-        # the state that is meant: the model's, with the twist as it was found
+        # The model's state, with its twist shifted to the measured one.
         wanted = self._forward @ reference.twist - self.design.gain @ self._state
         wanted -= self.design.gain[:, :3] @ self._shift + self.design.integral @ self._integral
         torque = np.empty(4)
@@ -83,6 +83,7 @@ class LQI:
             self._integral += self._back @ ((1.0 - share) * wanted)
         elif known:
             self._integral += self._period * error
+        # With the force that the limit leaves, not the wanted one: the model follows the platform.
         self._state = self._a @ self._state + self._b @ (share * wanted)
         self._exerted.command(torque)
         return torque

@@ -186,8 +186,8 @@ def bandwidths(
     plant = sampled_platform(model, loop).response(frequency)
 
     def last_kept(tried: Array) -> NDArray[np.intp]:
-        """How many of the bandwidths (n, 3) keep the margins, by axis, before the first that does
-        not; beyond, a loop may cross where it is unstable."""
+        """By axis, how many of the bandwidths (n, 3) keep the margins before the first that does
+        not. Later ones do not count: margins say nothing about an unstable loop."""
         each = [replace(shape, bandwidth=(x, y, w)) for x, y, w in tried.tolist()]
         gain = np.stack([response(inertia, one, loop.sample_time, frequency) for one in each])
         gap = margins(gain @ plant)
@@ -226,7 +226,8 @@ def design(model: Model, loop: Loop, settings: PIDSettings = PIDSettings()) -> P
     plant = sampled_platform(model, loop)
     frequency = frequency_grid(loop.sample_time, settings)
     seen, inertia = plant.response(frequency), effective_mass(model)
-    # The search took each axis as the fastest of all; together they are a little too fast.
+    # The search judged an axis beside other bandwidths of the two others. With those that were
+    # found the couplings differ, and the margins may be a little too small.
     for _ in range(settings.max_shrinks):
         gap = margins(response(inertia, gains, loop.sample_time, frequency) @ seen)
         kept = gap.gain.min() >= settings.gain_margin and gap.phase.min() >= settings.phase_margin

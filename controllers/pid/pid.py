@@ -17,7 +17,7 @@ from youbot_env.model.model import Model
 
 
 class BodyLoops:
-    """The PID law for many rows at once, each with its gains: one platform is a bank of one."""
+    """The PID law for many platforms at once, each with its own gains; one is a batch of one."""
 
     def __init__(self, model: Model, loop: Loop, gains: Sequence[PIDGains]) -> None:
         geometry, inertia = model.geometry, effective_mass(model)
@@ -28,7 +28,8 @@ class BodyLoops:
         for row, one in enumerate(gains):
             proportional, integral = matrices(inertia, one)
             step = period * integral
-            # So that an error that lasts winds the integral up to the limit's force, no further.
+            # With this gain of back-calculation a lasting error takes the integral to the force at
+            # the limit and no further.
             back = step @ np.linalg.inv(proportional + step)
             self._gains[row] = proportional, step, back
             self._numbers[row] = (*derivative_filter(one, period), one.derivative_time)
@@ -40,7 +41,7 @@ class BodyLoops:
     def reset(self) -> None:
         """Empties integrals and slopes."""
         self.state = np.zeros((len(self.lead), 3, 3))
-        # No last error: the first has no slope.
+        # NaN stands for no last error: the first error has no slope.
         self.state[:, 2] = np.nan
 
     def __call__(self, wheel_speed: Array, reference: Array) -> Array:
@@ -70,13 +71,14 @@ def _step(error, state, gains, numbers, to_wheels, limit, out):
         keep, rise, lead = numbers[row]
         known = True
         for axis in range(3):
-            known &= abs(error[row, axis]) < np.inf
+            known &= abs(error[row, axis]) < np.inf  # False for NaN
         for axis in range(3):
             wanted[axis] = integral[axis]
         if known:
             for axis in range(3):
                 change = error[row, axis] - last[axis]
-                # NaN, the first error after a reset or a gap, is no change.
+                # After a reset or a gap the last error is NaN, and NaN is not equal to itself: the
+                # slope then decays without a new change.
                 slope[axis] = keep * slope[axis] + (rise * change if change == change else 0.0)
                 last[axis] = error[row, axis]
             for axis in range(3):
@@ -131,6 +133,7 @@ class PID:
         self._to_force = model.geometry.wheel_jacobian.T
         self._age = loop.measurement_delay / loop.sample_time
         self._period = loop.sample_time
+        # 1e-9: an age of whole samples must not need one sample more by rounding.
         self._past = int(np.ceil(self._age - 1e-9))
         self.reset()
 

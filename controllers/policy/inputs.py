@@ -1,6 +1,6 @@
-"""What a policy sees: the environment's observation, and linear features of it that learn fast.
+"""Inputs of a policy: the environment's observation, and linear features of it that learn fast.
 
-No model enters: the features are differences and scales, the mix is the wheels' geometry.
+No model is used: features are scaled differences, and the mix comes from the wheels' geometry.
 """
 
 from __future__ import annotations
@@ -149,6 +149,7 @@ def tracking_features(
     if layout.base_torque:
         to_wheels = WHEEL_MIX * np.array([1.0, 1.0, lever]) * layout.twist_scale
         rows.append(gains.wheel_gain * to_wheels @ now)
+    # Each group of four torques is mapped back to forward, left and turn by the pseudo-inverse.
     unmix = gains.action_gain * np.linalg.pinv(WHEEL_MIX)
     for start in range(6 + 3 * last, layout.size, 4):
         rows.append(unmix @ see[start : start + 4])

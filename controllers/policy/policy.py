@@ -1,4 +1,4 @@
-"""A trained policy as a controller: played without the libraries it was trained with."""
+"""A trained policy as a controller. It does not need the libraries that it was trained with."""
 
 from __future__ import annotations
 
@@ -65,6 +65,8 @@ class Network:
     _sizes: NDArray[np.int64] = field(init=False, repr=False)
 
     def __post_init__(self) -> None:
+        # One flat array: numba takes no list of arrays of different shapes. Transposed, so that the
+        # inner loop reads neighbouring numbers.
         parts = [part for weight, bias in self.layers for part in (weight.T.ravel(), bias)]
         sizes = [len(self.features), *(len(bias) for _, bias in self.layers)]
         object.__setattr__(self, "_packed", np.concatenate(parts).astype(np.float32))
@@ -155,8 +157,8 @@ class Description:
 class Policy:
     """A network that drives, alone or on top of another controller.
 
-    Stateless but for its past actions, so nothing winds up: after a fault it goes on as before it.
-    What is NaN in an observation counts as 0, as in training.
+    Its only state is its past actions, so there is no windup, and after a fault it goes on as
+    before. NaN in an observation counts as 0, as in training.
 
     Parameters
     ----------
@@ -215,6 +217,7 @@ class Policy:
         how.layout.fill(self._seen[0], observation, reference, self._past, base)
         wanted = how.share * self.network.actions(self._seen / self._divisors)[0]
         action = combined_action(wanted, base, self._bound)
+        # A copy, because source and target overlap.
         self._past[4:] = self._past[:-4].copy()
         self._past[:4] = action
         return how.torque_limit * action
@@ -227,5 +230,5 @@ def combined_action(action: Array, base: Array | None, bound: float = 1.0) -> Ar
 
 
 def without_torque(observation: Observation) -> Observation:
-    """What a base controller is shown: no torques, for they are the policy's as well as its own."""
+    """The observation of a base controller, without torques: they include the policy's part."""
     return observation._replace(wheel_torque=None)

@@ -36,7 +36,8 @@ from youbot_env.files import (
 Arrays = dict[str, NDArray[Any]]
 
 MAX_JSON, MAX_WEIGHTS = 1 << 20, 1 << 24
-"""Bytes that a description and its (unpacked) weights may have: 256 x 256 networks fit 50 times."""
+"""Largest size [bytes] of a description and of its unpacked weights; a network with two layers of
+256 needs a fiftieth."""
 
 MAX_LAYERS, MAX_AHEAD = 8, 1000
 """Layers of a network; samples ahead and past actions."""
@@ -72,6 +73,7 @@ def load_policy(source: str | os.PathLike[str]) -> tuple[Network, Description]:
     description = _description(content)
     weights = weights_file(path)
     packed = read_bytes(weights, MAX_WEIGHTS)
+    # Two files: weights of another training beside this description would fit in shape.
     if hashlib.sha256(packed).hexdigest() != content["weights_sha256"]:
         raise InputError(f"{weights}: is not the file that {path.name} describes (sha256 differs)")
     unpack = _unpacked if weights.suffix == WEIGHTS else _unpacked_npz
@@ -88,7 +90,7 @@ def weights_file(path: Path) -> Path:
 def save_policy(
     path: str | os.PathLike[str], network: Network, description: Description
 ) -> tuple[Path, Path]:
-    """Write NAME.json and NAME.safetensors; the weights come first, so that they never lack.
+    """Write NAME.json and NAME.safetensors. Weights come first: a description always has them.
 
     Raises
     ------
@@ -104,7 +106,7 @@ def save_policy(
     arrays = {"features": network.features, "mix": network.mix}
     for k, (weight, bias) in enumerate(network.layers):
         arrays |= {f"weight_{k}": weight, f"bias_{k}": bias}
-    # safetensors writes an array's buffer as it lies, so a transposed view would be torn.
+    # safetensors writes the memory of an array as it is; a transposed view would be in wrong order.
     packed = save({name: np.ascontiguousarray(array) for name, array in arrays.items()})
     layout = description.layout
     data = {
@@ -186,6 +188,7 @@ def _unpacked_npz(content: bytes, source: str) -> Arrays:
                 raise InputError(f"{source}: unpacks to more than {MAX_WEIGHTS >> 20} MiB")
         with np.load(io.BytesIO(content), allow_pickle=False) as held:
             return {name: held[name] for name in held.files}
+    # The clause after it would turn this clear message into a general one.
     except InputError:
         raise
     except Exception:  # zipfile, zlib and numpy raise many kinds on broken bytes

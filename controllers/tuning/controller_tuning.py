@@ -1,4 +1,4 @@
-"""Kinematic control and PID tuned for a model in a loop, beside what other demands would allow."""
+"""Kinematic control and PID tuned for a model in a loop, and the gains that weaker demands give."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ from youbot_env.model.model import Model
 from youbot_env.physics.hardware import STOCK_INTEGRAL, STOCK_PROPORTIONAL
 
 NO_LEAD = 1e-9
-"""No lead [s] as a point of the search, whose logarithm is taken."""
+"""Lead [s] that stands for none: the search takes the logarithm, which 0 has not."""
 
 STEPS = 3 * SearchSettings.rounds + 1
 """How often a tuning tells its progress."""
@@ -153,7 +153,7 @@ def _tune(
     law: Callable[[], TunableKinematic | TunablePID],
     progress: Progress,
 ) -> TunedController:
-    requirements = task.requirements  # a long simulation, as is the design of a law below
+    requirements = task.requirements  # takes a long simulation, so it is part of the first step
     search = GainSearch(law(), task.trial)
     progress(1.0)
     kept = {"tuned": requirements, "any rate": Requirements(**task.margins), "free": None}

@@ -1,7 +1,7 @@
-"""Many closed loops side by side, for tuning: what a law's gains cost in tracking and in torque.
+"""Many closed loops side by side, for tuning: tracking error and torque rate of a law's gains.
 
-Every row is one platform under one set of gains along one reference. It moves as the full model
-says, is measured by encoders with noise, and its commands arrive late and saturate.
+Every row is one platform with one set of gains on one reference. It is simulated with the full
+model, encoders with noise, delayed commands and saturation.
 """
 
 from __future__ import annotations
@@ -50,7 +50,7 @@ class Law(Protocol):
 
 @dataclass(frozen=True)
 class Score:
-    """What became of each set of gains; arrays with a leading axis of candidates.
+    """Results of each set of gains; arrays with a leading axis of candidates.
 
     Attributes
     ----------
@@ -74,7 +74,7 @@ class Score:
 class TuningTrial:
     """One condition: platform, loop and the references to follow, with their measurement noise.
 
-    The plant's own delay is moved into the loop's, where it is the same to the motion.
+    The plant's own delay is added to the loop's: the motion is the same.
 
     Attributes
     ----------
@@ -151,11 +151,12 @@ class TuningTrial:
             for now, command in instants(sampled, law, self.steps + 1, self.loop.torque_limit):
                 if now.index:  # the start has no error yet
                     sums.add_error(now.states[:, TWIST] - reference[:, now.index])
-                if now.index < self.steps:  # what is commanded last acts on nothing that is judged
+                if now.index < self.steps:  # the last command acts after the run
                     sums.add_effort(command)
                 if advance is not None and now.index:
                     advance(1.0 / self.steps)
             size = np.sqrt((reference[:, 1:] ** 2).mean(axis=1))
+            # NaN marks an axis that the reference does not move; see ``_mean_of_moving``.
             error = np.sqrt(sums.squares / self.steps) / np.where(size > 0, size, np.nan)
         error = np.where(np.isfinite(sums.squares), error, np.inf)
         rate = (sums.changes / (4 * self.steps)).reshape(candidates, motions).mean(axis=1)
@@ -178,7 +179,7 @@ class TuningTrial:
 
 
 class _Sums:
-    """What a score is made of, row by row, summed up while the loops run."""
+    """Sums of a score, row by row, while the loops run, so that no states need be kept."""
 
     def __init__(self, count: int, torque_limit: float) -> None:
         self.squares, self.changes = np.zeros((count, 3)), np.zeros(count)

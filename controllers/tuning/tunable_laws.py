@@ -1,4 +1,4 @@
-"""Control laws with free numbers, as the tuning sees them: linear, and as a bank of many rows."""
+"""Control laws with free numbers, for tuning: as linear systems, and for many rows at once."""
 
 from __future__ import annotations
 
@@ -163,7 +163,7 @@ class TunablePID:
         """The point as ``PID`` takes it."""
         share, damping = np.asarray(point, float).tolist()
         at = np.log(damping), np.log(self._damping)
-        # Bandwidths are smooth in the damping: no point needs a search of its own.
+        # Bandwidths change smoothly with the damping, so interpolation replaces a search a point.
         x, y, w = (share * float(np.exp(np.interp(*at, one))) for one in self._bandwidth.T)
         return replace(self._shape(damping), bandwidth=(x, y, w))
 

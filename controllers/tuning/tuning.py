@@ -1,8 +1,8 @@
 """Tuning: the gains of a control law that track best, with and without stability margins.
 
 A law (see :mod:`controllers.tuning.tunable_laws`) has a few free numbers. They are sought on a grid
-that zooms in on its best point: that needs no slopes, the bound of what is allowed may be crooked,
-no chance plays, and all points of a grid are simulated side by side.
+that zooms in on its best point. This needs no gradients, works for an allowed region of any shape,
+is not random, and all points of a grid are simulated together.
 """
 
 from __future__ import annotations
@@ -228,7 +228,7 @@ class GainSearch:
         """
         # Gains matter by their ratios, so the grid is even in their logarithms.
         low, high = np.log(np.array(self.law.span)).T
-        width = (high - low) / 2
+        width = (high - low) / 2  # half width of the grid, in logarithms
         centre, least = (low + high) / 2, np.inf
         point = None
         later_steps = self.settings.grid_points[len(centre) - 1]
@@ -238,6 +238,7 @@ class GainSearch:
             at = int(cost.argmin())
             if cost[at] < least:
                 point, least, centre = points[at], cost[at], np.log(points[at])
+            # No point of the first grid is allowed, so there is none to zoom in on.
             if point is None:
                 raise InputError(_nothing_keeps(self.law, wanted))
             width = width * self.settings.zoom_share
@@ -251,6 +252,7 @@ class GainSearch:
     ) -> tuple[Array, Array]:
         """Points (c, p) of a grid around the centre and their costs (c,), inf where refused."""
         axes = [
+            # Points beyond the span fall on its edge; unique drops the repeated ones.
             np.unique(np.clip(c + w * np.linspace(-1, 1, steps), *np.log(ends)))
             for c, w, ends in zip(centre, width, self.law.span, strict=True)
         ]

@@ -33,7 +33,7 @@ class Addition:
     noise_floor : what measurement noise alone would leave, with the effect
     p_value : of the effect, by wild block bootstrap
     worthwhile : whether the fall is material and significant and the size plausible
-    reasons : why it was not worth it, in words
+    reasons : why it is not worthwhile, in words
     settings : all numbers that this depends on
     """
 
@@ -99,6 +99,7 @@ def add_effect(
     candidate = ranking.candidates[0]
     fitted = candidate.fitted or fit_structure(data, candidate.mechanism, candidate.theta)
     after = data.step(fitted, effect)
+    # With the folds of the larger structure: errors can be compared only on the same folds.
     before = data.step(base, None, fitted.held_out.folds)
     result = fit_without_noise_bias(data, fitted)
     new = kind_of(model).fitted_model(
@@ -161,6 +162,7 @@ def _parameters_that_doubt(entries: Mapping[str, Any], result: Fit, deviations: 
         if entry.std is not None and abs(entry.value) < deviations * entry.std
     ]
     strong = [name for name, entry in entries.items() if entry.std and name not in unsure]
+    # One sure parameter is enough: the place of a payload may be unsure while its mass is not.
     if unsure and not strong:
         found.append(f"the 95 % interval of {' and '.join(unsure)} holds zero")
     return found

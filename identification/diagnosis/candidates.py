@@ -57,13 +57,13 @@ def fit_base(data: LoggedData, mechanism: Mechanism, start: Array) -> FittedStru
 
 
 def fit_without_noise_bias(data: LoggedData, fitted: FittedStructure) -> Fit:
-    """The last fit of a structure, with an honest covariance: see :func:`final_fit`."""
+    """The last fit of a structure, corrected for noise on the speeds: see :func:`final_fit`."""
     settings = data.settings.fit
     return final_fit(fitted.mechanism, data.samples, data.noise, fitted.theta, data.seed, settings)
 
 
 def try_candidate(base: FittedStructure, name: str) -> Candidate:
-    """The effect at its best shape, judged by held-out squares: on the grid, then between."""
+    """The effect with its best shape constants by held-out squares: on the grid, then between."""
     mechanism, settings = base.mechanism.extended(name), base.settings
     longest = max(float(item.time[-1]) for item in base.samples)
     grids = {p.name: _grid(p, longest) for p in mechanism.catalogue[name].parameters if p.grid}
@@ -72,9 +72,10 @@ def try_candidate(base: FittedStructure, name: str) -> Candidate:
         return _linear_candidate(base, mechanism, name, dict(zip(grids, values, strict=True)))
 
     best = min(map(judge, itertools.product(*grids.values())), key=_square)
+    # Most candidates explain nothing; a finer search would only cost time.
     if best.square > settings.max_refined_share * base.held_out.square:
         return best
-    # One shape constant after the other, each from the best values so far.
+    # Coordinate search: one shape constant after the other, each from the best values so far.
     for shape, grid in grids.items():
         parameter = mechanism.catalogue[name].parameter(shape)
         if parameter.whole:
@@ -107,6 +108,7 @@ def _between(grid: Sequence[float], here: float, halving: int, parameter: Parame
     near = int(np.argmin(np.abs(points - here)))
     left = points[near] - points[near - 1] if near > 0 else 0.0
     right = points[near + 1] - points[near] if near + 1 < len(points) else left
+    # At the lower end of the grid there is no step to the left; the right one is used instead.
     steps = (-(left or right) / 2**halving, right / 2**halving)
     tried = (float(here + step) for step in steps)
     return [value for value in tried if parameter.lower <= value <= parameter.upper]
@@ -119,7 +121,7 @@ def _linear_candidate(
     theta = mechanism.extend_theta(base.theta, name, shapes)
     own = np.arange(len(base.theta), len(theta), dtype=np.intp)
     new = own[mechanism.free[own]]
-    # Without strength the effect changes nothing: the structure's own demand is taken over.
+    # At zero strength the effect changes no force, so the structure's known demand can be reused.
     columns = tuple(
         _columns(base, mechanism, mechanism.demand(theta, item, known), item, new)
         for item, known in zip(base.samples, base.demands, strict=True)
@@ -154,12 +156,15 @@ def rank(
     rng: np.random.Generator,
     above_floor: float | None = None,
 ) -> Ranking:
-    """Try each candidate on top of a structure; ``above_floor`` of it, where it is known."""
+    """Try each candidate on top of a structure.
+
+    ``above_floor``: of the structure, if it has been computed before.
+    """
     square = base.held_out.square
     needed = needed_share(above_floor or data.above_floor(base), data.settings)
     if not names:
         return Ranking((), {}, (), None, square, needed)
-    _ = base.demands  # found once, not in each thread
+    _ = base.demands  # a cached property: computed here once, or each thread would compute it
     found = side_by_side(partial(try_candidate, base), names, data.progress)
     found = _with_joint_fits(data, base, sorted(found, key=_square), needed)
     step = base.rows[0].step
@@ -171,7 +176,8 @@ def rank(
     rivals = list(found)
     best, tied = _best_and_tied(data, base, rivals)
     while best and extends(best, base) and _adds_nothing(data, best, base, square):
-        # More of what is there already, by nothing or by noise: no finding.
+        # The best candidate extends an effect that the structure holds, and its gain is small or
+        # due to noise: the next one is taken.
         rivals.remove(best)
         best, tied = _best_and_tied(data, base, rivals)
     return Ranking(tuple(found), p_values, tied, best, square, needed)
@@ -182,6 +188,7 @@ def needed_share(above_floor: float, settings: DiagnosisSettings) -> float:
 
     ``above_floor``: see :meth:`LoggedData.above_floor`.
     """
+    # Share of the squared error that lies above the squared noise floor.
     excess = 1.0 - 1.0 / above_floor**2
     return max(settings.min_share_of_residual, settings.min_share_of_excess * excess)
 
@@ -189,9 +196,9 @@ def needed_share(above_floor: float, settings: DiagnosisSettings) -> float:
 def _with_joint_fits(
     data: LoggedData, base: FittedStructure, found: list[Candidate], needed: float
 ) -> list[Candidate]:
-    """The candidates, best first, those in the lead fitted jointly with the structure.
+    """The candidates, best first; the best ones are fitted jointly with the structure.
 
-    Some are linear only near zero strength.
+    The linear step is not enough: some effects are linear only near zero strength.
 
     Parameters
     ----------
@@ -234,6 +241,8 @@ def _joint_fit(
         added_noise=added,
         fold_ratio=base.fold_ratio(joint.held_out.folds),
     )
+    # Fall of the fitted squares, scaled to held-out squares. Noise that the effect itself amplifies
+    # is no loss.
     kept = (base.square - joint.square + added) * square / base.square
     if kept < data.settings.min_kept_share_of_fall * (square - new.square):
         return replace(new, lost_fall=square - kept - new.square)
@@ -243,7 +252,7 @@ def _joint_fit(
 def _best_and_tied(
     data: LoggedData, base: FittedStructure, found: Sequence[Candidate]
 ) -> tuple[Candidate | None, tuple[str, ...]]:
-    """The best candidate, a simpler one in its place if it does as well, and those that tie."""
+    """The best candidate (or a simpler one that does as well), and those that tie with it."""
     settings, square = data.settings, base.held_out.square
     if not found or found[0].square >= square:
         return None, ()
@@ -251,10 +260,10 @@ def _best_and_tied(
     near = [item for item in found if square - item.square > settings.min_share_of_best_fall * fall]
     best = found[0]
     for item in near:
-        # A nested effect gives way to its simpler form unless it is materially better.
+        # The simpler of two nested effects is preferred unless the larger one is materially better.
         if contains(best, item, base) and _gives_way(data, best, item):
             best = item
-    # What contains the best one does as well by construction: that is no tie.
+    # An effect that contains the best one does as well by construction. That is no tie.
     tied = [
         item.name
         for item in near
@@ -275,11 +284,11 @@ def _gives_way(data: LoggedData, larger: Candidate, smaller: Candidate) -> bool:
 def _adds_nothing(
     data: LoggedData, larger: Candidate, smaller: FittedStructure, square: float
 ) -> bool:
-    """Whether what a nested effect has beyond its simpler form is nothing, or made by noise.
+    """Whether an effect gains little over its simpler form, or only because of noise.
 
-    Noise on the speeds rounds the kink of a dry friction, and a breakaway peak can imitate
-    that. The larger is fitted with the noise undone: what it predicts beyond the smaller's
-    best must still matter.
+    Noise on the speeds smooths the step of a dry friction, and a breakaway peak can imitate
+    that. So the larger effect is fitted with the noise bias removed. What it then predicts beyond
+    the best fit of the smaller one must still be material.
 
     Parameters
     ----------
@@ -303,16 +312,17 @@ def _adds_nothing(
 
 
 def _worse_by(item: Candidate, leader: Candidate, base: FittedStructure) -> float:
-    """By how many standard errors of blocks a candidate's held-out residual is the larger one."""
+    """By how many standard errors a candidate's held-out squares exceed the leader's."""
     if item is leader:
         return 0.0
-    # Their folds may differ, but not the order of what was held out.
+    # Their folds may differ, but the rows have the same order and can be compared one by one.
     mine, others = (
         one.fold_ratio * (np.concatenate(one.held_out.residual) ** 2).sum(axis=1)
         for one in (item, leader)
     )
     length = base.settings.residual_map.bootstrap_block_time
     difference = block_sums(mine - others, base.rows[0].step, length)
+    # Standard error of a sum of blocks that are taken as independent.
     spread = np.sqrt(len(difference)) * difference.std()
     worse = difference.sum() - (item.added_noise - leader.added_noise)
     return float(worse / max(spread, 1e-300))
@@ -339,7 +349,7 @@ def extends(item: Candidate, base: FittedStructure) -> bool:
 
 def _imitates(columns: Array, target: Array, nuisance: Array, settings: DiagnosisSettings) -> bool:
     """Whether columns explain nearly all of what the nuisance leaves of each target."""
-    # What the structure explains already does not tell one effect from another.
+    # Only what the structure does not explain already can distinguish one effect from another.
     left_base = _unexplained(nuisance, target, settings)
     left_both = _unexplained(np.concatenate([nuisance, columns], axis=1), target, settings)
     return bool((left_both < (1 - settings.min_imitated_share) * left_base).all())

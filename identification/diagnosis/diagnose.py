@@ -1,4 +1,4 @@
-"""Which physical effect is missing: forward selection, second thoughts, verdict."""
+"""Which physical effect is missing: forward selection, revision of earlier choices, verdict."""
 
 from __future__ import annotations
 
@@ -85,7 +85,7 @@ def diagnose(
     final, maps = _final_fit_and_maps(data, steps)
     given = data.given_errors(mechanism, model.theta)
     fitted_model, unphysical = _model(steps[-1], final, model, logs, floor)
-    # Sizes for the words and the table of candidates, also where there is no model.
+    # Sentences and table need sizes of the effects, also if no physical model was found.
     sized = _at_given_base(steps[-1], model, data) if fitted_model is None else fitted_model
     return Diagnosis(
         verdict=verdict,
@@ -149,6 +149,8 @@ def select(
         fitted = steps[-1].fitted
         above = data.above_floor(fitted)
         at_floor = settings.min_error_over_floor <= above <= settings.max_final_error_over_floor
+        # Not before the first ranking: the report lists the candidates on top of the base in any
+        # case.
         if len(steps) > 1 and at_floor:
             break
         present = fitted.mechanism.structure.effects
@@ -159,12 +161,14 @@ def select(
         best = ranking.best
         if best is None or best.fitted is None:
             break
-        # In long logs chance is ruled out for tiny effects too: the fall must also be material.
+        # In long logs even tiny effects are significant, so the fall must be material as well.
         if ranking.p_values[best.name] > settings.max_p_value or not ranking.is_material:
             break
         steps.append(data.step(best.fitted, best.name))
+        # With one accepted effect there is nothing to revise: it has just won.
         if len(steps) > 2:
             steps, rankings = _revised(data, steps, rankings, rng)
+    # max_effects is at least 1, so the loop has made one ranking.
     assert first is not None
     return Selection(tuple(_judged_alike(data, steps)), tuple(rankings), first)
 
@@ -188,15 +192,15 @@ def _revised(
     won = list(rankings[: len(names)])
     for _ in range(data.settings.max_revision_rounds):
         before = list(names)
-        # The last first: it was chosen last, with the most known.
+        # The last one first: it was chosen with the most other effects present.
         for index in range(len(names) - 1, -1, -1):
             others = [*names[:index], *names[index + 1 :]]
             if index == len(names) - 1 and names == before and full is steps[-1].fitted:
-                continue  # its ranking is the one that it has just won
+                continue  # its ranking was computed with the same other effects just before
             base = _refitted(data, full, (*given, *others))
             again = rank(data, base, _rivals(won[index], others, data.settings), rng)
             if again.best is None or again.best.fitted is None or not again.is_material:
-                # The others won beside the effect that goes now: the next round tries them again.
+                # The other effects were chosen beside the one that is dropped: try them again.
                 del names[index], won[index]
                 full = base
                 break
@@ -229,10 +233,10 @@ def _refitted(data: LoggedData, full: FittedStructure, effects: tuple[str, ...])
 
 
 def _explained(data: LoggedData, steps: list[Step]) -> tuple[list[Step], dict[str, float], bool]:
-    """The steps that are kept, the last one's noise floor, and whether something is left over it.
+    """The steps that are kept, the last one's noise floor, and whether an excess over it remains.
 
-    Where something unknown remains, at most the first effect is kept, if it takes most of the
-    excess over the floor: others may well stand for the unknown.
+    If an unknown excess remains, at most the first effect is kept, and only if it explains most of
+    the excess. Later effects may only imitate the unknown one.
     """
     settings = data.settings
     floor = data.floor(steps[-1].fitted)
@@ -271,7 +275,7 @@ def _final_fit_and_maps(data: LoggedData, steps: Sequence[Step]) -> tuple[Fit, l
 def _model(
     step: Step, final: Fit, model: AnyModel, logs: Sequence[Log], floor: dict[str, float]
 ) -> tuple[Any | None, str]:
-    """The model that the last step's final fit stands for; none, and why, if it is not physical."""
+    """The model of the last step's final fit; None and the reason if it is not physical."""
     try:
         found = kind_of(model).fitted_model(
             step.fitted.mechanism,
@@ -287,7 +291,7 @@ def _model(
 
 
 def _at_given_base(step: Step, model: AnyModel, data: LoggedData) -> Any:
-    """The accepted effects fitted beside the given model's parameters, which stay."""
+    """The accepted effects fitted with the given model's parameters held fixed."""
     if not step.effect:
         return model
     mechanism, known = step.fitted.mechanism, len(model.theta)

@@ -1,7 +1,7 @@
 """The motion that best tells tied effects apart: T-optimal discrimination within limits.
 
-Atkinson and Fedorov, Biometrika 62(1), 1975: of all motions take the one for which the best fit of
-the rival to the favourite's prediction is worst.
+Atkinson and Fedorov, Biometrika 62(1), 1975: of all motions choose the one in which even the best
+fit of the rival model deviates most from the prediction of the favourite model.
 """
 
 from __future__ import annotations
@@ -27,6 +27,8 @@ def separation(
     mechanism, theta = favourite
     other, start = rival
     free = np.flatnonzero(other.free)
+    # Minus the residual is the demanded force less the measured one, which is the same in both and
+    # cancels below. One column is enough, since only the residual is used.
     wanted = -regression(mechanism, theta, samples, free[:1]).residual
     rows = regression(other, start, samples, free)
     offered = -rows.residual

@@ -25,9 +25,9 @@ class Diagnosis:
     Attributes
     ----------
     verdict : "adequate", "effect", "ambiguous" or "unknown"
-    missing : accepted effects, in order; of an ambiguous set its best member
+    missing : accepted effects, in order; if several are ambiguous, the best one
     ambiguous_with : what the data cannot tell apart from an accepted effect
-    partial : accepted effects that explain their share, while something else remains
+    partial : accepted effects, if they explain only a part and something unknown remains
     steps : held-out errors as they fall; the first is the refitted base
     rankings : all candidates, on top of each step
     fitted_model : the refitted model with the accepted effects; None where its parameters are not
@@ -161,12 +161,12 @@ def warnings_of(
     unphysical: str,
     settings: DiagnosisSettings,
 ) -> list[str]:
-    """What to know before the verdict is believed: the logs' warnings first.
+    """What a reader must know to judge the verdict: the logs' warnings first.
 
     Parameters
     ----------
     given, refitted : errors of the model as it was given, and refitted
-    unphysical : why the refitted model is none, if so
+    unphysical : why there is no refitted model; empty if there is one
     """
     found = [line for log in logs for line in log.warnings]
     if given["force_error"] > settings.min_changed_error_ratio * refitted.force_error:
@@ -185,7 +185,7 @@ def warnings_of(
 def candidate_rows(ranking: Ranking, base: Step, model: Any) -> list[dict[str, Any]]:
     """First-step candidates, best first; an accepted one with its parameters in the final fit.
 
-    Their errors are at the base's own noise and folds, by which they are ranked.
+    Errors are converted to the noise and the folds of the base, as in the ranking.
     """
     found = []
     for item in ranking.candidates:
@@ -216,7 +216,7 @@ def _parameters(item: Candidate, model: Any) -> dict[str, Any]:
     if item.fitted is None:
         theta[item.free] += item.held_out.step
     effect = item.mechanism.catalogue[item.name]
-    # The candidate's parameters are the last ones: it was put on top of the fitted structure.
+    # A new effect's parameters are appended, so the candidate's are the last ones.
     own = theta[len(theta) - len(effect.parameter_names) :]
     public = effect.to_public(item.mechanism.geometry, own)
     return {

@@ -1,4 +1,4 @@
-"""Findings in words that a person at the robot can act on."""
+"""Findings as sentences, each with an action at the robot that can confirm it."""
 
 from __future__ import annotations
 

@@ -1,8 +1,9 @@
-"""Does anything in the residual answer to a candidate? Family-wise, by a wild block bootstrap.
+"""Significance of candidates in the residual: family-wise p-values by a wild block bootstrap.
 
-Plain F and BIC tests take autocorrelated residuals for evidence. Here the score of each candidate
-is summed over blocks of time that are long against the correlation, and compared with the same
-scores under random signs: see :mod:`identification.residual_map.bootstrap`.
+F tests and BIC assume independent residuals and are too optimistic for autocorrelated ones. Here
+the score of each candidate is summed over blocks of time that are long against the correlation, and
+compared with the same scores under random signs: see
+:mod:`identification.residual_map.bootstrap`.
 """
 
 from __future__ import annotations
@@ -33,6 +34,7 @@ def score_blocks(
     residual : per log (n, A); base : (n, A, B); columns : (n, A, F)
     step : from one row to the next [s]
     """
+    # Frisch, Waugh and Lovell: what the base model's parameters can absorb is no evidence.
     cleared = remainder(stacked(columns), stacked(base), settings.min_seen_share)
     sums, start = [], 0
     for log in residual:
@@ -54,6 +56,7 @@ def remainder(target: Array, columns: Array, min_seen_share: float) -> Array:
 
     ``min_seen_share``: of the largest eigenvalue, under which a direction of columns is not seen.
     """
+    # Unit columns, so that the cut-off does not depend on units; a column of zeros stays zero.
     norm = np.sqrt((columns**2).sum(axis=0))
     columns = columns / np.where(norm > 0, norm, 1.0)
     gram = columns.T @ columns
@@ -73,6 +76,8 @@ def candidate_p_values(
     signs = random_signs(rng, settings.bootstrap_draws, blocks)
     observed, null = [], []
     for score in scores.values():
+        # From the observed scores alone: signs do not change the sum of squares, so it holds for
+        # all draws.
         whiten = _whitening(score, settings.min_score_share)
         observed.append(_normal_score(score.sum(axis=0) @ whiten))
         null.append(_normal_score((signs @ score) @ whiten))
@@ -90,7 +95,7 @@ def _whitening(blocks: Array, least: float) -> Array:
 def _normal_score(whitened: Array) -> Array:
     """Wilson and Hilferty's normal score of a chi-square statistic, comparable across sizes."""
     size = whitened.shape[-1]
-    if size == 0:  # columns without any length: a motion that never touches the effect
+    if size == 0:  # all columns are zero: the motion does not excite the effect
         return np.full(whitened.shape[:-1], -np.inf)
     statistic = (whitened**2).sum(axis=-1)
     spread = 2.0 / (9.0 * size)

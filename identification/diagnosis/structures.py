@@ -78,7 +78,7 @@ class FittedStructure:
 
     @cached_property
     def demands(self) -> tuple[DemandedForce, ...]:
-        """Of each log: what candidates on top of the structure need not find out again."""
+        """Demanded force of each log, computed once for all candidates on top of the structure."""
         return tuple(self.mechanism.demand(self.theta, item) for item in self.samples)
 
     @property
@@ -98,7 +98,7 @@ class FittedStructure:
 
     @cached_property
     def held_out(self) -> CrossValidation:
-        """Judged on what it was not fitted on."""
+        """Cross-validation with the structure's own folds."""
         return self.judged(make_folds(self.rows, self.columns, self.settings.fit))
 
     def judged(self, folds: Sequence[Fold]) -> CrossValidation:
@@ -115,7 +115,7 @@ class FittedStructure:
         rng = np.random.default_rng(seed)
         total = 0.0
         for item, level, row in zip(self.samples, noise, self.rows, strict=True):
-            # Noise on the torques leaves the same in every structure's residual.
+            # Noise on the torques adds the same squares to the residual of every structure.
             noisy = self.mechanism.noisy(item, level.speed, 0.0 * level.torque, rng)
             again = filtered_residual(self.mechanism, self.theta, noisy, self.settings.rows)
             total += float(((again - row.residual) ** 2).sum())
@@ -136,7 +136,8 @@ class Candidate:
     added_noise : squares that noise on the speeds adds to the residual beyond what it adds to the
         structure's
     fold_ratio : the structure's held-out squares over those with the candidate's folds
-    lost_fall : squares whose fall the held-out steps promise and the joint fit does not keep
+    lost_fall : part of the fall in held-out squares that the joint fit, within bounds, does not
+        confirm
     """
 
     name: str
@@ -148,11 +149,12 @@ class Candidate:
     shapes: dict[str, float] = field(default_factory=dict)
     directions: int = 0
     fitted: FittedStructure | None = None
-    # A drive's lag differentiates the noise, and must not lose by that alone.
+    # An actuator lag differentiates the speeds and amplifies their noise. Its squares are corrected
+    # for that, or it would lose against effects that leave noise as it is.
     added_noise: float = 0.0
-    # Finer folds hold less out at a time, which is no merit of the candidate.
+    # Finer folds hold out less at a time and give smaller errors, which is no merit of a candidate.
     fold_ratio: float = 1.0
-    # Held-out steps know no bounds, and may well need a negative inertia.
+    # Held-out linear steps ignore bounds and may use a negative inertia.
     lost_fall: float = 0.0
 
     @property
@@ -167,7 +169,7 @@ class Candidate:
 
     @property
     def parameters(self) -> int:
-        """How many numbers it adds, searched shapes included: the price of its flexibility."""
+        """Number of parameters that it adds, shape constants included."""
         return self.directions + len(self.shapes)
 
 
@@ -253,7 +255,8 @@ class LoggedData:
         folds = judged.folds
         thetas = np.tile(fitted.theta, (len(folds), 1))
         thetas[:, fitted.free] += judged.steps
-        # What a fold cannot see well may leave its bounds, and some free runs with them.
+        # Without a fold, a parameter may be poorly determined and leave its bounds, and a free run
+        # outside them may diverge.
         thetas = np.clip(thetas, *fitted.mechanism.bounds)
         force, velocity = [], []
         for fold, theta in zip(folds, thetas, strict=True):
@@ -294,7 +297,7 @@ class LoggedData:
             if np.isfinite(run.predicted).all():
                 velocity.append(velocity_floor(*args, run, noise, self.seed))
             else:
-                # A free run that diverges has no floor: its squares are NaN, and so is the ratio.
+                # A diverging free run has no floor: its squares are NaN, and so is the ratio.
                 velocity.append(SumsOfSquares.of(run))
         _, force = self._force_and_floor(fitted)
         return {"force_error": force.ratio, "velocity_error": add_up(velocity).ratio}

@@ -1,4 +1,7 @@
-"""Independent pieces of work side by side, in threads: numpy's loops let the others run."""
+"""Independent pieces of work in parallel threads.
+
+Threads need no copies of the data, and numpy releases the interpreter lock in its loops.
+"""
 
 from __future__ import annotations
 
@@ -13,7 +16,7 @@ Item = TypeVar("Item")
 Result = TypeVar("Result")
 
 MAX_THREADS = 4
-"""Threads by default at most: beyond, memory is what all of them wait for."""
+"""Largest default number of threads: with more, memory bandwidth is the limit."""
 
 
 THREADS = "YOUBOT_THREADS"
@@ -30,10 +33,12 @@ def threads() -> int:
     """
     wanted = os.environ.get(THREADS)
     if wanted:
+        # isdigit alone also accepts signs such as a superscript 2, which int refuses.
         if not (wanted.isascii() and wanted.isdigit() and int(wanted)):
             raise InputError(f"{THREADS}: {wanted!r} is not a whole number of at least 1")
         return int(wanted)
     if hasattr(os, "sched_getaffinity"):
+        # Cores that this process may use; cpu_count gives all cores of the machine.
         return min(MAX_THREADS, len(os.sched_getaffinity(0)))
     return min(MAX_THREADS, os.cpu_count() or 1)
 

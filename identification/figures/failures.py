@@ -50,6 +50,7 @@ def stretch_figure(
         axes.axhline(100 * floor.by_axis[k], label="noise floor", **look.TRUTH)
         axes.set_ylabel(f"{forces[k][0]}  [%]")
         axes.grid(axis="x", visible=False)
+    # Empty areas make entries of the legend: the bars of one call cannot have two labels.
     panels[0].fill_between([], [], color=look.BAR, label="force error")
     panels[0].fill_between([], [], color=look.WORST, label="largest shares of all residual")
     look.header(panels[0], f"Force error by stretch: {name}")
@@ -69,6 +70,7 @@ def residual_figure(
     """
     figure = look.new_figure(1.4 + 1.8 * len(rows))
     panels = figure.subplots(len(rows), len(forces), sharey=True, squeeze=False)
+    # One scale for all panels, so that sizes can be compared. NaN marks points without rows.
     reach = max(float(np.nanmax(np.abs(curve.force) + curve.std)) for _, curve in rows)
     for row, (title, curve) in zip(panels, rows, strict=True):
         for k, axes in enumerate(row):
@@ -111,5 +113,6 @@ def fall_figure(
         axes.set_xlabel("[%]")
         axes.set_xmargin(0.15)
         axes.grid(axis="y", visible=False)
+    # barh draws upwards; the first step belongs at the top.
     panels[0].invert_yaxis()
     return figure

@@ -154,6 +154,7 @@ def _estimates_figure(
 ) -> Figure:
     assert result.course is not None
     free, mechanism = result.force.free, result.mechanism
+    # The recursive estimator's time runs through all logs, one after another.
     starts = np.cumsum([0.0, *(item.time[-1] for item in result.samples)])
     stretches = [
         (kind, start + a, start + b)

@@ -23,7 +23,7 @@ Array = NDArray[np.float64]
 Drawing = ParamSpec("Drawing")
 
 # Okabe and Ito's palette (2008), which colour-blind readers can tell apart.
-# The model is drawn thin over what was measured, so that both show where they agree.
+# The model is a thin line over the thick measured one: both stay visible where they agree.
 MEASURED = {"color": "#a6a6a6", "linewidth": 3.2, "solid_capstyle": "round"}
 PREDICTED = {"color": "#d55e00", "linewidth": 1.0}
 REFERENCE = {"color": "#0072b2", "linewidth": 1.1}
@@ -96,7 +96,7 @@ def matplotlib() -> Any:
 
 @contextmanager
 def style() -> Iterator[None]:
-    """This module's style, whatever the user's settings are; they and the backend stay."""
+    """This module's style, independent of the user's settings, which are restored afterwards."""
     mpl = matplotlib()
     with mpl.rc_context():
         mpl.rcdefaults()
@@ -118,6 +118,7 @@ def styled(draw: Callable[Drawing, Figure]) -> Callable[Drawing, Figure]:
 def new_figure(height: float) -> Figure:
     """An empty figure [inches] that is drawn by Agg, whatever pyplot's backend is."""
     matplotlib()
+    # Not pyplot: it keeps figures alive and may open a window or need a display.
     from matplotlib.backends.backend_agg import FigureCanvasAgg
     from matplotlib.figure import Figure
 
@@ -135,6 +136,7 @@ def png(figure: Figure) -> bytes:
 
     with style():
         figure.canvas.draw()
+    # Without the alpha channel, since the background is opaque.
     picture = Image.fromarray(np.asarray(figure.canvas.buffer_rgba())[..., :3])  # type: ignore
     content = io.BytesIO()
     colours = picture.quantize(256, method=Image.Quantize.MAXCOVERAGE, dither=Image.Dither.NONE)
@@ -174,7 +176,8 @@ def write_figures(folder: str | Path, named: Iterable[tuple[str, Figure]]) -> li
 
 
 def thin(time: Array, values: Array, bins: int = BINS) -> tuple[Array, Array]:
-    """A line (n,) as it looks on paper: the least and the greatest value of each of ``bins``."""
+    """A line (n,) reduced to the least and the greatest value of each of ``bins``."""
+    # Two points are kept for each bin: a shorter line has none to lose.
     if len(time) <= 2 * bins:
         return time, values
     edges = np.linspace(0, len(time), bins + 1).astype(int)
@@ -197,6 +200,7 @@ def header(axes: Axes, title: str) -> None:
     axes.set_title(plain(title), pad=38)
     figure = axes.get_figure()
     assert figure is not None
+    # 17 points (1/72 inch) above the axes leave room for the names of stretches.
     legend = axes.legend(
         loc="lower left",
         bbox_to_anchor=(0, 1),

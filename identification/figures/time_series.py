@@ -116,7 +116,7 @@ def _with_strips(
         noise = 0.0 if floor is None else look.BAND * np.sqrt(floor.residual[k] / len(traces.time))
         _strip(strip, traces.time, traces.residual[:, k], noise)
         strip.set_ylabel(f"$\\Delta$  [{unit}]", fontsize=9)
-    # The legend of the first panel speaks for its strip too.
+    # Empty artists: the first panel's legend also explains the strip below it.
     panels[0].plot([], [], label=r"difference $\Delta$", **look.RESIDUAL)
     if floor is not None:
         panels[0].fill_between([], [], label="noise floor, ±1.96 std", **look.FLOOR)
@@ -160,7 +160,7 @@ def motion_figure(
             look.line(axes, time, ideal[:, k], label="ideal motion", **look.REFERENCE)
             rms = np.sqrt(np.mean((twist[:, k] - ideal[:, k]) ** 2))
             look.margin_note(axes, f"rms off\n{rms:.2g}\n{unit}")
-    # One scale for both speeds: an axis at rest should look at rest.
+    # VX and VY have one scale, so that noise on an axis at rest does not look like motion.
     shown = twist[:, :2] if ideal is None else np.concatenate([twist[:, :2], ideal[:, :2]])
     for axes in panels[:2]:
         look.symmetric(axes, 1.08 * float(np.abs(shown).max()))
@@ -204,6 +204,7 @@ def estimates_figure(
             axes.axhline(truth[k], label="true value", **look.TRUTH)
         axes.set_ylim(*_settled_range(*ends, batch[k]))
         axes.set_ylabel(label)
+        # With an offset the ticks would not show the values themselves.
         axes.ticklabel_format(axis="y", useOffset=False)
     look.header(panels[0], "Estimates over time")
     for axes in panels[-2:]:
@@ -216,7 +217,10 @@ def estimates_figure(
 
 
 def _settled_range(low: Array, high: Array, batch: float) -> tuple[float, float]:
-    """Range that shows the second half of a band whole: before, all is still open."""
+    """Range of the ordinate that shows the second half of a band.
+
+    At the start the band is very wide (prior variance) and would hide the rest.
+    """
     half = len(low) // 2
     bottom, top = min(float(low[half:].min()), batch), max(float(high[half:].max()), batch)
     pad = 0.06 * (top - bottom) or 1.0

@@ -24,9 +24,10 @@ def hac_covariance(
 ) -> Array:
     """Covariance (F, F) of a least-squares estimate whose residuals are correlated in time.
 
-    Newey and West (Econometrica 55(3), 1987): the scores' long-run covariance by Bartlett weights,
-    between the inverses of the information matrix; prewhitened, since the filter's memory alone
-    would cost a plain window a tenth of the standard deviation.
+    Newey and West (Econometrica 55(3), 1987): the long-run covariance of the scores by Bartlett
+    weights, multiplied from both sides by the inverse information matrix. The scores are
+    prewhitened: because of the filter's memory, a plain window would make standard deviations a
+    tenth too small.
 
     Parameters
     ----------
@@ -36,40 +37,46 @@ def hac_covariance(
     scale : (F,) factors from the parameters to numbers of one size
     """
     directions = scale[:, None] * basis
-    # Of unit length, so that the cut-off of the pseudo-inverse means the same for each.
+    # Unit length: one cut-off of the pseudo-inverse then has the same meaning for each direction.
     directions = directions / np.linalg.norm(directions, axis=0)
     size = directions.shape[1]
     information, middle = np.zeros((size, size)), np.zeros((size, size))
     count = 0
     for residual, column, step in zip(residuals, columns, steps, strict=True):
         scaled = (column / scale) @ directions
+        # All logs are summed: their noise is independent, so scores of different logs do not
+        # correlate.
         information += np.einsum("nap,naq->pq", scaled, scaled)
         scores = innovation_scores(residual, scaled, settings.max_residual_memory)
         lags = automatic_lags(scores, settings.max_score_memory)
+        # The plug-in assumes AR(1) scores. The lower bound covers slower errors that AR(1) does not
+        # show.
         middle += long_run(scores, max(lags, round(settings.min_correlation_time / step)))
         count += residual.size
     rounding = settings.min_information_share
     inverse = np.linalg.pinv(information, rcond=rounding, hermitian=True)
-    # A fit makes its own residuals too small: the usual correction for its parameters.
+    # n/(n - Q): fitted residuals are smaller than the true errors, as in s^2 of ordinary least
+    # squares.
     covariance = inverse @ middle @ inverse * count / max(count - size, 1)
     to_theta = directions / scale[:, None]
     return to_theta @ covariance @ to_theta.T
 
 
 def innovation_scores(residual: Array, columns: Array, most: float) -> Array:
-    """Scores (n, P) that sum up as residual * column does, without the residual's AR(1) memory.
+    """Scores (n, P) with the same sum as residual * column, without the residual's AR(1) memory.
 
     residual (n, A), columns (n, A, P). Prewhitening of Andrews and Monahan (Econometrica 60(4),
-    1992), moved to the columns: with the innovations e = A r, X' r = (A^-T X)' e. ``most``: bound
-    of the memory.
+    1992), applied to the columns: with the innovations e = A r, X' r = (A^-T X)' e. ``most``:
+    upper bound of the memory.
     """
     total = np.zeros((len(columns), columns.shape[2]))
-    # Each axis has a memory of its own.
+    # Each axis has its own AR(1) coefficient.
     for axis in range(residual.shape[1]):
         r = residual[:, axis]
         memory = float(np.clip(r[1:] @ r[:-1] / max(r @ r, 1e-300), 0.0, most))
         innovation = r - memory * np.concatenate([[0.0], r[:-1]])
-        # Backwards in time: an innovation acts on all later rows through the memory.
+        # A^-T: the AR(1) recursion, run backwards in time. [:0:-1] restores the order of time and
+        # drops the initial zero of accumulate.
         carried = accumulate(columns[::-1, axis], memory)[:0:-1]
         total += innovation[:, None] * carried
     return total
@@ -78,7 +85,7 @@ def innovation_scores(residual: Array, columns: Array, most: float) -> Array:
 def automatic_lags(scores: Array, most: float) -> int:
     """Bartlett bandwidth [rows] by Andrews' AR(1) plug-in (Econometrica 59(3), 1991, eq. 6.4).
 
-    ``most``: bound of the memory, either side of zero.
+    ``most``: bound of the AR(1) coefficient's size.
     """
     power = np.maximum((scores**2).sum(axis=0), 1e-300)
     memory = np.clip((scores[1:] * scores[:-1]).sum(axis=0) / power, -most, most)
@@ -92,6 +99,7 @@ def automatic_lags(scores: Array, most: float) -> int:
 def long_run(scores: Array, lags: int) -> Array:
     """Sum (P, P) of the scores' (n, P) autocovariances under Bartlett weights."""
     total = scores.T @ scores
+    # Bartlett weights keep the sum positive semidefinite. Each lag counts in both directions.
     for lag in range(1, min(lags, len(scores) - 1)):
         cross = scores[lag:].T @ scores[:-lag]
         total += (1.0 - lag / lags) * (cross + cross.T)

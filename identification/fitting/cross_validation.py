@@ -1,4 +1,4 @@
-"""Held-out judgement of linear(ised) models from normal equations, one log left out at a time."""
+"""Cross-validation of linear(ised) models by normal equations, one log left out at a time."""
 
 from __future__ import annotations
 
@@ -16,7 +16,10 @@ Array = NDArray[np.float64]
 
 @dataclass(frozen=True)
 class Fold:
-    """What is held out together: a stretch of one log, by row numbers and by time [s]; or all."""
+    """Rows of one log that are held out together: by row numbers and by time [s].
+
+    whole : the fold is the whole log
+    """
 
     log: int
     rows: slice
@@ -28,10 +31,10 @@ class Fold:
 def make_folds(
     rows: Sequence[Regression], columns: Sequence[Array] = (), settings: FitSettings = FitSettings()
 ) -> list[Fold]:
-    """One fold a log; a log that alone shows something of the model gives several blocks.
+    """One fold a log; a log that alone shows some column of the model gives several blocks.
 
-    A load that is put on late shows in a long log and in no short one: without that log nothing
-    could tell of it, and it would seem to explain nothing.
+    Example: only the longest log lasts until a load is put on. If all of it were held out, no other
+    log could determine the load, and the load would seem to explain nothing.
 
     Parameters
     ----------
@@ -43,6 +46,8 @@ def make_folds(
         blocks = settings.blocks_of_single_log if k in lonely else 1
         edges = np.linspace(0, len(row.time), blocks + 1).astype(int)
         for a, b in zip(edges.tolist(), edges[1:].tolist(), strict=False):
+            # The first block starts with the log: the rows' first time lies behind the filter's
+            # settling.
             start = float(row.time[a]) if a else 0.0
             folds.append(Fold(k, slice(a, b), start, float(row.time[b - 1]), blocks == 1))
     return folds
@@ -98,7 +103,7 @@ def cross_validate(
     right = [residual[fold.log][fold.rows].ravel() for fold in folds]
     grams = np.stack([c.T @ c for c in seen])
     sides = np.stack([c.T @ r for c, r in zip(seen, right, strict=True)])
-    # Normal equations add up: to leave a fold out is a subtraction, no second pass.
+    # Normal equations add up over rows, so a fold is left out by a subtraction.
     total, side = grams.sum(axis=0), sides.sum(axis=0)
     rounding = settings.min_held_out_share
     everything = _solve(total, side, rounding)
@@ -121,7 +126,7 @@ def _solve(gram: Array, side: Array, rounding: float) -> Array:
     ``rounding``: share of the largest eigenvalue under which a direction is not seen.
     """
     norm = np.sqrt(np.maximum(np.diag(gram), 1e-300))
-    # With a unit diagonal the units of the parameters do not decide what is rounding.
+    # Scaled to a unit diagonal: the cut-off must not depend on the units of the parameters.
     scaled = gram / np.outer(norm, norm)
     return np.linalg.pinv(scaled, rcond=rounding, hermitian=True) @ (side / norm) / norm
 

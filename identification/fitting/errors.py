@@ -1,4 +1,4 @@
-"""Force error, velocity error and noise floor of a model on a log: defined once, here."""
+"""Force error, velocity error and noise floor of a model on a log: their only definition."""
 
 from __future__ import annotations
 
@@ -38,6 +38,8 @@ def force_traces(
     dt, rate = samples.dt, settings.filter.rate
     demanded = mechanism.demand(theta, samples).force
     measured = filter_samples(mechanism.measured_force(samples), rate, dt)
+    # At both ends of each interval: an acceleration from differences jumps at a sample, and so does
+    # the force.
     predicted = first_order(demanded[0], demanded[1], rate, dt)
     first = settled(rate, dt, settings.filter.settling_time_constants)
     return Traces(samples.time[first:], measured[first:], predicted[first:])
@@ -51,7 +53,7 @@ def velocity_traces(mechanism: Mechanism, theta: Array, samples: Samples) -> Tra
 
 @dataclass(frozen=True)
 class SumsOfSquares:
-    """Sums of squares (A,) of residual and measured signal: they add up over logs."""
+    """Sums of squares (A,) of residual and measured signal; those of several logs can be added."""
 
     residual: Array
     measured: Array
@@ -73,7 +75,7 @@ class SumsOfSquares:
     @property
     def by_axis(self) -> Array:
         """(A,) the same for each axis alone; NaN for an axis that never moved."""
-        # 0 / 0 is NaN, and meant: such an axis has no error to speak of.
+        # 0 / 0 gives NaN on purpose: the error of an axis that never moved is not defined.
         with np.errstate(invalid="ignore", divide="ignore"):
             return np.sqrt(self.residual / self.measured)
 
@@ -93,7 +95,7 @@ class NoiseLevel:
 
     @classmethod
     def of(cls, samples: Samples, settings: FitSettings = FitSettings()) -> NoiseLevel:
-        """What a log's own channels show of it."""
+        """Measured from the high-frequency part of a log's channels."""
         speed, torque = samples.channels
         noise = settings.noise
         return cls(white_noise(speed, settings=noise), white_noise(torque, settings=noise))
@@ -110,8 +112,8 @@ def force_floor(
 ) -> SumsOfSquares:
     """What measurement noise alone leaves in the force residual, whose ``clean`` traces are known.
 
-    The noise is put on once more and what it changes is kept: right for every effect, since the
-    model itself carries it.
+    Noise of the same size is added to the measurements a second time; the change of the residual
+    is the floor. This holds for every effect, since the noise passes through the model itself.
     """
     part, known = samples, clean
     if len(samples) > settings.max_floor_samples:
@@ -120,7 +122,7 @@ def force_floor(
     rng = np.random.default_rng(seed)
     noisy = mechanism.noisy(part, noise.speed, noise.torque, rng)
     again = force_traces(mechanism, theta, noisy, settings)
-    # Squares grow with the length: those of the part stand for the whole log.
+    # Sums of squares grow with the number of samples: scale from the part to the whole log.
     share = len(clean.time) / len(known.time)
     left = SumsOfSquares.of(known, again.residual - known.residual).residual * share
     return SumsOfSquares(left, SumsOfSquares.of(clean).measured)
@@ -134,7 +136,10 @@ def velocity_floor(
     noise: NoiseLevel,
     seed: int,
 ) -> SumsOfSquares:
-    """What measurement noise alone leaves in the free run's velocity residual."""
+    """What measurement noise alone leaves in the free run's velocity residual.
+
+    No part is cut out as in `force_floor`: errors of a free run add up over the whole log.
+    """
     rng = np.random.default_rng(seed)
     again = velocity_traces(
         mechanism, theta, mechanism.noisy(samples, noise.speed, noise.torque, rng)

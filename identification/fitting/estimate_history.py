@@ -1,4 +1,4 @@
-"""Estimates over time: what the recursive estimator makes of a fit's rows, one after another."""
+"""Estimates over time: the recursive estimator, run through a fit's rows one after another."""
 
 from __future__ import annotations
 
@@ -35,10 +35,11 @@ def recursive_course(
     std: Array,
     settings: FitSettings = FitSettings(),
 ) -> EstimateHistory:
-    """Run the recursive estimator through a fit's rows; effects enter linearised at the fit.
+    """Run the recursive estimator through a fit's rows; effects are linearised at the fit.
 
-    The filter's rows are correlated, so P alone would state too little; its shape over time is
-    kept and each parameter's end is set to the batch estimate's standard deviation.
+    The estimator assumes independent rows, but filtered rows are correlated, so its covariance P is
+    too small. Each standard deviation is therefore scaled by a constant factor, so that the last
+    one equals the batch estimate's.
 
     Parameters
     ----------
@@ -53,7 +54,7 @@ def recursive_course(
     )
     course, spread = [], []
     for log in rows:
-        # The residual is that at the fit: with the fit's own prediction it is the measured force.
+        # The rows hold the residual at theta. Adding the prediction gives back the measured force.
         measured = log.residual + log.columns @ theta
         for columns, z in zip(log.columns / scale, measured, strict=True):
             course.append(estimator.update(columns, z) / scale)

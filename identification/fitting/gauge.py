@@ -33,6 +33,7 @@ def gauge_basis(mechanism: Mechanism, free: Indices | None = None) -> Array:
     """
     size = len(_chosen(mechanism, free))
     groups = gauge_groups(mechanism, free)
+    # The empty list is for mechanisms without groups: concatenate needs at least one array.
     alone = np.setdiff1d(np.arange(size), np.concatenate([[], *groups]))
     columns = [np.eye(size)[:, alone]]
     for members in groups:

@@ -26,6 +26,7 @@ def motion_observability(
     window : start and end [s]; a periodic motion should be given whole periods
     """
     start, end = window or (0.0, motion.duration)
+    # Half a step less: the end of a period is the start of the next one and must not count twice.
     time = np.arange(start, end - 0.5 * dt, dt)
     columns = ideal_columns(geometry or Geometry(), motion.twist(time), motion.acceleration(time))
     names = [BASE.parameter_names[k] for k in PAPER_ORDER]

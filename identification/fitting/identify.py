@@ -1,4 +1,4 @@
-"""From logs to a model with honest uncertainty: the whole identification in one function."""
+"""From logs to a model with standard deviations: the whole identification in one function."""
 
 from __future__ import annotations
 
@@ -111,6 +111,7 @@ class Identification:
 
     def _parameters(self) -> dict[str, Any]:
         """Value, unit, standard deviation and interval of each parameter; None where unknown."""
+        # Rounding can make the variance of an unseen direction slightly negative.
         variance = np.maximum(np.diag(self.model.covariance), 0.0)
         std = dict(zip(self.model.covariance_names, np.sqrt(variance), strict=True))
         reach = self.settings.interval_deviations
@@ -123,7 +124,7 @@ class Identification:
         return found
 
     def _last_estimates(self) -> dict[str, float] | None:
-        """Where the recursive estimator has arrived, by name."""
+        """The recursive estimator's last estimates, by name."""
         if self.course is None:
             return None
         names = [self.mechanism.parameter_names[k] for k in self.force.free]
@@ -218,7 +219,7 @@ def _refined(
     settings: FitSettings,
     progress: Callable[[], None],
 ) -> Fit:
-    # Imported here for numba's sake, which takes half a second and the force fit does without.
+    # Imported here: it loads numba, which takes half a second and which a force fit does not need.
     from identification.fitting.output_error import refine
 
     return refine(mechanism, samples, force, settings=settings, progress=progress)

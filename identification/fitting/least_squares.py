@@ -73,7 +73,7 @@ def fit(
     """
     search = _GaussNewton(mechanism, logs, free, robust, settings)
     best = search.run(np.array(start, float), first, progress)
-    # A robust fit's rows are weighted, so that its covariance is that of the weighted estimate.
+    # The covariance of a robust fit is that of the weighted least-squares estimate.
     weighted = [_weighted(*pair) for pair in zip(best.rows, best.weights, strict=True)]
     scale = mechanism.scale[search.chosen]
     covariance = covariance_of(weighted, search.basis, scale, settings)
@@ -107,16 +107,18 @@ class _GaussNewton:
         self.robust, self.settings = robust, settings
         self.chosen = np.flatnonzero(mask)
         self.basis = gauge_basis(mechanism, self.chosen)
+        # A fitted shape constant makes a linear mechanism nonlinear.
         self.linear = mechanism.is_linear and np.array_equal(mask, mechanism.free)
 
     def run(
         self, start: Array, first: Sequence[Regression] | None, progress: Callable[[], None]
     ) -> _Iterate:
-        """The iterate of least squares that the search passes."""
+        """Search until it converges or no longer improves; return the best iterate."""
         settings = self.settings
         here = self.at(start, rows=first)
         if sum(map(len, here.weights)) < settings.min_rows_per_parameter * len(self.chosen):
             raise InputError("the logs are too short to fit a model: record some 20 s of motion")
+        # Infinite, so that the first iterate counts as a fall.
         best, waited = replace(here, square=np.inf), 0
         for _ in range(settings.max_steps):
             progress()
@@ -125,7 +127,7 @@ class _GaussNewton:
             best = here if here.square < best.square else best
             if waited > settings.max_steps_without_fall:
                 break
-            # Also where the squares are NaN: halfway back to the best iterate.
+            # "not <" is also true for NaN. Go halfway back to the best iterate.
             if not here.square < settings.max_square_ratio * best.square:
                 here = self.at(0.5 * (here.theta + best.theta), here.bounded)
                 continue
@@ -164,13 +166,15 @@ class _GaussNewton:
         arrived = _squares_of_step(here, step) < most
         known = None
         if self.linear or arrived:
-            # The columns tell the new residual: to rounding, or for a step that hardly matters.
+            # The linear prediction replaces a new evaluation: it is exact for a linear model, and
+            # good enough for a step this small.
             known = [replace(r, residual=r.residual - r.columns @ step) for r in here.rows]
+        # A robust fit goes on: its weights depend on the residual, also where the model is linear.
         return self.at(theta, bounded, known), arrived or (self.linear and not self.robust)
 
 
 def _squares_of_step(here: _Iterate, step: Array) -> float:
-    """Squares that a step moves the prediction by."""
+    """Weighted sum of squares of the change that a step makes to the prediction."""
     moved = ((row.columns @ step) ** 2 for row in here.rows)
     return float(sum(w @ part.sum(axis=1) for w, part in zip(here.weights, moved, strict=True)))
 
@@ -202,7 +206,7 @@ def solve_step(
     matrix = np.concatenate([p.columns.reshape(-1, len(free)) for p in parts]) / scale
     right = np.concatenate([p.residual.ravel() for p in parts])
     directions = scale[:, None] * basis
-    # Of unit length, so that the cut-off means the same for each.
+    # Unit length: one cut-off of the singular values then has the same meaning for each direction.
     directions = directions / np.linalg.norm(directions, axis=0)
     rounding = settings.min_singular_value_share
     solution, *_ = np.linalg.lstsq(matrix @ directions, right, rcond=rounding)
@@ -217,13 +221,15 @@ def solve_step(
 def _bounded_step(
     matrix: Array, right: Array, scale: Array, value: Array, lower: Array, upper: Array
 ) -> tuple[Array, tuple[int, ...]]:
+    # Imported here: scipy.optimize is slow to load, and few fits reach a bound.
     from scipy.optimize import lsq_linear
 
     box = ((lower - value) * scale, (upper - value) * scale)
     inside = np.clip(value, lower, upper) - value
-    # Rounding must leave no box empty or without width: lsq_linear refuses it.
+    # lsq_linear refuses a box that rounding has made empty or without width.
     box = (np.minimum(box[0], inside * scale), np.maximum(box[1], inside * scale) + 1e-300)
-    # The gauge needs no constraint here: bounds and the least norm settle the common part.
+    # No gauge directions here: the bounds and lsq_linear's least-norm start determine the common
+    # part of relative parameters.
     result = lsq_linear(matrix, right, bounds=box)
     active = tuple(int(k) for k in np.flatnonzero(result.active_mask))
     return result.x / scale, active
@@ -235,6 +241,7 @@ def huber_weights(rows: Sequence[Regression], threshold: float) -> list[Array]:
     ``threshold``: in robust standard deviations.
     """
     size = [np.sqrt((row.residual**2).mean(axis=1)) for row in rows]
-    # 0.888: median of the root mean square of three unit normals, so that sigma is theirs.
+    # 0.888: median of the root mean square of three standard normal variables. Division by it
+    # makes sigma their standard deviation.
     sigma = np.median(np.concatenate(size)) / 0.888
     return [np.minimum(1.0, threshold * sigma / np.maximum(s, 1e-300)) for s in size]

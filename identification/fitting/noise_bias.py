@@ -1,4 +1,4 @@
-"""The last fit of a structure: shape constants free, and what noise on the speeds does undone."""
+"""The last fit of a structure: shape constants free, and the bias by speed noise removed."""
 
 from __future__ import annotations
 
@@ -27,16 +27,16 @@ def final_fit(
     seed: int,
     settings: FitSettings = FitSettings(),
 ) -> Fit:
-    """Fit with the covariance of all that was chosen by the data.
+    """Fit of all parameters that the data determine, shape constants included.
 
-    Shape constants that a search has found (a Stribeck speed, a time constant) are fitted with
-    the rest, so that their uncertainty enters that of the others.
+    Shape constants that a search has found (a Stribeck speed, a time constant) are fitted together
+    with the other parameters, so that the covariance contains their uncertainty too.
 
     Parameters
     ----------
-    start : (P,) where the search has arrived
+    start : (P,) result of the search
     noise : of each log
-    seed : of the noise that is put on to learn what noise does
+    seed : of the noise that is added to measure its effect
     """
     found = joint_fit(mechanism, samples, start, settings)
     return _without_noise_bias(found, _Noise(mechanism, samples, noise, found, seed, settings))
@@ -57,14 +57,15 @@ def joint_fit(
         return found
     free = mechanism.free | smooth
     more = fit(mechanism, samples, found.theta, free=free, settings=settings)
-    # Where shapes and strengths trade off the fit may go astray: the search was good enough then.
+    # Where a shape and a strength can replace each other, the joint fit may diverge. Then the
+    # result of the search is kept.
     most = settings.max_shape_square_ratio * found.square
     astray = more.square > most or not np.isfinite(more.theta).all()
     return found if astray else more
 
 
 class _Noise:
-    """What noise like that on the logs' speeds does to a fit, by trying."""
+    """Effect of speed noise on a fit, measured by adding such noise to the logs."""
 
     def __init__(
         self,
@@ -81,12 +82,13 @@ class _Noise:
         self.basis = gauge_basis(mechanism, found.free)
 
     def shift(self, level: float) -> tuple[Array, Array]:
-        """By how much noise of ``level`` times the logs' variance moves the free parameters.
+        """How added noise of ``level`` times the logs' variance shifts the free parameters.
 
-        Two (F,), from a draw and its negative: what is even in the noise, a bias, and what is odd,
-        a draw of the scatter, as of ``level`` 1.
+        Returns two (F,), from one draw of noise and its negative: the even part, which is a bias,
+        and the odd part, which is a draw of the scatter, scaled to ``level`` 1.
         """
         seed = int(self.rng.integers(2**32))
+        # The same seed twice: minus is exactly the negative of the noise in plus.
         plus, minus = (self._step(sign * np.sqrt(level), seed) for sign in (1.0, -1.0))
         return 0.5 * (plus + minus), 0.5 * (plus - minus) / np.sqrt(level)
 
@@ -94,7 +96,8 @@ class _Noise:
         rng, found = np.random.default_rng(seed), self.found
         rows = []
         for item, of in zip(self.samples, self.noise, strict=True):
-            # Of the speeds only: their noise is in the columns, and so biases a fit.
+            # Speeds only: they enter the columns, and noise in columns biases least squares. Noise
+            # on the torques enters the residual alone.
             noisy = self.mechanism.noisy(item, size * of.speed, 0.0 * of.torque, rng)
             rows.append(regression(self.mechanism, found.theta, noisy, found.free, self.settings))
         even = [np.ones(len(row.residual)) for row in rows]
@@ -107,20 +110,22 @@ class _Noise:
 def _without_noise_bias(found: Fit, noise: _Noise) -> Fit:
     """Simulation and extrapolation (Cook and Stefanski, JASA 89, 1994) in the speeds' noise.
 
-    Noise on the speeds is noise on the columns: it rounds a dry friction's kink, and biases what
-    is fitted by several standard deviations in long logs. Where once and twice the noise more
-    would lead, none at all lies on the other side, on the same parabola.
+    Noise on the speeds is noise on the columns. It smooths the step of a dry friction and, in long
+    logs, biases the estimates by several standard deviations. The bias is measured with one and
+    two times more noise variance; a parabola through these points is extrapolated to no noise.
     """
     (once, first), (twice, second) = noise.shift(1.0), noise.shift(2.0)
     lower, upper = (bound[found.free] for bound in noise.mechanism.bounds)
     theta = found.theta.copy()
-    # The parabola through 0, `once` and `twice` at 0, 1 and 2 times more noise, read at -1.
+    # The parabola through 0, `once` and `twice` at 0, 1 and 2 times more variance has the value
+    # twice - 3 once at -1, where the measured noise itself is taken away.
     inside = np.clip(theta[found.free] - 3.0 * once + twice, lower, upper)
-    # Where a noisy fit breaks down, the estimate stays as it was.
+    # If the fit with more noise fails, the estimate stays as it was.
     theta[found.free] = np.where(np.isfinite(inside), inside, theta[found.free])
     covariance = found.covariance
     std = np.maximum(found.std, 1e-300)
     if (np.abs([first, second]) > noise.settings.min_noise_scatter * std).any():
+        # Two draws exist already: `first` and `second`.
         more = noise.settings.noise_scatter_draws - 2
         draws = [first, second, *(noise.shift(1.0)[1] for _ in range(more))]
         covariance = covariance + np.mean([np.outer(d, d) for d in draws], axis=0)

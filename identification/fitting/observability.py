@@ -1,4 +1,4 @@
-"""What a motion lets one see: Gramian, rank, blind directions and blocks, as in the paper."""
+"""Which parameters a motion shows: Gramian, rank, blind directions and blocks, as in the paper."""
 
 from __future__ import annotations
 
@@ -53,6 +53,7 @@ class Observability:
 
 def _combination(direction: Array, cutoff: float) -> str:
     largest = np.abs(direction).max()
+    # The sign of an eigenvector is arbitrary: the first large term is made positive.
     direction = direction * np.sign(direction[np.argmax(np.abs(direction) > 0.5 * largest)])
     terms = []
     for k in np.flatnonzero(np.abs(direction) > cutoff * largest):
@@ -82,14 +83,17 @@ def observability(
     flat = columns.reshape(-1, columns.shape[-1])
     gramian = flat.T @ flat * dt
     if gauge is not None:
-        # As strong as the strongest column: what is settled by convention counts as seen.
+        # A direction that a convention fixes counts as seen. Its weight is the largest diagonal
+        # element, so that it is not small beside the data.
         gramian = gramian + gauge.T @ gauge * np.diag(gramian).max()
     norm = np.sqrt(np.diag(gramian))
-    # Measurement noise alone gives every column some length: short ones must not be blown up.
+    # Noise alone gives every column some length. Scaling such a short column to unit length would
+    # make noise look like information.
     norm = np.maximum(norm, settings.min_column_share * norm.max())
     unit = gramian / np.outer(norm, norm)
     values, vectors = np.linalg.eigh(unit)
     unseen = values < blind
+    # Back from columns of unit length to the parameters x.
     directions = _orthonormal(vectors[:, unseen] / norm[:, None])
     rank = int(len(names) - unseen.sum())
     blocks = _blocks(names, unit, settings.min_coupling)
@@ -97,7 +101,10 @@ def observability(
 
 
 def _orthonormal(directions: Array) -> Array:
-    """Unit vectors (k, F) that span the columns (F, k), made sparse by elimination."""
+    """Unit vectors (k, F) that span the columns (F, k), made sparse by Gauss-Jordan elimination.
+
+    Sparse vectors can be read as sums such as x1 + x2. They need not be orthogonal.
+    """
     if directions.shape[1] == 0:
         return directions.T
     rows = directions.T.copy()
@@ -113,7 +120,8 @@ def _orthonormal(directions: Array) -> Array:
 
 def _blocks(names: Sequence[str], unit: Array, coupling: float) -> tuple[tuple[str, ...], ...]:
     """Connected groups of parameters whose columns' cosines exceed ``coupling``."""
-    # The diagonal falls below 1 where a column is too short to be more than noise.
+    # The diagonal is below 1 for a column that is too short (see `min_column_share`): noise, which
+    # belongs to no block.
     left = [k for k in range(len(names)) if unit[k, k] > 0.5]
     blocks = []
     while left:
@@ -142,6 +150,7 @@ def log_observability(
         gauge = np.vstack([gauge, row / np.sqrt(row.sum())])
     scaled = columns / mechanism.scale[order]
     blind = settings.blind_eigenvalue
+    # The step only scales the Gramian; rank and blocks come from the normalised one.
     return observability(names, scaled, rows[0].step, gauge, blind=blind, settings=settings)
 
 
@@ -173,10 +182,11 @@ def block_estimates(
 ) -> dict[str, tuple[float, float]]:
     """Value and standard deviation of each parameter whose block a motion shows whole.
 
-    In an ideal motion a block's own columns suffice, whatever the others are, so a direction that
-    another block cannot show does not matter. The stock loop's motion separates them less well;
-    what leaks across is removed by solving for all, and only whole blocks are reported. ``theta``
-    (P,) is where ``rows`` were taken.
+    In an ideal motion the columns of different blocks are orthogonal, so a blind direction of
+    another block does not matter. A driven motion deviates from the ideal one, and the columns are
+    only nearly orthogonal. So all parameters are estimated together, and only those of blocks
+    without a blind direction are reported. ``theta`` (P,): the parameters at which ``rows`` were
+    computed.
     """
     order, places = mechanism.order, _places(mechanism)
     scale = mechanism.scale[order]

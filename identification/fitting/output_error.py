@@ -29,8 +29,8 @@ def refine(
 ) -> Fit:
     """Gauss-Newton on the free run's velocity residual, from a force fit.
 
-    Noise on the measured speeds cannot bias it, since no measured speed enters a column; in
-    return all that the torque channels do not explain adds up over the run.
+    No measured speed enters a column, so noise on the speeds does not bias the estimate. The price:
+    a force that the torque channels do not contain adds up over the whole run.
 
     Raises
     ------
@@ -52,6 +52,7 @@ def refine(
         if fell > 0:
             rows = [_rows(mechanism, theta, samples, free, settings, progress) for samples in logs]
             cost = lower
+        # After the update, so that a last small improvement is kept and the rows belong to theta.
         if fell < settings.output_error_min_fall_share:
             break
     covariance = covariance_of(rows, basis, mechanism.scale[free], settings)
@@ -72,7 +73,7 @@ def _line_search(
         tried = theta.copy()
         tried[free] += share * step
         lower = sum(float((_residual(mechanism, tried, s, settings) ** 2).sum()) for s in logs)
-        # A free run that diverges makes NaN, which is below no cost.
+        # A diverging free run gives NaN, and NaN < cost is False.
         if lower < cost:
             return tried, lower
     return theta, cost
@@ -99,7 +100,7 @@ def _rows(
     columns = []
     size = stride(samples.dt, settings.row_rate)
     for index in free:
-        # The larger of both: far above rounding, small beside the parameter.
+        # The larger of two steps: far above rounding, and small compared with the parameter.
         step = settings.output_error_scaled_difference / mechanism.scale[index]
         step = max(step, settings.output_error_relative_difference * abs(theta[index]))
         ahead, behind = theta.copy(), theta.copy()
@@ -109,7 +110,7 @@ def _rows(
         columns.append(block_mean(difference / (2 * step), size))
         progress()
     residual = _residual(mechanism, theta, samples, settings)
-    # A free run starts at the first sample, and no filter has to settle.
+    # No filter has to settle here, so the first row starts at the first sample.
     step = size * samples.dt
     time = samples.time[0] - samples.dt + step * np.arange(1, len(residual) + 1)
     return Regression(time, step, residual, np.stack(columns, axis=-1))

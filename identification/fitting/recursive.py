@@ -1,4 +1,4 @@
-"""The paper's recursive least squares: a Kalman filter for constants, also for use on line."""
+"""The paper's recursive least squares: a Kalman filter for constant parameters, usable online."""
 
 from __future__ import annotations
 
@@ -13,16 +13,15 @@ Array = NDArray[np.float64]
 class RecursiveLeastSquares:
     """x^' = P H^T (z - H x^), P' = -P H^T H P for rows that come one sample after another.
 
-    Each update solves its sampled equations exactly (the information form of the paper's
-    continuous ones), so that after any number of rows the estimate is the batch estimate with
-    a prior of ``variance``.
+    Each update solves the sampled form of the paper's continuous equations exactly. After any
+    number of rows the estimate is therefore the batch estimate with a prior of ``variance``.
 
     Parameters
     ----------
     size : number F of parameters
     start : (F,) first estimate, zero by default
     variance : of the start, (F,) or one number; that of FitSettings by default
-    forgetting : 1 keeps all; below 1 old rows fade by this factor a row
+    forgetting : 1 keeps all; below 1 the weight of old rows falls by this factor each row
     """
 
     def __init__(
@@ -41,7 +40,7 @@ class RecursiveLeastSquares:
 
         The error's covariance is taken as unity: ``covariance`` scales with the noise's.
         """
-        # Axis by axis, which is exact for independent errors and spares solving a system each time.
+        # One axis after another: exact for independent errors, and no linear system must be solved.
         spread, estimate = self.covariance / self.forgetting, self.estimate
         for row, value in zip(columns, measured, strict=True):
             seen = spread @ row

@@ -33,7 +33,7 @@ class Regression:
 
     def between(self, start: float, end: float) -> Regression:
         """The rows that lie in a stretch of time [s]."""
-        # A row's time is its end: it must have begun inside as well.
+        # A row's time is its end; its start must lie inside as well.
         inside = (self.time - self.step >= start) & (self.time <= end)
         return replace(
             self,
@@ -59,7 +59,7 @@ def regression(
     ends = residual_and_columns(mechanism, mechanism.demand(theta, samples), samples, free)
     filtered = filtered_rows(ends, mechanism, samples, settings)
     step = stride(samples.dt, settings.row_rate) * samples.dt
-    # Rows begin where the filter has forgotten its start.
+    # Time of the last sample before the first row, which starts where the filter has settled.
     first = samples.time[0] + (_settled(mechanism, samples, settings) - 1) * samples.dt
     time = first + step * np.arange(1, len(filtered) + 1)
     return Regression(time, step, filtered[..., 0], filtered[..., 1:])
@@ -85,8 +85,9 @@ def residual_ends(mechanism: Mechanism, demand: DemandedForce, samples: Samples)
 def residual_and_columns(
     mechanism: Mechanism, demand: DemandedForce, samples: Samples, free: Indices
 ) -> Array:
-    """The same with the columns of the parameters ``free`` behind: (2, N - 1, A, 1 + F)."""
+    """`residual_ends`, followed by the columns of the parameters ``free``: (2, N - 1, A, 1 + F)."""
     residual = residual_ends(mechanism, demand, samples)
+    # One array, so that residual and columns pass exactly the same filter and means.
     return np.moveaxis(np.concatenate([residual[None], demand.columns(free)]), 0, -1)
 
 
@@ -100,7 +101,7 @@ def filtered_rows(
 
 
 def _settled(mechanism: Mechanism, samples: Samples, settings: FitSettings) -> int:
-    """Samples until the filter has forgotten its start."""
+    """Samples until the effect of the filter's initial value is negligible."""
     constants = settings.filter.settling_time_constants
     return settled(mechanism.filter_rate, samples.dt, constants)
 
@@ -108,7 +109,7 @@ def _settled(mechanism: Mechanism, samples: Samples, settings: FitSettings) -> i
 def covariance_of(
     rows: Sequence[Regression], basis: Array, scale: Array, settings: FitSettings = FitSettings()
 ) -> Array:
-    """Covariance (F, F) of the estimate that leaves the residuals of these rows."""
+    """Covariance (F, F) of the least-squares estimate with these residuals and columns."""
     residuals, columns = [row.residual for row in rows], [row.columns for row in rows]
     steps = [row.step for row in rows]
     return hac_covariance(residuals, columns, steps, basis, scale, settings)

@@ -286,6 +286,8 @@ def check_settings(what: str, settings: Any) -> None:
     ----------
     settings : a dataclass; in a tuple whose default starts at zero, numbers may be zero too
     """
+    # The type of the default tells what a value must be. Nested settings have no such default; they
+    # check themselves.
     for item in fields(settings):
         name, value = f"{what}: {item.name}", getattr(settings, item.name)
         if isinstance(item.default, int):

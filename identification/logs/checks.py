@@ -30,7 +30,10 @@ def limits_for(
     geometry: Geometry | None,
     settings: LogSettings = LogSettings(),
 ) -> CheckLimits:
-    """The given limits, completed by those of wheels; one axis, whose units may vary, has none."""
+    """The given limits; for wheels those of the settings by default.
+
+    One axis has no default limits, since its units may be m and N.
+    """
     wheels = log.joints == WHEELS
     speed = settings.max_wheel_speed if wheels else np.inf
     effort = settings.max_wheel_effort if wheels else np.inf
@@ -58,10 +61,13 @@ def noise_estimate(log: Log) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
 def check(log: Log, limits: CheckLimits) -> list[Finding]:
     """All findings on a log's channels, errors among them; nothing is changed or raised.
 
-    Each stage relies on what the ones before have judged sound, and is left out otherwise.
+    There are three stages. A stage is left out if an earlier one has found an error, because its
+    checks assume that the earlier ones passed.
     """
     wheels = wheel_checks.CHECKS if log.joints == WHEELS else ()
     findings: list[Finding] = []
+    # Wheels before joints: with columns swapped or of a wrong sign the power of a joint means
+    # nothing.
     for stage in (_SENSORS, wheels, _JOINTS):
         if not any(finding.level == "error" for finding in findings):
             findings += [finding for one in stage for finding in one(log, limits)]
@@ -93,11 +99,13 @@ def _motion(log: Log, limits: CheckLimits) -> Iterator[Finding]:
     settings = limits.settings
     speed = np.abs(log.velocity).max(axis=1)
     noise = float(log.speed_noise.max())
+    # A quantile sorts its samples, which is slow for long logs.
     some = thinned(speed, settings.noise.max_samples)
     usual = float(np.quantile(some, settings.usual_speed_quantile))
     least = settings.min_motion_time
     cure = "record a motion that excites all wheels, for instance with youbot record"
     by_noise = settings.moving_noise_deviations * noise
+    # 1e-9: without noise and motion both other limits are zero, and rounding would count as motion.
     moving = speed > max(by_noise, settings.moving_speed_share * usual, 1e-9)
     seconds = float(moving.sum()) * log.dt
     if seconds == 0:
@@ -131,10 +139,12 @@ def _units(log: Log, limits: CheckLimits) -> Iterator[Finding]:
 
 def _dead_channels(log: Log, limits: CheckLimits) -> Iterator[Finding]:
     if not np.ptp(log.velocity, axis=0).any():
-        return  # nothing moves: said already
-    # Turning about a point beside it, a platform keeps two wheels at rest, and no wheel slips.
+        return  # nothing moves: _motion has reported it
+    # When a platform turns about a point beside it, two wheels may stand still without any slip.
+    # A constant speed is then no proof of a dead sensor.
     most = limits.settings.resting_slip
     may_rest = log.joints == WHEELS and wheel_checks.slip_ratio(log.velocity) < most
+    # Without position or command a log can still be fitted: these are warnings below.
     levels: dict[str, Level] = {"velocity": "warning" if may_rest else "error", "effort": "error"}
     for kind in ("velocity", "effort", "position", "command"):
         for column, signal in _channels(log, kind):
@@ -145,16 +155,17 @@ def _dead_channels(log: Log, limits: CheckLimits) -> Iterator[Finding]:
 
 
 def _frozen_channels(log: Log, limits: CheckLimits) -> Iterator[Finding]:
-    """A noisy channel that holds one value for long has stopped, unless it is at a limit."""
+    """A noisy channel that holds one value for long is frozen, unless it is at a limit."""
     settings = limits.settings
     least = max(settings.frozen_samples, int(settings.frozen_time / log.dt))
     for column, signal in _channels(log, "velocity", "effort"):
         same = np.diff(signal) == 0
         longest = max(runs_of(same), key=lambda run: run[1] - run[0], default=(0, 0))
         length = longest[1] - longest[0]
+        # A coarse channel repeats values everywhere, a frozen one only in this stretch.
         elsewhere = (same.sum() - length) / max(len(same) - length, 1)
         value = signal[longest[0]]
-        # A torque at its limit stands still without being frozen.
+        # A saturated torque is constant too, and its sensor is not frozen.
         at_limit = value in (signal.min(), signal.max()) and column.startswith("effort")
         coarse = elsewhere >= settings.max_repeated_share
         if length >= least and not coarse and not at_limit and np.ptp(signal) > 0:
@@ -164,9 +175,9 @@ def _frozen_channels(log: Log, limits: CheckLimits) -> Iterator[Finding]:
 
 
 def _stale_rows(log: Log, limits: CheckLimits) -> Iterator[Finding]:
-    """Rows that repeat all the row before while something moves: logged faster than measured."""
+    """Rows that equal the row before although something moves: logged faster than measured."""
     data = np.hstack([log.velocity, log.effort])
-    # At rest all rows are alike.
+    # At rest equal rows are normal.
     moving = np.abs(log.velocity).max(axis=1) > 0
     stale = (data[1:] == data[:-1]).all(axis=1) & moving[1:]
     if stale.mean() > limits.settings.max_stale_share:
@@ -182,7 +193,7 @@ def _saturation(log: Log, limits: CheckLimits) -> Iterator[Finding]:
             held = signal == extreme
             long = held.sum() >= settings.saturated_samples
             long = long and held.mean() > settings.max_saturated_share
-            # Zero is where a channel rests.
+            # Zero is the value of a channel at rest, not a limit.
             if extreme != 0 and long and np.ptp(signal) > 0:
                 message = (
                     f"stays at its extreme {extreme:.4g} for {100 * held.mean():.2g} % of time"
@@ -192,8 +203,9 @@ def _saturation(log: Log, limits: CheckLimits) -> Iterator[Finding]:
 
 
 def _power(log: Log, limits: CheckLimits) -> Iterator[Finding]:
-    """Friction only takes energy, so over a run a joint's effort must on the whole give it."""
+    """Friction only dissipates energy, so a joint's net power over a log must be positive."""
     wrong = power_share(log, limits.settings) < -limits.settings.max_fed_back_power
+    # A joint without a share is NaN, and NaN < x is False: it is never reported.
     if not wrong.any():
         return
     columns = joint_columns("effort", log.joints)
@@ -204,7 +216,7 @@ def _power(log: Log, limits: CheckLimits) -> Iterator[Finding]:
 
 
 def _position(log: Log, limits: CheckLimits) -> Iterator[Finding]:
-    """Positions against the integral of the speeds, over pieces of some time."""
+    """Positions against the integral of the speeds, over pieces of ``position_time``."""
     if log.position is None:
         return
     piece = max(int(limits.settings.position_time / log.dt), 1)
@@ -212,6 +224,7 @@ def _position(log: Log, limits: CheckLimits) -> Iterator[Finding]:
         return
     travelled = integral_of(log.velocity, log.dt)[::piece]
     for i, column in enumerate(joint_columns("position", log.joints)):
+        # Differences of pieces, since a position's zero is arbitrary and the integral drifts.
         way, expected = np.diff(log.position[::piece, i]), np.diff(travelled[:, i])
         gain = float(way @ expected / max(expected @ expected, 1e-300))
         left = float(np.sqrt(np.mean((way - expected) ** 2) / max(np.mean(expected**2), 1e-300)))

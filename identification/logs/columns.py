@@ -36,7 +36,7 @@ def optional_groups(joints: tuple[str, ...]) -> tuple[tuple[str, ...], ...]:
 
 @dataclass
 class Draft:
-    """A log on its way from the file's table to sound data; the repairs change it in place.
+    """A log between the file's table and the finished `Log`; the repairs change it in place.
 
     ``data`` is (n, channels) with NaN for what is missing, ``lines`` (n,) the line of the file that
     each row came from, ``valid`` (n,) whether every required channel of the row was measured.
@@ -89,7 +89,7 @@ class Draft:
     def fault(
         self, message: str, cure: str, at: int | None = None, column: str | None = None
     ) -> InputError:
-        """The error to raise for a fault that no repair can mend."""
+        """The error to raise for a fault that cannot be repaired."""
         self.report("error", message, cure, at, column)
         return LogError(self.source, self.findings)
 
@@ -126,6 +126,7 @@ def select(
         if name not in known:
             findings.append(Finding("info", "unknown column, not used", table.header_row, name))
     data = table.values[:, [table.names.index(name) for name in names]]
+    # A copy, since repairs write into it; the choice of columns above copies already.
     time = table.values[:, table.names.index("time")].copy()
     valid = np.ones(len(data), bool)
     required = required_columns(joints)
@@ -136,6 +137,7 @@ def select(
 
 def _missing(source: str, table: LogTable, name: str, known: set[str]) -> InputError:
     strangers = {other.lower(): other for other in table.names if other not in known}
+    # 0.75: similar enough for a spelling such as velocity_FL or velocities_fl.
     near = difflib.get_close_matches(name.lower(), strangers, 1, 0.75)
     cure = f"a log needs it; this one has {', '.join(table.names[:12])}"
     if "velocity" in table.names and name.startswith("velocity_"):

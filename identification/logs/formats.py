@@ -52,6 +52,7 @@ def parser_for(path: Path) -> Callable[[str, bytes], LogTable]:
 
 def parse_gzip(source: str, content: bytes) -> LogTable:
     """Table of a gzip-compressed CSV."""
+    # Some programs decompress a file without renaming it.
     if content and not content.startswith(GZIP_MAGIC):
         table = parse_csv(source, content)
         table.findings.append(
@@ -90,6 +91,7 @@ def parse_parquet(source: str, content: bytes) -> LogTable:
         raise fault(source, "a column occurs twice", "keep one of the two")
     arrays = [_parquet_column(source, name, columns.column(name)) for name in names]
     values = np.column_stack(arrays) if arrays else np.empty((0, 0))
+    # Infinity means a missing value, as in a CSV file.
     values[~np.isfinite(values)] = np.nan
     return LogTable(names, values, np.arange(1, len(values) + 1))
 

@@ -71,7 +71,7 @@ class Log:
         for name, shape in shapes.items():
             value = getattr(self, name)
             if value is not None:
-                # Frozen: the checked copy takes the place of what was given, once, here.
+                # A frozen dataclass refuses assignment; the checked copy replaces the given one.
                 object.__setattr__(self, name, self._checked(name, value, shape))
         if n < 2 or not (np.diff(self.time) > 0).all():
             raise InputError(f"log {self.name}: time does not increase; sort the samples")
@@ -85,6 +85,7 @@ class Log:
             object.__setattr__(self, name, _frozen(default if value is None else value))
 
     def _checked(self, name: str, value: ArrayLike, shape: tuple[int, ...]) -> NDArray[np.float64]:
+        # Always a copy: it becomes read-only, and the caller's array must stay writable.
         array = np.array(value, dtype=float)
         if array.shape != shape:
             raise InputError(f"log {self.name}: {name} has shape {array.shape}, not {shape}")
@@ -114,6 +115,7 @@ class Log:
     @property
     def dt(self) -> float:
         """Sample time [s]."""
+        # The mean step: single steps carry the rounding of the file.
         return float((self.time[-1] - self.time[0]) / (len(self.time) - 1))
 
     @property

@@ -1,7 +1,7 @@
-"""From the bytes of a CSV file to a table of floats, or to one line on why not.
+"""From the bytes of a CSV file to a table of floats, or to one line that says why it is refused.
 
-A regular file goes through numpy's C parser. Whatever is not plainly regular goes through a
-slower one that works cell by cell and can name the row and the column of a fault.
+A regular file is read by numpy's C parser. Any other file is read by a slower parser that works
+cell by cell and can name the row and the column of a fault.
 """
 
 from __future__ import annotations
@@ -65,6 +65,7 @@ def parse_csv(source: str, content: bytes) -> LogTable:
 def _decode(source: str, content: bytes) -> str:
     if content.startswith((b"\xff\xfe", b"\xfe\xff")):
         raise fault(source, "is UTF-16 text", "save it as UTF-8", row=1)
+    # Control characters except tab, line feed, vertical tab, form feed and carriage return.
     odd = re.search(rb"[\x00-\x08\x0e-\x1f]", content)
     if odd:
         row = content.count(b"\n", 0, odd.start()) + 1
@@ -85,7 +86,7 @@ def _parse_regular(content: bytes) -> LogTable | None:
     except UnicodeDecodeError:
         return None
     plain = all(re.fullmatch(r"[A-Za-z_]\w*", name) for name in names)
-    # numpy would take all this in silence: it goes the way that can name the place.
+    # numpy would accept all of this without a word. The slow parser can name the row and column.
     if not plain or len(set(names)) < len(names) or not body.endswith(b"\n") or body.isspace():
         return None
     try:
@@ -93,7 +94,7 @@ def _parse_regular(content: bytes) -> LogTable | None:
         values = np.loadtxt(text, delimiter=",", comments=None, ndmin=2)
     except ValueError:
         return None
-    # The parser skips blank lines, after which its rows would no longer tell the file's lines.
+    # numpy skips blank lines; row numbers would then no longer be line numbers of the file.
     as_many = values.shape == (body.count(b"\n"), len(names))
     if not as_many or not np.isfinite(values).all():
         return None
@@ -123,23 +124,25 @@ def _parse_cells(source: str, text: str) -> LogTable:
             raise _ragged(source, cells, len(names), row)
         rows.append(_numbers(source, cells[: len(names)], names, row))
     values = np.array(rows, float).reshape(len(rows), len(names))
-    # A logger's infinity is no value either.
+    # Infinity means a missing value too.
     values[~np.isfinite(values)] = np.nan
     lines_used = np.array(used[1:], dtype=np.int64) + 1
     return LogTable(names, values, lines_used, findings, header_row=used[0] + 1)
 
 
 def _split(line: str) -> list[str]:
+    # str.split is faster than the csv module, and right unless a cell is quoted.
     return next(csv.reader([line])) if '"' in line else line.split(",")
 
 
 def _is_cut(lines: list[str], used: list[int]) -> bool:
     """Whether the last line, which no newline ends, looks as if its end were missing."""
     last = _split(lines[used[-1]])
-    # Fifty rows tell what a whole row looks like.
+    # The last fifty complete rows show how many cells and decimals a complete row has.
     before = [_split(lines[i]) for i in used[max(1, len(used) - 51) : -1]]
     if len(last) < min(len(cells) for cells in before):
         return True
+    # A number that lost its last decimals is still a number, but a wrong one.
     decimals = [len(cells[-1].strip().partition(".")[2]) for cells in before]
     return len(last[-1].strip().partition(".")[2]) < min(decimals)
 
@@ -154,6 +157,7 @@ def _read_header(source: str, line: str, row: int) -> tuple[str, ...]:
             if delimiter in line.strip():
                 cure = "separate columns by commas and write decimals with a point"
                 raise fault(source, f"columns are separated by {word}", cure, row=row)
+    # A comma at the end of the header makes an empty last name.
     while names and not names[-1]:
         names.pop()
     names = [name or f"(column {i})" for i, name in enumerate(names, 1)]
@@ -169,12 +173,13 @@ def _is_number(cell: str) -> bool:
         float(cell)
     except ValueError:
         return False
+    # float() accepts nan and inf, which are no numbers here.
     return cell.strip().lower() not in MISSING
 
 
 def _ragged(source: str, cells: list[str], width: int, row: int) -> InputError:
     cure = "complete the row or remove it"
-    # Decimal commas make two cells of nearly every number.
+    # A decimal comma splits nearly every number into two cells.
     if len(cells) >= 2 * width - 1:
         cure = "write decimals with a point, not a comma"
     return fault(source, f"has {len(cells)} cells, the header {width}", cure, row=row)
@@ -184,7 +189,7 @@ def _numbers(source: str, cells: list[str], names: tuple[str, ...], row: int) ->
     numbers = []
     for i, cell in enumerate(cells):
         try:
-            if "_" in cell:  # float() takes 1_000
+            if "_" in cell:  # float() accepts 1_000
                 raise ValueError
             numbers.append(float(cell))
         except ValueError:

@@ -78,6 +78,7 @@ def read_log(
     content = read_bytes(path)
     table = parser_for(path)(str(path), content)
     draft = select(str(path), table, tuple(joints), settings)
+    # Predictions are written at the times of the file, so they are kept before any repair.
     file_time = draft.time.copy()
     repair(draft, tuple(joints))
     log = _assemble(draft, tuple(joints), file_time, hashlib.sha256(content).hexdigest())
@@ -85,13 +86,19 @@ def read_log(
     findings = (*draft.findings, *checks.check(log, limits))
     if any(finding.level == "error" for finding in findings):
         raise LogError(str(path), findings)
-    # The checks need the log that their findings are to be in.
+    # The checks need a finished log, and their findings belong into the same frozen log.
     object.__setattr__(log, "findings", findings)
     return log
 
 
 def repair(draft: Draft, joints: tuple[str, ...]) -> None:
-    """Bring a draft to finite channels on a uniform grid, or raise InputError."""
+    """Bring a draft to finite channels on a uniform grid, or raise InputError.
+
+    The order matters. Absurd numbers become missing ones before missing ones are counted. The time
+    column is mended before gaps are filled, since gaps are measured in samples. Yaw is unwrapped
+    before it is interpolated: between -pi and pi the mean would be a false heading. Outliers go
+    before resampling, which would spread each of them over its neighbours.
+    """
     mark_absurd(draft)
     trim_ends(draft)
     irregular = check_time(draft)

@@ -1,4 +1,4 @@
-"""The motion that a log was asked to follow, where `youbot record` left word of it."""
+"""The reference motion of a log, if the record of `youbot record` beside it names one."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ RECORD_FILE = FileKind(
 def recorded_motion(log: Log) -> Motion | None:
     """The reference of a log as a function of its ``time``, or None where it is not known.
 
-    It is known when a record.json beside the log lists the very bytes of the log.
+    It is known if a record.json beside the log lists the log with the same hash of its bytes.
     """
     source = Path(log.source)
     try:
@@ -43,5 +43,5 @@ def recorded_motion(log: Log) -> Motion | None:
         motions = [motion for motion in record["motions"] if motion["name"] == log.name]
         return motion_from_dict(motions[0]) if len(motions) == 1 else None
     except (ValueError, TypeError):
-        # No record.json, another program's, or a log that is no file: nothing is known.
+        # No record.json, a file of another program, or a log made in memory: no reference is known.
         return None

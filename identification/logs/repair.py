@@ -43,7 +43,7 @@ def trim_ends(draft: Draft) -> None:
         return
     if dropped > draft.settings.max_missing_share * len(draft.time):
         _refuse_missing(draft)
-    # The first row that goes: at the start if rows go there, else after the last whole one.
+    # The first dropped row: row 0 if rows go at the start, else the one after the last whole row.
     at = 0 if first else last + 1
     message = f"{dropped} row(s) at an end of the log lack values: dropped"
     draft.report("repaired", message, _NO_LOSS, at)
@@ -75,7 +75,7 @@ def fill_missing(draft: Draft, joints: tuple[str, ...]) -> None:
     limit = gap_limit(nominal_step(draft.time), draft.settings)
     inserted = ~draft.valid
     for name in draft.names:
-        # A channel before may have taken its whole group away.
+        # An earlier channel of the same group may have been refused, and the whole group dropped.
         if name not in draft.names or not np.isnan(draft.channel(name)).any():
             continue
         missing = np.isnan(draft.channel(name))
@@ -99,7 +99,7 @@ def fill_missing(draft: Draft, joints: tuple[str, ...]) -> None:
 def _bridge_runs(
     draft: Draft, name: str, runs: list[tuple[int, int]], inserted: NDArray[np.bool_]
 ) -> None:
-    """Interpolate runs of one channel; those in inserted rows (n,) are reported already."""
+    """Interpolate runs of one channel; inserted rows (n,) have been reported already."""
     channel = draft.channel(name)
     values = np.isnan(channel) & ~inserted
     if values.any():
@@ -112,10 +112,10 @@ def _bridge_runs(
 
 
 def replace_outliers(draft: Draft) -> None:
-    """Interpolate single outliers: a few samples that leap away from a quiet course.
+    """Interpolate single outliers: a few samples that leap away from a smooth signal.
 
-    The leap must far exceed the channel's noise and its usual steps, and the samples around must
-    not leap as well: a step of the torque, a chattering friction or a wheel's ripple is no
+    The leap must be much larger than the channel's noise and its usual steps, and the samples
+    around must be smooth: a step of the torque, a chattering friction or a wheel's ripple is no
     outlier. Channels with many outliers are left as they are, with a warning.
     """
     for name in draft.names:
@@ -131,7 +131,7 @@ def replace_outliers(draft: Draft) -> None:
             continue
         message = f"{count} outlier(s) such as {channel[at]:.4g}: interpolated"
         draft.report("repaired", message, _NO_LOSS, at, name)
-        # All are taken out first: a bridge must not lean on the outlier beside it.
+        # All outliers are removed first, so that none is used to interpolate another one.
         for start, stop in runs:
             channel[start:stop] = np.nan
         for start, stop in runs:
@@ -151,13 +151,14 @@ def find_outliers(
     some = thinned(steps, settings.noise.max_samples)
     usual_step = float(np.quantile(some, settings.usual_step_quantile))
     threshold = max(settings.outlier_deviations * noise, settings.outlier_steps * usual_step)
+    # A channel without noise and motion, constant but for single values, gives no scale for a leap.
     if threshold == 0:
         return []
     leaps = np.flatnonzero(steps > settings.min_leap_share * threshold)
     found: list[tuple[int, int]] = []
     for leap in leaps.tolist():
         start = leap + 1
-        # The way back from an outlier is a leap too.
+        # The step back from an outlier to the signal is no new outlier.
         if found and start <= found[-1][1]:
             continue
         width = _outlier_width(signal, start, threshold, settings)
@@ -175,6 +176,7 @@ def _outlier_at_end(
     """The ranges found, with the first and the last sample where these are outliers too."""
     n, near = len(signal), settings.outlier_surroundings
     quiet = settings.max_surrounding_step
+    # At an end there is no step back, so `_outlier_width` cannot see an outlier there.
     for at, inward in ((0, signal[1 : near + 1]), (n - 1, signal[-2 : -near - 2 : -1])):
         leap = abs(signal[at] - inward[0])
         if leap > threshold and np.abs(np.diff(inward)).max() < quiet * leap:
@@ -196,6 +198,8 @@ def _outlier_width(
         around = np.r_[before, after]
         line = np.interp(np.arange(start, stop), [start - 1, stop], [before[-1], after[0]])
         leap = signal[start:stop] - line
+        # An outlier lies on one side of the line between its neighbours; both signs mean an
+        # oscillation.
         same_side = bool((np.abs(leap) > threshold).all() and np.ptp(np.sign(leap)) == 0)
         most = settings.max_surrounding_step * float(np.abs(leap).min())
         if same_side and float(np.abs(np.diff(around)).max()) < most:
@@ -218,6 +222,8 @@ def unwrap_yaw(draft: Draft) -> None:
     if known.sum() < 2:
         return
     wraps = np.abs(np.diff(yaw[known]))
+    # A wrap of degrees is a step of 360 less the motion in one sample. A step of 340 rad cannot be
+    # a motion.
     if ((wraps > 340) & (wraps < 380)).any():
         at = int(np.flatnonzero(known)[int(np.argmax(wraps > 340)) + 1])
         cure = "convert it to radians (times pi/180)"

@@ -1,4 +1,4 @@
-"""The time column of a log: its faults, its unit, its gaps, and a uniform grid in the end."""
+"""The time column of a log: its faults, its unit, its gaps, and resampling to a uniform grid."""
 
 from __future__ import annotations
 
@@ -24,6 +24,7 @@ def interpolate_at(
     -------
     (m, k), NaN wherever one of the four samples is NaN and has a weight.
     """
+    # Two samples on each side of the instant; at the ends the first or last four samples.
     first = np.clip(np.searchsorted(time, at, side="right") - 2, 0, len(time) - 4)
     nodes = time[first[:, None] + np.arange(4)]
     result = np.zeros((len(at), data.shape[1]))
@@ -31,7 +32,7 @@ def interpolate_at(
         others = [j for j in range(4) if j != i]
         weight = np.prod([(at - nodes[:, j]) / (nodes[:, i] - nodes[:, j]) for j in others], axis=0)
         contribution = weight[:, None] * data[first + i]
-        # At a sample itself the others have no weight: one that is missing must not spoil it.
+        # At a sample the three others have weight zero, but 0 * NaN would still be NaN.
         result += np.where(weight[:, None] == 0, 0, contribution)
     return result
 
@@ -44,12 +45,13 @@ def bridge(
     The least-squares fit takes up to ``side`` finite samples a side, which averages their noise and
     leaves no kink; with fewer than four it is a straight line.
     """
+    # Three times as far, since samples nearby may be missing too.
     before = np.arange(max(start - 3 * side, 0), start)
     after = np.arange(stop, min(stop + 3 * side, len(signal)))
     before = before[np.isfinite(signal[before])][-side:]
     after = after[np.isfinite(signal[after])][:side]
     around = np.r_[before, after]
-    # From one side alone a cubic would run away.
+    # A cubic fitted on one side only extrapolates, and would grow without bound.
     degree = 3 if min(before.size, after.size) >= 2 else 1 if around.size >= 2 else 0
     # Centred and scaled, since high powers of sample numbers are badly conditioned.
     centre, scale = (start + stop - 1) / 2, float(np.ptp(around)) or 1.0
@@ -82,18 +84,21 @@ def gap_limit(step: float, settings: LogSettings) -> int:
 def nominal_step(time: NDArray[np.float64]) -> float:
     """Time step [s] of increasing instants (n,), gaps and repetitions aside.
 
-    The mean of the usual steps, for stamps rounded to milliseconds step by 2 and 3 ms at 400 Hz.
+    The mean, not the median: time stamps at 400 Hz, rounded to milliseconds, step by 2 and 3 ms.
     """
     steps = np.diff(time)
+    # The median tells a usual step even if there are gaps; steps far from it are gaps or
+    # repetitions.
     usual = np.median(steps)
     return float(steps[(steps >= 0.5 * usual) & (steps <= 1.5 * usual)].mean())
 
 
 def check_time(draft: Draft) -> bool:
-    """Mend the time column of a draft, or refuse it; whether the samples are irregular.
+    """Repair the time column of a draft, or refuse it; return whether the steps are irregular.
 
-    Rows written twice are dropped. In a regular log, missing rows are inserted as NaN; an
-    irregular one waits for `resample`, until its channels are mended. Each repair is reported.
+    Rows written twice are dropped. In a regular log, missing rows are inserted as NaN. An irregular
+    log stays irregular here: `resample` follows after its channels are repaired. Each repair is
+    reported.
 
     Raises
     ------
@@ -117,13 +122,14 @@ def check_time(draft: Draft) -> bool:
 
 
 def _fill_time(draft: Draft) -> None:
-    """Give the time to single rows that lack it, where the rows around them tell it."""
+    """Interpolate missing times of single rows, if the rows around them allow it."""
     missing = ~np.isfinite(draft.time)
     if not missing.any():
         return
     first = int(np.argmax(missing))
     known = np.flatnonzero(~missing)
     runs = np.diff(known) - 1
+    # Times can be interpolated, but not extrapolated beyond the first and last known one.
     inside = known.size >= 3 and known[0] == 0 and known[-1] == len(missing) - 1
     if (
         not inside
@@ -132,7 +138,7 @@ def _fill_time(draft: Draft) -> None:
     ):
         cure = "write the time of every row, in seconds"
         raise draft.fault(f"{missing.sum()} rows have no time", cure, first, "time")
-    # From neighbours that both have a time.
+    # The usual step, from neighbouring rows that both have a time.
     step = np.median(np.diff(draft.time[known])[runs == 0])
     spans = np.diff(draft.time[known])[runs > 0] / (runs[runs > 0] + 1)
     if np.abs(spans / step - 1).max() > draft.settings.max_step_offset:
@@ -145,6 +151,7 @@ def _fill_time(draft: Draft) -> None:
 
 def _drop_repeated_rows(draft: Draft) -> None:
     same_time = np.diff(draft.time) == 0
+    # NaN equals nothing, itself included; a missing value is no sign of a new row.
     same_data = ((draft.data[1:] == draft.data[:-1]) | np.isnan(draft.data[1:])).all(axis=1)
     repeated = np.r_[False, same_time & same_data]
     if not repeated.any():
@@ -160,7 +167,7 @@ def _check_order(draft: Draft) -> None:
         return
     at = int(np.argmax(steps <= 0)) + 1
     now, before = draft.time[at], draft.time[at - 1]
-    # Mostly backwards: the log as a whole is unsorted, no single row is to blame.
+    # Mostly backwards, or no step at all: the whole column is wrong, not a single row.
     if (steps < 0).mean() > 0.5 or not steps.any():
         cure = "sort the rows by time, and write it in seconds"
         raise draft.fault("time does not increase", cure, at, "time")
@@ -175,6 +182,7 @@ def _check_step(draft: Draft, step: float) -> None:
     settings, margin = draft.settings, draft.settings.max_step_deviation
     least, most = settings.min_step * (1 - margin), settings.max_step * (1 + margin)
     if step < least:
+        # Less 1e-6: rounding of an exact ratio must not advise one row more.
         cure = f"keep every {int(np.ceil(settings.min_step / step - 1e-6))}th row, after a low-pass"
         fastest = f"{1e-3 / settings.min_step:g} kHz"
         raise draft.fault(f"{1 / step:.6g} Hz is above {fastest}", cure, 1, "time")
@@ -193,6 +201,7 @@ def _check_gaps(draft: Draft, step: float) -> None:
     """Refuse a gap too long to bridge, and too many short ones."""
     steps = np.diff(draft.time)
     at = int(np.argmax(steps))
+    # A gap of n missing rows is a step of n + 1; the half allows for jitter.
     if steps[at] > (gap_limit(step, draft.settings) + 1.5) * step:
         message = f"time jumps by {steps[at]:.6g} s"
         raise draft.fault(message, "split the log there into two", at + 1, "time")
@@ -210,8 +219,9 @@ def _is_irregular(time: NDArray[np.float64], step: float, settings: LogSettings)
     jitter = np.sqrt(np.mean(offset**2)) / step
     if jitter <= settings.max_jitter and offset.max() <= settings.max_step_offset * step:
         return False
-    # Rounded times, say of 400 Hz in milliseconds, are regular: no stamp is off by more than half
-    # a unit of the last decimal. A fit to the whole column tells them from real jitter.
+    # Times rounded to few decimals (400 Hz in milliseconds) look irregular but are not: each is at
+    # most half a unit of the last decimal from a straight line. 0.75 leaves room for the line's
+    # own error.
     index = np.r_[0, np.cumsum(samples)]
     slope, start = np.polyfit(index, time - time[0], 1)
     rounding = _resolution(time)
@@ -222,6 +232,7 @@ def _resolution(time: NDArray[np.float64]) -> float:
     """Unit of the last decimal of a time column [s]; 0 beyond microseconds."""
     for decimals in range(1, 7):
         unit = 10.0**-decimals
+        # The second term is the rounding of a float: times since 1970 are near 1e9 s.
         if np.abs(time - np.round(time, decimals)).max() < 1e-3 * unit + 1e-15 * abs(time[-1]):
             return unit
     return 0.0
@@ -235,6 +246,7 @@ def _insert_missing_rows(draft: Draft, step: float) -> None:
     gaps, missing = int((steps > 1).sum()), int((steps[steps > 1] - 1).sum())
     message = f"{missing} missing row(s) in {gaps} gap(s): interpolated"
     draft.report("repaired", message, "check the logger", at + 1, "time")
+    # A step below half of the usual one is rounded to 0, but still leads to another row.
     place = np.r_[0, np.cumsum(np.maximum(steps, 1))]
     index = np.arange(place[-1] + 1)
     source = np.searchsorted(place, index, side="right") - 1
@@ -249,6 +261,7 @@ def resample(draft: Draft) -> None:
     """Interpolate a draft, whose channels are finite, to a uniform grid, and report it."""
     old = draft.time
     steps = np.diff(old)
+    # Mean step with missing rows counted, so that the grid ends at the last sample.
     step = float((old[-1] - old[0]) / np.maximum(np.round(steps / nominal_step(old)), 1).sum())
     grid = old[0] + step * np.arange(int((old[-1] - old[0]) / step + 1e-6) + 1)
     after = np.clip(np.searchsorted(old, grid, side="right"), 1, len(old) - 1)
@@ -257,7 +270,7 @@ def resample(draft: Draft) -> None:
     at = int(np.argmax(np.abs(steps - step))) + 1
     draft.report("repaired", message, "log at a constant rate", at, "time")
     draft.data = interpolate_at(grid, old, draft.data)
-    # What is interpolated across a gap is no measurement.
+    # A value interpolated across a gap is not a measurement.
     near = steps[after - 1] < 2.5 * step
     draft.valid = draft.valid[after - 1] & draft.valid[after] & near
     draft.time, draft.lines = grid, draft.lines[after - 1]

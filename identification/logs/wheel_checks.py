@@ -27,7 +27,10 @@ class CheckLimits:
 
 
 NO_SLIP = np.array([1.0, 1.0, -1.0, -1.0]) / 2
-"""Unit vector that no rigid motion turns the wheels along: phi_1' + phi_2' = phi_3' + phi_4'."""
+"""Unit vector (4,) normal to the wheel speeds of all rigid motions without slip.
+
+For these phi_1' + phi_2' = phi_3' + phi_4', wheels in the order of WHEELS.
+"""
 
 _DEGREES = 180 / np.pi
 
@@ -39,9 +42,10 @@ def slip_ratio(wheel_speed: NDArray[np.float64], direction: NDArray[np.float64] 
 
 
 def power_share(log: Log, settings: LogSettings = LogSettings()) -> NDArray[np.float64]:
-    """Net over gross power (k,) of each joint, from -1 to 1: positive where friction takes it.
+    """Net over gross power (k,) of each joint, from -1 to 1; positive where friction dominates.
 
-    NaN for a joint that others drag along (motions I and II have two): its power says nothing.
+    NaN for a joint with little power, which the others drag along (two wheels in motions I and II):
+    the sign of its power says nothing about the sign of its channel.
     """
     power = log.velocity * log.effort
     gross = np.abs(power).mean(axis=0)
@@ -62,6 +66,7 @@ def _identity(log: Log, limits: CheckLimits) -> Iterator[Finding]:
     if ratio < settings.max_slip or along < settings.slip_noise_deviations * noise:
         yield Finding("info", measured)
         return
+    # A wrong sign is the more common fault, and some wrong signs also look like a wrong scale.
     cure = _sign_cure(log, ratio, settings) or _scale_cure(log.velocity, ratio, settings)
     if cure:
         yield Finding("error", f"the wheels cannot move like that: {measured}", cure=cure)
@@ -74,7 +79,7 @@ def _identity(log: Log, limits: CheckLimits) -> Iterator[Finding]:
 
 
 def _moments_of_slip(log: Log, limits: CheckLimits) -> Iterator[Finding]:
-    """Moments in which the identity fails: a wheel that slips, or whose encoder stands still."""
+    """Short times in which the identity fails: a wheel slips, or its encoder stands still."""
     settings = limits.settings
     window = max(int(settings.slip_time / log.dt), 3)
     count = len(log) // window
@@ -84,7 +89,8 @@ def _moments_of_slip(log: Log, limits: CheckLimits) -> Iterator[Finding]:
     noise = float(np.sqrt(np.mean(log.speed_noise**2)))
     by_noise = settings.slip_noise_deviations * noise
     slips_a_little = along > max(settings.min_slip_of_still_wheel * usual, by_noise)
-    # A wheel may rest; that it stands while the identity fails makes it suspect.
+    # A wheel may rest in a motion without slip. If it rests while the identity fails, its encoder
+    # is the likely cause.
     still = (np.ptp(pieces, axis=1) == 0) & slips_a_little[:, None]
     slips = along > max(settings.max_slip * usual, by_noise)
     if still.any():
@@ -103,16 +109,16 @@ def _moments_of_slip(log: Log, limits: CheckLimits) -> Iterator[Finding]:
 
 def _sign_cure(log: Log, ratio: float, settings: LogSettings) -> str:
     """What to do if other signs or another order would make the identity hold; else ""."""
-    # All signs turned at once say the same, so the first wheel's is held.
+    # Turning all four signs gives the same ratio, so the first wheel's sign is kept.
     signs = [np.array([1.0, *rest]) / 2 for rest in product((1.0, -1.0), repeat=3)]
     ratios = [slip_ratio(log.velocity, sign) for sign in signs]
     best = int(np.argmin(ratios))
     if ratios[best] > min(settings.max_remaining_slip * ratio, settings.max_slip):
         return ""
     wrong = np.sign(signs[best] * NO_SLIP)
-    # Of the two sides of a split the smaller one is called wrong.
+    # The ratio does not tell which side is wrong; the side with fewer wheels is taken.
     wrong *= 1.0 if wrong.sum() >= 0 else -1.0
-    # A speed of the wrong sign makes the power negative too, which tells the wheels at fault.
+    # A wrong sign of a speed also makes the wheel's power negative, which names the wheel.
     against = power_share(log, settings) < -settings.max_fed_back_power
     if against.any() and not against.all():
         turned = [wheel for wheel, bad in zip(WHEELS, against, strict=True) if bad]
@@ -134,7 +140,8 @@ def _columns(kind: str, wheels: list[str]) -> str:
 
 def _scale_cure(wheel_speed: NDArray[np.float64], ratio: float, settings: LogSettings) -> str:
     """What to do if another scale of one wheel would make the identity hold; else ""."""
-    # The combination of wheels that stays nearest to zero: NO_SLIP, if all scales are right.
+    # The combination of wheels with the least square; NO_SLIP if all scales are right. A wheel that
+    # is scaled by s enters it with the weight 1/s.
     values, vectors = np.linalg.eigh(wheel_speed.T @ wheel_speed)
     unique = values[0] < settings.max_scale_eigenvalue * values[1]
     most = min(settings.max_remaining_slip * ratio, settings.max_slip)
@@ -142,6 +149,7 @@ def _scale_cure(wheel_speed: NDArray[np.float64], ratio: float, settings: LogSet
         return ""
     weights = vectors[:, 0] * np.sign(NO_SLIP)
     scale = weights / np.median(weights)
+    # Logarithm: a factor of 2 and a factor of 1/2 are equally far off.
     odd = int(np.argmax(np.abs(np.log(np.maximum(np.abs(scale), 1e-9)))))
     others = np.delete(scale, odd)
     if np.abs(others - 1).max() > settings.max_other_scale:
@@ -172,6 +180,7 @@ def _travel(log: Log, limits: CheckLimits) -> Iterator[Finding]:
     stride = max(int(limits.settings.pose_time / log.dt), 1)
     speed = np.hypot(*limits.geometry.body_twist(log.velocity)[:, :2].T)
     expected = np.diff(integral_of(speed, log.dt)[::stride])
+    # Lengths, not components: the pose is in the world's frame and the wheels give the body's.
     way = np.hypot(*np.diff(log.pose[::stride, :2], axis=0).T)
     yield from _compare("pose_x", way, expected, ("m", 1e3, "millimetres"), limits.settings)
 

@@ -16,7 +16,7 @@ from identification.logs.formats import import_parquet
 from youbot_env.files import write_atomically
 
 DECIMALS = 6
-"""Microseconds, microradians: two digits beyond what such sensors resolve."""
+"""Microseconds, microradians: two digits more than such sensors resolve."""
 
 
 def write_table(
@@ -27,8 +27,8 @@ def write_table(
 ) -> None:
     """Write columns (n, c) with a header, as the ending says: .csv, .csv.gz or .parquet.
 
-    CSV is rounded to `decimals`; Parquet holds the numbers as they are. The file appears as a whole
-    or not at all.
+    CSV is rounded to `decimals`; Parquet holds the numbers as they are. If writing fails, no partly
+    written file is left.
 
     Raises
     ------
@@ -41,7 +41,8 @@ def write_table(
     if name.endswith(".parquet"):
         content = _parquet(str(path), names, values)
     elif name.endswith(".csv.gz"):
-        # No time in the header: the same log gives the same bytes.
+        # mtime=0: gzip would write the present time into its header, and the same log would have
+        # another hash each time.
         content = gzip.compress(_csv(names, values, decimals), 6, mtime=0)
     elif name.endswith(".csv"):
         content = _csv(names, values, decimals)
@@ -53,6 +54,7 @@ def write_table(
 def _csv(names: Sequence[str], values: NDArray[np.float64], decimals: int) -> bytes:
     rounded = np.round(values, decimals) + 0.0  # no negative zeros
     line = ",".join([f"%.{decimals}f"] * len(names))
+    # One format for a whole row is faster than one for each number.
     rows = map(line.__mod__, map(tuple, rounded.tolist()))
     return "\n".join([",".join(names), *rows, ""]).encode("ascii")
 

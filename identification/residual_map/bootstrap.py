@@ -1,4 +1,4 @@
-"""Wild block bootstrap: random signs, and what the largest of many statistics does by chance.
+"""Wild block bootstrap: random signs, and the largest of many statistics under chance alone.
 
 Under the null hypothesis a block of residuals, long against their correlation, is as likely as its
 negative. The same statistics computed with random signs therefore show what chance does (Liu,

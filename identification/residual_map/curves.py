@@ -29,7 +29,7 @@ class Curve:
     """Residual over a variable.
 
     label, unit : of the abscissa; at (n,) its points; force (n, A) and std (n, A) [N m], NaN where
-        the logs have hardly been
+        few rows lie
     """
 
     label: str
@@ -80,6 +80,7 @@ def curves_of(
         rows, force = np.concatenate(features), np.concatenate(residual)
         value, std = _fitted(rows, force, block)
         rare = rows.sum(axis=0) < settings.min_share_of_rows * len(rows)
+        # The least-squares value of a point with few rows is mostly noise.
         value[rare] = std[rare] = np.nan
         found.append(Curve(abscissa.label, abscissa.unit, knots[: len(value)], value, std))
     return found
@@ -88,6 +89,7 @@ def curves_of(
 def _knots(abscissa: _Abscissa, settings: ResidualMapSettings) -> Array:
     if abscissa.period:
         half = abscissa.period / 2
+        # One more: the last knot is the first one again, a period later.
         return np.linspace(-half, half, settings.curve_points + 1)
     low, high = np.quantile(np.concatenate(abscissa.values), settings.curve_range)
     return np.linspace(low, high, settings.curve_points)
@@ -114,7 +116,7 @@ def _abscissae(
 def _of_component(
     logs: Sequence[MotionVariables], variable: str, cycles: int, smoothing: float
 ) -> _Abscissa:
-    """One place, axis or joint, which the variable's name ends on: position_x, torque_fl."""
+    """The component (place, axis or joint) that the variable's name ends with: torque_fl."""
     kind, _, which = variable.rpartition("_") if "_" in variable else (variable, "", "")
     first = logs[0]
     own = {} if first.turns is None else UNITS_OF_AXIS[first.turns]
@@ -151,7 +153,7 @@ def _required(values: Array | None) -> Array:
 def hat_functions(values: Array, knots: Array, period: float | None) -> Array:
     """(N, n) weights of a line through points at the knots; the last knot of a period is the first.
 
-    Beyond the knots the line goes on level.
+    Outside the knots the line is constant.
     """
     step = knots[1] - knots[0]
     place = np.clip((values - knots[0]) / max(step, 1e-300), 0.0, len(knots) - 1.0)
@@ -170,11 +172,12 @@ def hat_functions(values: Array, knots: Array, period: float | None) -> Array:
 def _fitted(features: Array, force: Array, block: int) -> tuple[Array, Array]:
     """Least squares (n, A), and standard errors for residuals correlated within a block of rows."""
     gram = features.T @ features
-    # A point that no row supports would make the matrix singular; it is hidden afterwards.
+    # A point without rows would make the matrix singular. Such points are hidden afterwards.
     inverse = np.linalg.inv(gram + 1e-6 * np.trace(gram) * np.eye(len(gram)))
     value = inverse @ features.T @ force
     left = force - features @ value
     starts = np.arange(0, len(left), block)
+    # Sandwich covariance: scores are summed by block, in which residuals are correlated.
     scores = np.stack([features[a : a + block].T @ left[a : a + block] for a in starts])
     spread = np.einsum("pq,bqa->bpa", inverse, scores)
     return value, np.sqrt((spread**2).sum(axis=0))

@@ -1,8 +1,8 @@
 """Flexible functions of each variable that a force residual may depend on.
 
-A feature is a function of the motion at the samples. It passes through the filter of the residual
-before it is compared with it: a sharp function, such as friction that changes sign, would not
-match otherwise.
+A feature is a function of the motion at the samples. It passes through the same filter as the
+residual before the two are compared. Otherwise a sharp function, such as a friction that changes
+sign, would not match the filtered residual.
 """
 
 from __future__ import annotations
@@ -65,7 +65,7 @@ class FeatureScales:
 
 def _rms(values: Array) -> Array:
     size = np.sqrt((values**2).mean(axis=0))
-    # A component that never moves must not be divided by zero, nor its rounding be blown up.
+    # A component that never moves must not cause a division by zero, nor its rounding be scaled up.
     return np.maximum(size, 1e-6 * size.max(initial=0.0) + 1e-12)
 
 
@@ -73,7 +73,7 @@ def _rms(values: Array) -> Array:
 class FeatureGroup:
     """One variable's flexible function: features (N, Q) of a log's variables.
 
-    pairs: features are cosine and sine of one order after another, few of which matter.
+    pairs: features are cosine and sine of one order after another, of which only a few are used.
     """
 
     variable: str
@@ -128,12 +128,13 @@ def _of_angle(variables: MotionVariables, scales: FeatureScales, k: int) -> Arra
     turn = np.exp(1j * variables.angle[:, k])
     orders = scales.settings.max_wheel_order
     powers = np.cumprod(np.broadcast_to(turn[:, None], (len(turn), orders)), axis=1)
-    # Complex numbers lie in memory as cosine, sine, cosine, ...; sqrt(2) makes their rms one.
+    # A view of complex numbers as floats is cosine, sine, cosine, ... of each order. Powers of one
+    # number are much cheaper than a cosine and a sine of each order. sqrt(2) makes the rms one.
     return np.sqrt(2.0) * powers.view(float)
 
 
 def _of_torque(variables: MotionVariables, scales: FeatureScales, k: int) -> Array:
-    """The predicted torque's: the measured one would share its noise with the residual."""
+    """Of the predicted torque: noise of the measured torque is in the residual as well."""
     torque = scales.scaled(variables, "torque")[:, k]
     rate = scales.scaled(variables, "torque_rate")[:, k]
     name = "twist" if variables.speed is None else "speed"
@@ -196,7 +197,8 @@ def place_shape(place: Array, edges: Array, knots: int) -> Array:
 
 
 def ramps(values: Array, knots: Array) -> Array:
-    """(N, knots - 1) rising from 0 to 1 between two knots: constant where no log has been."""
+    """(N, knots - 1) rising from 0 to 1 between two knots: constant outside,
+    so that nothing is extrapolated."""
     return np.clip((values[:, None] - knots[:-1]) / np.diff(knots), 0.0, 1.0)
 
 

@@ -1,4 +1,4 @@
-"""What a group of features explains of a residual that is held out, for many residuals at once.
+"""How much of a held-out residual a group of features explains, for many residuals at once.
 
 All work is on normal equations: features are the same on every axis of force, each axis has its
 own coefficients, and the model's own columns are fitted along. Ridge regressions of all strengths
@@ -97,6 +97,7 @@ class NormalMatrices(_Additive):
         """Features with features on all axes, block-diagonal: (A q, A g)."""
         axes, block = len(self.cross), self.features[np.ix_(left, right)]
         found = np.zeros((axes, len(left), axes, len(right)))
+        # This view of the diagonal has the shape (axes, q, g): the block is repeated for each axis.
         found[range(axes), :, range(axes)] = block
         return found.reshape(axes * len(left), axes * len(right))
 
@@ -141,7 +142,7 @@ def right_hand_sides(
         chosen = signs[:, start : start + len(model)].T
         start += len(model)
         real_model, real = (block.sum(axis=0) for block in fold.scores(fold.residual))
-        # Summed by block once; each draw is then one product with its signs.
+        # Sums by block are computed once; each draw is then one product with its signs.
         drawn = np.moveaxis(np.tensordot(chosen, features, (0, 0)), 0, -1)
         found.append(
             RightHandSides(
@@ -154,7 +155,7 @@ def right_hand_sides(
 
 @dataclass(frozen=True)
 class NuisanceRegressors:
-    """What is fitted along: the model's columns, and features under a ridge of given strength."""
+    """Regressors fitted beside a group: the model's columns, and features with a ridge penalty."""
 
     features: Indices
     ridge: float
@@ -163,12 +164,13 @@ class NuisanceRegressors:
         """Of the penalised normal matrix (M, M)."""
         matrix = matrices.nuisance(self.features)
         penalty = np.full(len(matrix), self.ridge * matrices.rows)
+        # The model's own parameters are not shrunk: they must absorb all that they can.
         penalty[: len(matrices.model)] = 0.0
         matrix = matrix + np.diag(penalty)
         size = np.sqrt(np.diag(matrix))
         size = np.where(size > 0, size, 1.0)
-        # The model's own columns may depend on each other: a trifle on the diagonal of the scaled
-        # matrix keeps it regular, far above rounding and far below what data can tell.
+        # The model's own columns may be linearly dependent. 1e-8 on the diagonal of the scaled
+        # matrix keeps it invertible: far above rounding, far below what data can determine.
         scaled = matrix / np.outer(size, size) + 1e-8 * np.eye(len(matrix))
         return np.linalg.inv(scaled) / np.outer(size, size)
 
@@ -183,9 +185,9 @@ class HeldOutGain:
     ridges: tuple[float, ...]
     by_ridge: Array
 
-    # One ridge for all folds: one choice out of few, which the draws of the null have too. Chosen
-    # without the fold that is judged, it would often be too weak for it, where the other folds are
-    # alike and that one is not.
+    # One ridge for all folds, chosen by the held-out gain itself. This favours a group a little,
+    # but the draws under the null hypothesis choose in the same way, so p-values stay right. A
+    # ridge chosen on the other folds alone would often be too weak for a fold unlike the others.
 
     @property
     def total(self) -> Array:
@@ -239,6 +241,7 @@ class HeldOutSplit:
     @cached_property
     def _coefficients(self) -> Array:
         """(M, D) of the nuisance without any group."""
+        # Cached, like the two below: the same for all groups of features.
         return self._inverse @ self.training_sides.nuisance(self.nuisance.features)
 
     @cached_property
@@ -293,18 +296,23 @@ class PartialRegression:
         return self._of_all(ridges) if orders is None else self._of_strongest(ridges, orders)
 
     def _of_all(self, ridges: tuple[float, ...]) -> Array:
-        # In the basis of eigenvectors each ridge costs one division.
+        # In the basis of eigenvectors a ridge changes the diagonal only: one division each.
         values, vectors = np.linalg.eigh(self.matrix)
         side, held_side = vectors.T @ self.side, vectors.T @ self.held_side
         held_matrix = vectors.T @ self.held_matrix @ vectors
         found = []
         for ridge in ridges:
+            # Rounding can make an eigenvalue slightly negative.
             solution = side / (np.maximum(values, 0.0) + ridge * self.rows)[:, None]
             found.append((solution * (2 * held_side - held_matrix @ solution)).sum(axis=0))
         return np.stack(found)
 
     def _of_strongest(self, ridges: tuple[float, ...], orders: int) -> Array:
-        """Orders are all but orthogonal to each other: each is fitted alone."""
+        """The strongest orders, each fitted alone, since orders are nearly orthogonal.
+
+        They are chosen by the training side, and for each residual anew: draws under the null
+        hypothesis choose their strongest orders too.
+        """
         size = np.maximum(np.diag(self.matrix), 1e-9 * self.rows)[:, None]
         scores = (self.side**2 / size).reshape(self.axes, -1, 2, self.side.shape[1])
         by_order = scores.sum(axis=(0, 2))
@@ -361,8 +369,8 @@ def strongest_order(folds: Sequence[FoldRows], residual: Sequence[Array], group:
 def standardised_gains(gains: Array, total: float, tail_share: float, min_unit: float) -> Array:
     """Gains (G, D) of G groups, comparable across groups of any size.
 
-    Each is measured from the median of its own null, in units of the mean of its null's highest
-    ``tail_share`` above that.
+    Each gain is reduced by the median of its own null draws. Its unit is the mean of the highest
+    ``tail_share`` of these draws, also less the median. Column 0 of ``gains`` is the real residual.
 
     Parameters
     ----------

@@ -2,8 +2,8 @@
 
 Flexible functions of each variable are fitted to the filtered force residual, together with the
 model's own columns, so that what its parameters could absorb is not counted. Each log in turn is
-held out. What chance alone explains is known from the same computation on residuals whose signs are
-drawn at random, block by block: see :mod:`identification.residual_map.bootstrap`.
+held out. The same computation on residuals with random signs, block by block, shows what chance
+alone explains: see :mod:`identification.residual_map.bootstrap`.
 """
 
 from __future__ import annotations
@@ -51,7 +51,7 @@ def residual_map(
     Parameters
     ----------
     mechanism : with its effects
-    theta : (P,) parameters at which the residual is taken; they are refitted along in every step
+    theta : (P,) parameters at which the residual is taken; they are refitted in every step
     logs : the mechanism's samples of each log
     seed : of the random signs
     settings, fit : all numbers that the map depends on; of the fit's those of the filter and of
@@ -69,7 +69,8 @@ def residual_map(
     folds = table.folds
     rng = np.random.default_rng(seed)
     signs = random_signs(rng, settings.bootstrap_draws, blocks_of(folds))
-    # The twist first, beside the model's own columns; then every other variable beside both.
+    # The twist first, since friction and inertia act through it; then every other variable beside
+    # the twist, so that a variable that only moves with the twist gets no share.
     model_alone = NuisanceRegressors(np.zeros(0, np.intp), 0.0)
     residual = residuals_after(folds, model_alone)
     sides = right_hand_sides(folds, residual, signs)
@@ -98,7 +99,7 @@ def _curves(
     variable: str,
     cycles: int,
 ) -> list[Curve]:
-    """Of what the model leaves over the twist, and of what is left beyond the twist over others."""
+    """Over the twist: of the model's residual. Over others: of what the twist leaves of it."""
     return curves_of(
         variable,
         table.variables,
@@ -132,10 +133,11 @@ def _shares(
         by_group, total, settings.null_tail_share, settings.min_null_share_of_residual
     )
     p_values = family_wise_p_values(comparable[:, 0], comparable[:, 1:])
-    # Where a function of the twist predicts worse than none, "beyond it" starts from none.
+    # Gains of other variables count from the fit with the twist. If that predicts worse than no fit
+    # (a negative gain), its loss is taken off their gains.
     loss = [0.0, *[min(twist_gain, 0.0)] * (len(gains) - 1)]
-    # With few blocks, chance reaches one block's worth of the residual more often than the draws
-    # of their signs show.
+    # Few blocks allow few different sign patterns. Chance then explains the share of one block more
+    # often than the draws show.
     least = total * max(settings.min_share_of_residual, 1.0 / blocks)
     shares = []
     for group, gain, lost, p_value in zip(table.groups, by_group, loss, p_values, strict=True):

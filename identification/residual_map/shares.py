@@ -56,8 +56,8 @@ class ResidualMap:
     def curve(self, variable: str) -> list[Curve]:
         """The residual over a variable, for a plot: one curve, or one for each component of twist.
 
-        Of what the model's parameters leave, and for other variables than the twist of what any
-        function of the twist leaves; none where the logs were too short for a map.
+        Over the twist: the residual of the refitted model. Over another variable: what remains of
+        it after a function of the twist. Empty if the logs were too short for a map.
 
         Raises
         ------

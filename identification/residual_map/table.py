@@ -26,7 +26,7 @@ Indices = NDArray[np.intp]
 
 @dataclass(frozen=True)
 class ResidualTable:
-    """All that a map is made of.
+    """The rows, features and variables from which a map is computed.
 
     Attributes
     ----------
@@ -67,10 +67,12 @@ def residual_table(
         variables.append(
             motion_variables(mechanism, samples, demand.force, settings.smoothing_rate)
         )
+    # Scales are pooled over logs: a feature must have the same meaning in training and held-out
+    # logs.
     scales, groups = FeatureScales.of(variables, settings), feature_groups(variables[0])
     folds, sizes = [], []
     for row, one, reduction in zip(rows, variables, reductions, strict=True):
-        # Through the residual's own filter and means, or a sharp function would not match it.
+        # The same filter and block means as the residual, or a sharp function would not match it.
         features = [reduction(group.features(one, scales)) for group in groups]
         sizes = [part.shape[1] for part in features]
         block = rows_per_block(settings.bootstrap_block_time, reduction.step)
@@ -89,6 +91,7 @@ def residual_table(
 
 def averaged_down(samples: Samples, rate: float) -> Samples:
     """The samples averaged over successive blocks, to ``rate`` [Hz] or just above."""
+    # Plus 1e-6: rounding of an exact whole ratio must not shorten a block.
     size = max(1, int(1.0 / (rate * samples.dt) + 1e-6))
     if size == 1:
         return samples
@@ -110,6 +113,7 @@ def motion_variables(
     demanded : (2, N - 1, A) force that the model demands at both ends of each interval [N m]
     smoothing : rate of the filter ahead of jerk and load [rad/s]
     """
+    # At a sample the force is the mean of the two intervals that meet there; they may differ.
     force = np.concatenate(
         [demanded[0, :1], 0.5 * (demanded[1, :-1] + demanded[0, 1:]), demanded[1, -1:]]
     )

@@ -18,8 +18,8 @@ class MotionVariables:
 
     Attributes
     ----------
-    axes, joints, places : names of the A axes, W joints and D coordinates; the names of variables
-        end on them
+    axes, joints, places : names of the A axes, W joints and D coordinates, with which the names
+        of variables end
     time : (N,) [s]
     twist : (N, A) as in the log, its acceleration and jerk (N, A)
     rates : (N, K) functions of the twist at which surfaces slide (body, wheels, rollers)
@@ -27,7 +27,7 @@ class MotionVariables:
     position : (N, D) [m] in the world
     heading : (N,) [rad]
     angle, speed : (N, W) of the wheels [rad], [rad/s]
-    departure : (N, W) what no rigid motion explains in the wheels' speeds
+    departure : (N, W) part of the wheels' speeds that no rigid motion explains
     turns : of one axis, whether it turns (rad, N m) or slides (m, N)
     """
 
@@ -37,9 +37,10 @@ class MotionVariables:
     time: Array
     twist: Array
     rates: Array
-    # Acceleration and torque are not smoothed, because the model's columns are not either: with
-    # less noise than these, they would seem to explain the residual of a sound model, whose masses
-    # noise has attenuated. Jerk, load and torque_rate are smoothed.
+    # Acceleration and torque are not smoothed, because the model's columns are not either. Noise in
+    # the columns makes fitted masses too small (attenuation bias). A smoothed acceleration has less
+    # noise and would seem to explain what is then missing, although the model is right. Jerk, load
+    # and torque_rate are smoothed: they would be mostly noise.
     acceleration: Array
     jerk: Array
     torque: Array
@@ -61,6 +62,8 @@ class MotionVariables:
 def smooth(values: Array, rate: float, dt: float) -> Array:
     """Values (N, ...) through a filter of ``rate`` [rad/s] forwards, then backwards: no delay."""
     for _ in range(2):
+        # The filter starts from zero. Less its first value, a signal starts from zero too, without
+        # a transient.
         start = values[:1]
         values = (start + filter_samples(values - start, rate, dt))[::-1]
     return values

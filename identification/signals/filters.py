@@ -1,7 +1,7 @@
-"""The paper's filter a_f/(p + a_f) on sampled signals, without the bias of a held sample.
+"""The paper's filter a_f/(p + a_f) on sampled signals.
 
-Between two samples a signal is taken as a straight line (first-order hold). A hold of order zero
-would delay every product by half a sample and bias the wheels' inertia by some 20 %.
+Between two samples a signal is taken as a straight line (first-order hold). A zero-order hold
+would delay every product by half a sample and bias the wheels' inertia by about 20 %.
 """
 
 from __future__ import annotations
@@ -55,14 +55,19 @@ def first_order(start: Array, end: Array, rate: float, dt: float) -> Array:
     (N, ...) filtered signal at the samples, starting from zero. Exact for such signals.
     """
     decay, weight_start, weight_end = hold_weights(rate, dt)
+    # All axes behind the first become one: the recursion is the same for each of them.
     steps = weight_start * np.asarray(start, float) + weight_end * np.asarray(end, float)
     return accumulate(steps.reshape(len(steps), -1), decay).reshape(-1, *steps.shape[1:])
 
 
 def hold_weights(rate: float, dt: float) -> tuple[float, float, float]:
-    """Of one step: what stays of the filtered value, and the weights of the signal at the start and
-    at the end of an interval over which it is linear."""
+    """Factor on the filtered value, and weights of the signal at an interval's start and end.
+
+    Exact for a signal that is linear within the interval.
+    """
     decay = float(np.exp(-rate * dt))
+    # Integral of rate exp(-rate (dt - t)) t/dt from 0 to dt. The start's weight is the rest, so
+    # that a constant signal passes with gain 1.
     weight_end = 1.0 - (1.0 - decay) / (rate * dt)
     return decay, (1.0 - decay) - weight_end, weight_end
 
@@ -75,23 +80,25 @@ def accumulate(steps: Array, decay: float) -> Array:
     """
     total = np.concatenate([np.zeros((1, steps.shape[1])), steps])
     reach = 1
-    # What has decayed to less than rounding changes no sum any more.
+    # Once the decay is below rounding, more terms do not change the sum.
     while reach < len(total) and decay > np.finfo(float).eps / 100:
-        # The product is made before it is added, so that nothing is read twice.
+        # The two slices overlap. NumPy computes the product into a new array before it adds, so
+        # every element on the right is still the one of the last round.
         total[reach:] += decay * total[:-reach]
         reach, decay = 2 * reach, decay * decay
     return total
 
 
 def filter_samples(signal: Array, rate: float, dt: float) -> Array:
-    """The same for a continuous signal (N, ...) given at its samples."""
+    """`first_order` of a signal (N, ...) that is continuous at its samples; returns (N, ...)."""
     return first_order(signal[:-1], signal[1:], rate, dt)
 
 
 def settled(
     rate: float, dt: float, time_constants: float = FilterSettings.settling_time_constants
 ) -> int:
-    """Number of samples after which the filter's start is forgotten."""
+    """Number of samples after which the effect of the filter's initial value is negligible."""
+    # Less 1e-9: rounding of an exact whole number must not add a sample.
     return int(np.ceil(time_constants / rate / dt - 1e-9))
 
 
@@ -114,6 +121,8 @@ def slope_ends(signal: Array, dt: float) -> Array:
     and bias the frictions by (omega dt)^2: a quarter of a standard deviation at 50 Hz.
     """
     slope = np.diff(signal, axis=0) / dt
+    # Half the change of slope over an interval, from its two neighbours. The first and the last
+    # interval have only one neighbour, and their slope is held constant.
     bend = np.zeros_like(slope)
     bend[1:-1] = 0.25 * (slope[2:] - slope[:-2])
     return np.stack([slope - bend, slope + bend])

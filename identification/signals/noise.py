@@ -61,26 +61,28 @@ def white_noise(
     -----
     A difference of order p of white noise has the variance C(2p, p) sigma^2, and a smooth signal
     hardly enters it. The largest differences are left out, so steps, spikes and contacts do not
-    count. What is not white is not noise here, and what a sensor adds at high frequency (the
-    ripple of rollers, the beat of an encoder) counts as noise.
+    count. Slow errors are not counted as noise. What a sensor adds at high frequency (the ripple of
+    rollers, the error of an encoder) is counted as noise.
     """
     order = settings.difference_order
     starts = thinned(np.arange(len(signal) - order), settings.max_samples)
     if valid is not None and not valid.all():
+        # Counts up to each sample: equal counts at both ends mean no repaired sample in between.
         touched = np.r_[0, np.cumsum(~valid)]
         whole = starts[touched[starts + order + 1] == touched[starts]]
-        # Where hardly a stretch is free of repairs, a rough level is better than none.
+        # If nearly every difference touches a repaired sample, a rough level is better than none.
         starts = whole if whole.size > 10 * order else starts
     differences = np.zeros((len(starts), signal.shape[1]))
     for i in range(order + 1):
         differences += (-1) ** i * comb(order, i) * signal[starts + i]
     # 1.4826: from the median of absolute normal deviates to their standard deviation.
     scale = 1.4826 * np.median(np.abs(differences), axis=0)
+    # A coarse channel may have a median of zero: then all differences are kept.
     usual = (np.abs(differences) <= settings.max_deviations * scale) | (scale == 0)
     mean_square = (differences**2).sum(axis=0, where=usual) / usual.sum(axis=0)
     return np.sqrt(mean_square / comb(2 * order, order))
 
 
 def thinned(samples: NDArray, most: int = NoiseSettings.max_samples) -> NDArray:
-    """Every so many of the samples (n,), for a statistic to which ``most`` of them suffice."""
+    """Every j-th of the samples (n,), j so that about ``most`` (or up to twice as many) remain."""
     return samples[:: max(len(samples) // most, 1)]

@@ -1,4 +1,4 @@
-"""Blind cases: a random platform with something planted, driven and logged as the given data."""
+"""Blind cases: a random platform with planted effects, driven and logged like the given data."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ from youbot_scripts.blind_bench.effects import (
 Array = NDArray[np.float64]
 
 WHEEL_MASS = 1.4
-"""[kg] each of the four; m0 holds them, the centre of mass does not."""
+"""[kg] of each wheel. m0 includes the wheels; aX and aY are of the body without them."""
 
 RANGES = {
     "m0": (32.0, 38.0),
@@ -49,12 +49,12 @@ RATES = {"none": (50.0, 100.0, 250.0)}
 """Log rates [Hz] that a kind goes through; 100 Hz for the others."""
 
 POSE_SHARE = 0.5
-"""Part of the cases whose logs hold the pose."""
+"""Share of the cases whose logs hold the pose."""
 
 
 @dataclass(frozen=True)
 class Case:
-    """One blind case; the same for ever for the same kind, index, seed and rate."""
+    """One blind case, determined by kind, index, seed and rate."""
 
     kind: str
     index: int
@@ -76,6 +76,8 @@ class Case:
 
 
 def _generator(seed: int, kind: str, index: int, purpose: str) -> np.random.Generator:
+    # An own stream for each purpose: one more draw for one purpose leaves the others as they are.
+    # crc32 and not hash(), which differs from one process to the next.
     return np.random.default_rng(
         [seed, zlib.crc32(kind.encode()), index, zlib.crc32(purpose.encode())]
     )
@@ -124,7 +126,7 @@ def draw_case(
     Raises
     ------
     InputError
-        If the kind or the rate cannot be.
+        If the kind is unknown or the rate is out of its range.
     """
     rng = _generator(seed, kind, index, "case")
     rates = RATES.get(kind, (100.0,))
@@ -133,7 +135,9 @@ def draw_case(
         raise InputError(f"rate: {rate:g} Hz is outside 20 to 1000 Hz")
     platform = {name: float(rng.uniform(*edges)) for name, edges in RANGES.items()}
     has_pose = bool(rng.random() < POSE_SHARE)
+    # Drawn for every kind, and also if `noise` is given: later draws then stay the same.
     drawn_noise = {"none": 2.0 ** rng.uniform(-1, 1), "quarter": 2.0}.get(kind, 1.0)
+    # On a fixed grid, so that a case plants the same at every log rate.
     path = _path(references(kind, index, seed, 0.02), 0.02)
     planted = tuple(
         draw(name, usual if factor is None else factor, rng, path)
@@ -169,6 +173,7 @@ def _what(kind: str, index: int, seed: int, rng: np.random.Generator) -> list[tu
 def physics(case: Case) -> plant.Physics:
     """The platform of a case with all that is planted."""
     values = dict(case.platform)
+    # The wheels lie symmetric about O and have no first moment.
     mass = values["m0"] - 4 * WHEEL_MASS
     moments = {"moment_x": mass * values.pop("aX"), "moment_y": mass * values.pop("aY")}
     base = plant.Physics(drag=np.zeros(4), gain=np.zeros(4), **values, **moments)
@@ -195,7 +200,9 @@ def log_along(case: Case, name: str, twist: Array) -> Log:
     dt, ticks = tick(case.rate)
     speed, command, pose = simulate(case, twist, dt)
     time = dt * np.arange(len(speed))
+    # Not row 0 nor the last: there only one command meets.
     rows = np.arange(ticks, len(speed) - 1, ticks)
+    # The commands before and after an instant; meeting[k] belongs to time[k + 1].
     meeting = 0.5 * (command[:-1] + command[1:])
     delay = sum(item.values.get("delay", 0.0) for item in case.planted)
     effort = np.column_stack(
@@ -271,6 +278,7 @@ def write_case(folder: Path, case: Case) -> None:
         folder.mkdir(parents=True, exist_ok=True)
     except OSError as error:
         raise InputError(f"{folder}: cannot be made a folder: {error.strerror}") from None
+    # Whether 4 decimals hold the time of every row exactly.
     exact = abs(round(1e4 / case.rate) - 1e4 / case.rate) < 1e-9
     for log in logs_of(case):
         write_log(folder / f"{log.name}.csv", log, decimals=4 if exact else 9)

@@ -1,6 +1,6 @@
-"""How the numbers of what a blind test plants are drawn: (rng, size, path) -> values.
+"""Random parameters of planted effects: functions (rng, size, path) -> values.
 
-``size`` is that of the main parameter; ``path`` (n, 2) are places [m] that the references pass.
+``size`` is the value of the main parameter; ``path`` (n, 2) are places [m] on the references.
 """
 
 from __future__ import annotations
@@ -38,7 +38,7 @@ def stribeck(rng: np.random.Generator, size: float, path: Array) -> Values:
 
 
 def uneven(rng: np.random.Generator, size: float, path: Array) -> Values:
-    """One wheel drags; in a third of the cases others do too, and the freest has none extra."""
+    """One wheel has extra friction; in a third of the cases others have some, the freest none."""
     share = np.zeros(4)
     if rng.random() < 1 / 3:
         share = rng.uniform(0.0, 0.8, 4)
@@ -52,6 +52,7 @@ def gains(rng: np.random.Generator, size: float, path: Array) -> Values:
     """Gains of mean zero whose largest is ``size``: one wheel's error, or all four at random."""
     draw = rng.standard_normal(4) if rng.random() < 0.5 else np.eye(4)[rng.integers(4)]
     draw = draw * rng.choice([-1.0, 1.0])
+    # A common gain of all wheels could not be told from other masses and frictions.
     draw -= draw.mean()
     draw *= size / np.abs(draw).max()
     return {f"gain_{wheel}": value for wheel, value in zip(WHEELS, draw, strict=True)}
@@ -72,6 +73,7 @@ def ripple(rng: np.random.Generator, size: float, path: Array) -> Values:
 
 
 def spot(rng: np.random.Generator, path: Array) -> Array:
+    # Near the path: elsewhere the platform would never meet it.
     return path[rng.integers(len(path))] + rng.uniform(-0.05, 0.05, 2)
 
 

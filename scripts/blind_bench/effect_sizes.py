@@ -87,12 +87,15 @@ def _size_at(ratio: float, size: float, middle: dict[float, float]) -> float | N
 
     Noise and effect add up in squares, so the excess sqrt(ratio^2 - 1) grows with the size.
     """
+    # The floor keeps the logarithm below finite.
     excess = np.sqrt(np.maximum(np.array(list(middle.values())) ** 2 - 1.0, 1e-6))
+    # np.interp needs increasing abscissae, and noise can make a ratio fall.
     rising = np.maximum.accumulate(excess)
     wanted = np.sqrt(ratio**2 - 1.0)
     if wanted > rising[-1]:
         return None
     factors = np.log(list(middle))
     if wanted < rising[0]:
+        # Below the smallest factor tried: excess in proportion to size.
         return float(size * np.exp(factors[0]) * wanted / rising[0])
     return float(size * np.exp(np.interp(np.log(wanted), np.log(rising), factors)))

@@ -1,7 +1,7 @@
-"""What a blind test plants: effects of the catalogue under its names, and some outside of it.
+"""Effects that a blind test plants: those of the catalogue, and some outside of it.
 
-Sizes are drawn around a size of one, at which the base model's force error is 3 to 20 times its
-noise floor on logs like the given ones (``youbot bench --sizes`` measures it).
+Sizes are drawn around a standard size (factor one), at which the base model's force error is 3 to
+20 times its noise floor on logs like the given ones (``youbot bench --sizes`` measures it).
 """
 
 from __future__ import annotations
@@ -21,7 +21,7 @@ Array = NDArray[np.float64]
 
 @dataclass(frozen=True)
 class Plantable:
-    """Something that can be planted.
+    """An effect that can be planted.
 
     Attributes
     ----------
@@ -30,7 +30,8 @@ class Plantable:
     draw : (rng, size, path) -> values by the catalogue's parameter names; ``path`` (n, 2) are
         places [m] that the reference motions pass
     plant : values -> fields of `Physics` that they set
-    carriers : variables beyond the twist that carry what an effect outside the catalogue leaves
+    carriers : variables beyond the twist that the force of an effect outside the catalogue
+        depends on
     family : effects of one family can hardly be told apart, so two of them are no pair
     """
 
@@ -148,7 +149,7 @@ CATALOGUE = {
             0.1,
             "s",
             draws.one_number("delay"),
-            lambda values: {},  # a fault of the log, not of the platform
+            lambda values: {},  # a fault of the log, applied in `cases.log_along`
             family="late",
         ),
         Plantable(
@@ -175,7 +176,7 @@ CATALOGUE = {
         ),
     )
 }
-"""The effects of the catalogue; parameters mean what the project's design says of them."""
+"""The effects of the catalogue; parameters have the same meaning as there."""
 
 OUTSIDE = {
     item.name: item
@@ -230,7 +231,7 @@ OUTSIDE = {
         ),
     )
 }
-"""What no catalogue holds: the right answer is "unknown"."""
+"""Effects outside the catalogue: the right answer is "unknown"."""
 
 EVERYTHING = CATALOGUE | OUTSIDE
 
@@ -259,7 +260,7 @@ def planted_physics(base: Physics, planted: tuple[Planted, ...]) -> Physics:
 
 
 def pairs() -> list[tuple[str, str]]:
-    """Pairs of effects that can both be told: not of one family."""
+    """Pairs of effects that can be told apart, which are not of one family."""
     names = list(CATALOGUE)
     return [
         (a, b)

@@ -1,7 +1,8 @@
-"""References for blind tests, after the given logs: smooth at both ends, hard nowhere.
+"""References for blind tests, like those of the given logs, smooth at both ends.
 
-Read off the given logs by regression on their speeds and torques: the calibration run is the same
-for every platform, a multisine has four tones of equal amplitude on each axis, drawn from a band.
+Determined from the given logs by regression on their speeds and torques: the calibration run is
+the same for every platform; a multisine has four tones of equal amplitude on each axis, drawn from
+a band.
 """
 
 from __future__ import annotations
@@ -35,6 +36,7 @@ LEVER = 0.15 + 0.2355
 
 def _window(t: Array, duration: float) -> Array:
     u = np.clip(np.minimum(t, duration - t) / RAMP, 0.0, 1.0)
+    # A cubic with slope zero at both ends: no jump of acceleration at start and end.
     return u * u * (3.0 - 2.0 * u)
 
 
@@ -54,6 +56,7 @@ def calibration(dt: float) -> Array:
     twist[at, 0], twist[at, 1] = circle * np.cos(t[at]), circle * np.sin(t[at])
     at = part == 3
     swing = 0.715 * np.sin(0.6 * local[at]) * window[at]
+    # Straight in the world while turning: the body velocity turns against the heading.
     heading = np.cumsum(swing) * dt
     straight = 0.12 * window[at]
     twist[at] = np.column_stack([straight * np.cos(heading), -straight * np.sin(heading), swing])

@@ -51,7 +51,7 @@ WANTED = {
     **{(kind, "sizes_inside"): "> 90 %" for kind in ("one", "two")},
     **{(kind, "tie_resolved"): "> 80 %" for kind in ("one", "quarter", "two")},
 }
-"""What the diagnosis is made to reach."""
+"""Targets of the diagnosis."""
 
 NUMBER_WORDS = {
     "error_fall_median": "fall of the velocity error, median",

@@ -1,4 +1,4 @@
-"""Scores of blind trials: what was named, how surely, and how often rightly."""
+"""Scores of blind trials: how often the right effect was named, and how certainly."""
 
 from __future__ import annotations
 
@@ -12,13 +12,13 @@ from youbot_scripts.blind_bench.proportions import Proportion
 from youbot_scripts.blind_bench.trials import Record
 
 LARGEST_SET = 3
-"""Names in an ambiguity set that still says something."""
+"""Largest ambiguity set that counts as an answer."""
 
 DETECTED = 0.85
 """Share of cases in which an effect must be found to count as detectable."""
 
 CLEAR = 1.5
-"""Squared velocity error of the base model over the truth's from which its fall is judged."""
+"""Least squared velocity error of the base model over the truth's for which its fall is judged."""
 
 INTERVAL = 1.96
 """Standard deviations either side of a stated size."""
@@ -70,13 +70,13 @@ def found_anywhere(record: Record, name: str) -> bool:
 
 
 def alone(record: Record) -> bool:
-    """Whether exactly what is planted was named, and nothing beside it."""
+    """Whether exactly the planted effects were named, without alternatives."""
     names = [name for names in named_sets(record) for name in names]
     return verdict(record) == "effect" and sorted(names) == sorted(planted(record))
 
 
 def confidently_wrong(record: Record) -> bool:
-    """Whether the first name stands without alternative, is wrong, and not said to be partial."""
+    """Whether the first effect named is wrong, has no alternatives and is not called partial."""
     names = named_sets(record)
     if not names or verdict(record) == "unknown":
         return False
@@ -84,7 +84,7 @@ def confidently_wrong(record: Record) -> bool:
 
 
 def accepted_unplanted(record: Record) -> bool:
-    """Whether an effect was accepted whose set holds nothing that is planted."""
+    """Whether an effect was accepted in whose ambiguity set no planted effect is."""
     return any(not set(names) & set(planted(record)) for names in named_sets(record))
 
 
@@ -105,6 +105,7 @@ def carrier_rank(record: Record, key: str = "where") -> int | None:
     rows = sorted(found.get(key) or found.get("where") or [], key=lambda row: -row["share"])
     order = [row["variable"] for row in rows if row["variable"] != TWIST]
     places = [order.index(name) + 1 for name in carriers if name in order]
+    # A carrier without a place counts as last.
     return min(places, default=len(order) + 1)
 
 
@@ -124,7 +125,7 @@ def error_fall(record: Record) -> float | None:
 
 
 def tie_resolved(record: Record) -> bool | None:
-    """Whether the proposed experiment left the truth alone of those that were tied.
+    """Whether, with the proposed experiment, the true effects were named without ties.
 
     None where there was no tie that holds the truth, or no experiment was made.
     """
@@ -181,6 +182,7 @@ def smallest_detectable(records: Iterable[Record]) -> dict[str, float | None]:
     found: dict[str, float | None] = {}
     for name in (name for name in CATALOGUE if name in cases):
         found[name] = None
+        # From large to small: every larger factor must be detected as well.
         for factor in sorted(cases[name], reverse=True):
             if fmean(cases[name][factor]) < DETECTED:
                 break

@@ -1,9 +1,9 @@
-"""A second simulator of a mecanum platform, for blind tests: nothing here is shared with the first.
+"""A second simulator of a mecanum platform, for blind tests; it shares no code with the first.
 
 The equations are written in world coordinates, as balances of linear and angular momentum with the
 wheels and rollers as bodies driven through their no-slip rates, and stepped by Runge-Kutta. The
-package's own dynamics (body coordinates, an effect's function for each term) are never imported:
-a mistake in one statement of the physics would show against the other. Wheel order fl, fr, bl, br.
+package's own dynamics (body coordinates, one function for each effect) are never imported, so that
+a mistake in one of the two shows as a difference. Wheel order fl, fr, bl, br.
 """
 
 from __future__ import annotations
@@ -22,7 +22,7 @@ TICK = 0.002
 """About how long [s] the speed loop holds a command."""
 
 PROPORTIONAL, INTEGRAL, TORQUE_LIMIT = 0.12, 0.30, 4.0
-"""The loop of the given logs: [N m s/rad], [N m/rad], [N m]; read off them by regression."""
+"""Gains and limit of the given logs' loop, by regression: [N m s/rad], [N m/rad], [N m]."""
 
 TORQUE_NOISE, SPEED_NOISE = 0.03, 0.01
 """White noise [N m], [rad/s] of a measurement at a noise factor of one."""
@@ -32,10 +32,10 @@ NEVER = 1e9
 
 
 class Physics(NamedTuple):
-    """All that acts on a platform, SI units; zero (for the load: `NEVER`) is absent.
+    """Parameters of a platform and its effects, SI units; zero (for the load: `NEVER`) means none.
 
-    The first block is the platform, the second are the effects of the catalogue, the third what
-    no catalogue holds. ``drag`` and ``gain`` are (4,), one value a wheel.
+    The first block is the platform, the second are the effects of the catalogue, the third
+    effects outside the catalogue. ``drag`` and ``gain`` are (4,), one value a wheel.
     """
 
     drag: Array
@@ -114,7 +114,7 @@ def _wheel_friction(p: Physics, i: int, rate: float, angle: float, torque: float
 
 @njit(cache=True)
 def _outside(p: Physics, x: float, y: float, yaw: float, u: float, v: float):
-    """World force (X, Y) [N] at O of what no catalogue holds, and of the tether."""
+    """World force (X, Y) [N] at O of the tether and of effects outside the catalogue."""
     fx = -p.tether * (x - p.anchor_x)
     fy = -p.tether * (y - p.anchor_y)
     if p.nap != 0.0:
@@ -128,9 +128,11 @@ def _outside(p: Physics, x: float, y: float, yaw: float, u: float, v: float):
     if p.patch != 0.0:
         far = math.hypot(x - p.patch_x, y - p.patch_y)
         inside = 0.5 - 0.5 * math.tanh((far - p.patch_radius) / 0.02)
+        # Smoothed near zero, where the direction of friction is not defined.
         speed = math.sqrt(u * u + v * v + 0.005**2)
         fx, fy = fx - p.patch * inside * u / speed, fy - p.patch * inside * v / speed
     if p.wind != 0.0:
+        # Twice the angle: the body looks the same after half a turn.
         push = p.wind * math.cos(2.0 * (yaw - p.wind_direction))
         fx += push * math.cos(p.wind_direction)
         fy += push * math.sin(p.wind_direction)
@@ -140,6 +142,7 @@ def _outside(p: Physics, x: float, y: float, yaw: float, u: float, v: float):
         fx, fy = fx - push * math.sin(yaw), fy + push * math.cos(yaw)
     if p.bump != 0.0:
         dx, dy = x - p.bump_x, y - p.bump_y
+        # The factor exp(0.5) makes p.bump the largest force, at one width from the centre.
         slope = p.bump / p.bump_width * math.exp(0.5 - 0.5 * (dx * dx + dy * dy) / p.bump_width**2)
         fx, fy = fx + slope * dx, fy + slope * dy
     return fx, fy
@@ -147,7 +150,10 @@ def _outside(p: Physics, x: float, y: float, yaw: float, u: float, v: float):
 
 @njit(cache=True)
 def _solve(a: Array, b: Array, out: Array):
-    """Gaussian elimination of a symmetric positive definite 3x3 system, in place."""
+    """Gaussian elimination of a symmetric positive definite 3x3 system, in place.
+
+    Positive definite: no pivoting is needed.
+    """
     for i in range(3):
         for j in range(i + 1, 3):
             factor = a[j, i] / a[i, i]
@@ -188,6 +194,7 @@ def derivative(
     a[2, 0], a[2, 1], a[2, 2] = -sy, sx, inertia
     fx, fy = _outside(p, q[0], q[1], q[2], q[3], q[4])
     slope_x, slope_y = -GRAVITY * math.sin(p.tilt_x), -GRAVITY * math.sin(p.tilt_y)
+    # Centripetal acceleration of the centre of mass, whose first moment is (sx, sy).
     b[0] = w * w * sx + fx + mass * slope_x
     b[1] = w * w * sy + fy + mass * slope_y
     b[2] = sx * slope_y - sy * slope_x
@@ -222,7 +229,7 @@ def derivative(
 
 @njit(cache=True)
 def _step(p: Physics, q: Array, command: Array, time: float, dt: float, work: Array, k: Array):
-    """One classical Runge-Kutta step of q in place; the load is there for whole steps."""
+    """One classical Runge-Kutta step of q in place; a load is put on at the start of a step."""
     loaded = time + 0.5 * dt >= p.load_time
     half, trial = 0.5 * dt, k[4]
     derivative(p, q, command, time, loaded, work, k[0])
@@ -265,7 +272,11 @@ def _drive(p, wanted, dt, steps, limits, speed, command, pose):
 
 
 def steps_for(p: Physics, dt: float) -> int:
-    """Runge-Kutta steps in dt [s]: dry friction at rest moves by less than one in each."""
+    """Runge-Kutta steps in dt [s]: each is shorter than the fastest time constant.
+
+    That of a smoothed dry friction at rest is inertia times width over torque. With much longer
+    steps the method would be unstable.
+    """
     wheel = (p.coulomb + p.breakaway + p.load_share * 2.0) / p.dry_width
     roller = p.roller_coulomb / p.roller_dry_width
     inertia = 0.25 * p.m0 * p.wheel_radius**2 + p.I1

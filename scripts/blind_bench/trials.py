@@ -1,4 +1,4 @@
-"""Many blind trials: planned, spread over processes, kept as they are done, and taken up again."""
+"""Many blind trials: planned, run in several processes, saved one by one, and resumed."""
 
 from __future__ import annotations
 
@@ -35,7 +35,7 @@ Diagnose = Callable[..., Any]
 
 
 def true_model(case: Case) -> Model | None:
-    """The model that knows everything; None where a planted effect is not in the catalogue."""
+    """The true model of a case; None if a planted effect is not in the catalogue."""
     model = load_model("paper").with_values(case.platform)
     for item in case.planted:
         if item.name not in REGISTERED:
@@ -134,7 +134,7 @@ def plan(
     rates: Sequence[float] = (),
     noise: float | None = None,
 ) -> list[Spec]:
-    """``cases`` cases of each kind, the kinds in turn, so that a part of them is a fair sample.
+    """``cases`` cases of each kind, the kinds in turn, so that the first cases cover all kinds.
 
     Parameters
     ----------
@@ -148,7 +148,7 @@ def plan(
     """
     columns = []
     for kind in kinds:
-        # A full turn through the effects before the next rate, so that each meets each.
+        # All effects at one rate before the next rate, so that every effect is tried at every rate.
         turn = len(CATALOGUE) if kind in ("one", "quarter", "sweep") else 1
         columns.append(
             [
@@ -157,12 +157,13 @@ def plan(
             ]
         )
         if cases:
+            # Draws one case, so that an unknown kind or rate is refused before the work begins.
             columns[-1][0].draw()
     return [spec for spec in chain.from_iterable(zip_longest(*columns)) if spec is not None]
 
 
 def try_case(diagnose: Diagnose, follow_up: bool, spec: Spec) -> Record:
-    """One trial; a crash becomes part of the record, so that it does not end the others."""
+    """One trial; an exception is recorded as an error, so that it does not stop the others."""
     case = spec.draw()
     try:
         return run_trial(case, diagnose, follow_up)
@@ -186,7 +187,7 @@ def run_trials(
     ----------
     diagnose : ``diagnose(model, logs, seed=...)``; picklable if ``jobs`` is more than one
     follow_up : record the experiment that is proposed for a tie, and diagnose again
-    folder : where each trial is noted as it is done; those that are there are not done again
+    folder : where each trial is saved when it is done; trials in it are not run again
 
     Raises
     ------

@@ -14,7 +14,7 @@ CONTROLLERS = ("kinematic", "kinematic_tuned", "computed_torque", "ppo")
 
 
 def check(demo: Demonstration) -> None:
-    """What is in the logs, and what they can show."""
+    """Check the logs: faults, and which parameters they show."""
     demo.command("doctor", demo.calibration, demo.held_out)
 
 
@@ -67,7 +67,7 @@ def fail(demo: Demonstration) -> None:
 
 
 def diagnose(demo: Demonstration) -> None:
-    """What is different, named; the error falls."""
+    """Diagnose the hidden effect, and show how the error falls."""
     found = demo.result_of(
         "diagnose", demo.model, *demo.changed_room, "-o", demo.extended_model, to="diagnosis.json"
     )
@@ -80,7 +80,7 @@ def diagnose(demo: Demonstration) -> None:
 
 
 def drive(demo: Demonstration) -> None:
-    """Controllers where the model failed: on that model, and on the one with what it lacked."""
+    """Compare controllers in the changed room: with the first model and with the extended one."""
     demo.say(
         "Controllers in that other room, each on the model from before the diagnosis and on the "
         "one from after it, along references that they have not seen, from noisy encoders and a "
@@ -93,7 +93,7 @@ def drive(demo: Demonstration) -> None:
         *("--model", f"{demo.model},{demo.extended_model}"),
         *("--controllers", ",".join(CONTROLLERS)),
         *("--bands", "0.5-1,1-2,2-4", "--seeds", "3", "--duration", "10"),
-        *("--brief", "--jobs", "1"),  # so short that a second process would start too late
+        *("--brief", "--jobs", "1"),  # too short to be worth the start of a second process
         *demo.plots,
         to="evaluation.json",
     )

@@ -21,12 +21,12 @@ LOGS = ("calibration.csv.gz", "multisine_a.csv.gz", "multisine_b.csv.gz", "recor
 """Shipped files: logs of the paper's platform, driven in simulation, and how they were made."""
 
 HIDDEN = ("hidden/calibration.csv.gz", "hidden/multisine_a.csv.gz", "hidden/record.json")
-"""The same platform where something is different; `record.json` gives it away."""
+"""Logs of the same platform with a hidden effect, which `record.json` names."""
 
 
 @dataclass(frozen=True)
 class Demonstration:
-    """Where a demonstration prints, and its files: what one chapter leaves for the next."""
+    """Output and files of a demonstration; each chapter uses files of the earlier ones."""
 
     out: Console
     folder: Path
@@ -74,7 +74,7 @@ class Demonstration:
         self.out.print(f"$ youbot {shlex.join(typed)}", style="bold", soft_wrap=True)
         status = cli.main(typed)
         if status != cli.OK:
-            raise typer.Exit(status)  # the command has said why
+            raise typer.Exit(status)  # the command has printed its error
 
     def result_of(self, *arguments: str | Path, to: str) -> dict[str, Any]:
         """Run a command that writes its result to the JSON file `to`, and read that."""

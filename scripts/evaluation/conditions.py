@@ -1,4 +1,4 @@
-"""What is evaluated: plants, models of them, loops and references, as a user states them."""
+"""What is evaluated: plants, models of them, loops and references, as options define them."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ LAG = "actuator_lag"
 KNOWN, IDENTIFIED, DIAGNOSED = "known", "identified", "diagnosed"
 
 WORDS = (KNOWN, IDENTIFIED, DIAGNOSED)
-"""What may stand for a model beside a file's name."""
+"""Words that a user may give in place of a model file."""
 
 Band = tuple[float, float]
 
@@ -37,27 +37,27 @@ BASIC = ("kinematic", "kinematic_tuned", "pid", "lqi", "computed_torque")
 """Compared unless others are named."""
 
 WIDE: tuple[Band, ...] = ((0.5, 3.0),)
-"""The band of the tracking task, as one."""
+"""The whole band of the tracking task, undivided."""
 
 SHORTEST = 20.0
-"""Least duration [s] of what is judged, unless another is asked for."""
+"""Shortest judged duration [s], unless a duration is given."""
 
 
 @dataclass(frozen=True)
 class LoopSettings:
-    """The loop between a controller and a plant, as a user states it.
+    """The loop between a controller and a plant, as options define it.
 
     Attributes
     ----------
     rate : of control [Hz]
     delay : whole control periods by which commands act late
     noise : standard deviation of a measured wheel speed [rad/s], on top of its encoder's counts
-    pose : whether the controller is shown the true pose; otherwise it has its wheels alone
+    pose : whether the controller gets the true pose; otherwise it gets wheel speeds only
 
     Raises
     ------
     InputError
-        If a number cannot be.
+        If a number is out of its range.
     """
 
     rate: float = 100.0
@@ -71,9 +71,9 @@ class LoopSettings:
             finite(name, getattr(self, name), least=0.0)
 
     def known(self) -> Loop:
-        """What a controller's designer knows of it; the drives' lag is the model's to know.
+        """The loop as a controller's designer knows it; the drives' lag is part of the model.
 
-        An encoder's counts over a period are the mean speed over it, so half a period old.
+        Encoder counts over a period give the mean speed over it, which is half a period old.
         """
         period = 1.0 / self.rate
         return Loop(
@@ -86,13 +86,13 @@ class LoopSettings:
 
 @dataclass(frozen=True)
 class PlantSource:
-    """A platform that is driven; what its controllers know of it is another matter.
+    """A platform that is driven. Its controllers may know less of it: see `ModelSource`.
 
     Attributes
     ----------
     source : a model file, "paper", or "contact[:SETTING=VALUE,...]", as ``record --plant`` takes it
     effects : added to it, as ``record --effect`` takes them
-    surprises : more of them, in the runs alone: no log has seen them
+    surprises : further effects, present in the runs only and not while logs are made
     lag : time constant of the drives [s], 0 for none
     """
 
@@ -103,18 +103,18 @@ class PlantSource:
 
     @cached_property
     def recorded(self) -> Driven:
-        """What moves while logs are made, in parts."""
+        """The plant as it is while logs are made."""
         lag = (f"{LAG}:time_constant={self.lag!r}",) if self.lag else ()
         return plant_named(self.source, (*self.effects, *lag))
 
     @cached_property
     def driven(self) -> Driven:
-        """What moves in the runs."""
+        """The plant as it is in the runs."""
         return replace(self.recorded, model=with_effects(self.recorded.model, self.surprises))
 
     @property
     def truth(self) -> Model:
-        """The model that knows all that a model can know of it; with contacts that is not all."""
+        """The true model of the plant. A plant with contacts also has slip, which no model has."""
         return self.driven.model
 
     def platform(self) -> Platforms:
@@ -126,10 +126,11 @@ class PlantSource:
             If MuJoCo is missing, or no bodies have these parameters and effects.
         """
         found = self.driven.platform()
+        # A contact plant is a platform already; a model needs a simulation.
         return Plant(found) if isinstance(found, Model) else found
 
     def to_dict(self) -> dict[str, Any]:
-        """All that its motion in the runs depends on."""
+        """JSON form of everything that determines its motion in the runs."""
         return self.driven.to_dict()
 
     def __str__(self) -> str:
@@ -139,11 +140,11 @@ class PlantSource:
 
 @dataclass(frozen=True)
 class ModelSource:
-    """How a model of a plant comes about.
+    """Where the controllers' model of a plant comes from.
 
     Attributes
     ----------
-    how : "known" (the plant's own, true to the last digit), "identified" (the base model fitted to
+    how : "known" (the plant's own, exact), "identified" (the base model fitted to
         noisy logs of the plant, "identified+NAME" with an effect), "diagnosed" (the same, and
         whatever ``diagnose`` finds missing), or a model file. Drives that are known to lag belong
         to the base model.
@@ -151,7 +152,7 @@ class ModelSource:
     Raises
     ------
     InputError
-        If it names no such thing.
+        If it is none of these.
     """
 
     how: str = IDENTIFIED
@@ -160,6 +161,8 @@ class ModelSource:
         word, *effects = self.how.split("+")
         if word == IDENTIFIED:
             for effect in effects:
+                # Only for its error: the registry raises InputError, with a hint, for an unknown
+                # name.
                 CATALOGUE[effect]
         elif self.how not in (KNOWN, DIAGNOSED) and not Path(self.how).exists():
             self._check_file()
@@ -183,7 +186,7 @@ class ModelSource:
 
 @dataclass(frozen=True)
 class ReferenceMotion:
-    """The random references of a band, as ``motions.multisine`` draws them.
+    """Random multisine references of a frequency band: see ``motions.multisine``.
 
     Attributes
     ----------
@@ -200,7 +203,7 @@ class ReferenceMotion:
 
     @property
     def length(self) -> float:
-        """[s] from rest to the end of what is judged, before the motion slows down again."""
+        """[s] from the start to the end of the judged part, before the motion slows down."""
         return self.ramp + self.duration
 
     def motion(self, plant: PlantSource, seed: int, index: int) -> Motion:
@@ -222,7 +225,7 @@ class ReferenceMotion:
 
 @dataclass(frozen=True)
 class Condition:
-    """What all controllers are compared under: a plant, a model of it, and a loop."""
+    """The conditions of a comparison: a plant, a model of it, and a loop."""
 
     plant: PlantSource
     model_source: ModelSource
@@ -236,25 +239,25 @@ class Condition:
 
 @dataclass(frozen=True)
 class Settings:
-    """All that decides what an evaluation finds.
+    """Everything that determines the result of an evaluation.
 
     Attributes
     ----------
-    plants, effects, surprises, lag : what moves, see ``PlantSource``; effects are in every plant
-    models : how the controllers' models of it come about, see ``ModelSource``
+    plants, effects, surprises, lag : of the plants, see ``PlantSource``; effects are in every plant
+    models : where the controllers' models come from, see ``ModelSource``
     controllers : names of the registry
     bands : of the references [rad/s]
     amplitude : peaks of VX, VY [m/s] and W [rad/s]
     seeds : references, with their noise, for each band
-    duration : [s] that is judged; None is once around the band's slowest tone, at least 20 s
+    duration : judged part [s]; None: one period of the band's slowest tone, at least 20 s
     rate, delay, noise, pose : see ``LoopSettings``
-    against : the controller that others are measured by
+    against : the controller with which the others are compared
 
     Raises
     ------
     InputError
-        If nothing is named, a plant or model is unknown, or a number cannot be. Whether there are
-        such controllers is for ``evaluate`` to say.
+        If a list is empty, a plant or model is unknown, or a number is out of its range. Names of
+        controllers are checked by ``evaluate``.
     """
 
     plants: tuple[str, ...] = ("paper",)
@@ -281,6 +284,8 @@ class Settings:
         finite("lag [s]", self.lag, least=0.0)
         if self.duration is not None:
             finite("duration [s]", self.duration, positive=True)
+        # Makes one reference, so that a wrong band or amplitude is refused here and not after
+        # hours.
         self.references()[0].motion(self.conditions()[0].plant, 0, 0)
 
     def conditions(self) -> list[Condition]:
@@ -288,6 +293,7 @@ class Settings:
         loop = LoopSettings(self.rate, self.delay, self.noise, self.pose)
         plants = [
             PlantSource(source, self.effects, self.surprises, self.lag)
+            # dict.fromkeys drops repetitions and keeps the order.
             for source in dict.fromkeys(self.plants)
         ]
         models = [ModelSource(how) for how in dict.fromkeys(self.models)]

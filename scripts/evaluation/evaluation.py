@@ -1,7 +1,7 @@
 """An evaluation: the models of its plants, the controllers built on them, and the closed loops.
 
-Models, designs and trials are tasks: plain data with a key, so that another process can do them,
-and a folder can keep what is done.
+Models, designs and trials are tasks: plain data with a key, so that another process can run them,
+and a folder can keep their results.
 """
 
 from __future__ import annotations
@@ -56,14 +56,14 @@ if TYPE_CHECKING:
 Advance = Callable[[], None]
 
 MOTIONS = "calibration,multisine_a"
-"""Driven to identify a plant: the paper's motions and a multisine to hold out."""
+"""Motions that are recorded to identify a plant: the paper's, and a multisine."""
 
 MAX_TIME_COURSES = 4
-"""Controllers in the picture of time courses, at most."""
+"""Largest number of controllers in the figure of time courses."""
 
 
 def model_of(source: ModelSource, plant: PlantSource, seed: int = 0) -> Model:
-    """The model of a plant that a source stands for, as it reads from a file.
+    """The model that a source gives for a plant.
 
     Raises
     ------
@@ -77,7 +77,7 @@ def model_of(source: ModelSource, plant: PlantSource, seed: int = 0) -> Model:
     motions = motions_named(MOTIONS, plant.truth.geometry, seed)
     logs = record(plant.recorded.platform(), motions, seed=seed)
     found = _fitted(source, plant, logs, seed)
-    # An interrupted run reads it from a file: the same digits here, so the same results.
+    # Through JSON: a resumed run reads the model from a file, and must get the same numbers.
     return model_from_dict(json.loads(json.dumps(model_to_dict(found))), source.how)
 
 
@@ -106,7 +106,7 @@ class ModelTask:
 
     @cached_property
     def key(self) -> str:
-        """The same whenever the result is."""
+        """Hash of everything that the result depends on: equal keys mean equal results."""
         return digest("model", self.plant.recorded.to_dict(), self.source.how, self.seed)
 
     def __call__(self) -> Record:
@@ -124,7 +124,7 @@ class DesignTask:
 
     @cached_property
     def key(self) -> str:
-        """The same whenever the result is."""
+        """Hash of everything that the result depends on: equal keys mean equal results."""
         return digest("design", self.controller, model_to_dict(self.model), asdict(self.loop))
 
     def __call__(self) -> Record:
@@ -136,7 +136,7 @@ class DesignTask:
 
 @dataclass(frozen=True)
 class EvaluationTrial:
-    """One closed loop: what it takes to run it again to the bit.
+    """One closed loop, with everything that is needed to repeat it exactly.
 
     Attributes
     ----------
@@ -156,13 +156,13 @@ class EvaluationTrial:
 
     @cached_property
     def key(self) -> str:
-        """The same whenever the result is."""
+        """Hash of everything that the result depends on: equal keys mean equal results."""
         plant, loop = self.condition.plant.to_dict(), asdict(self.condition.loop)
         built = (self.controller, self.fingerprint, model_to_dict(self.model), dict(self.settings))
         return digest("trial", plant, loop, *built, asdict(self.reference), self.seed, self.index)
 
     def trace(self) -> Trace:
-        """Drive it."""
+        """Run the closed loop."""
         plant, stated, reference = self.condition.plant, self.condition.loop, self.reference
         loop = stated.known()
         noise = int(generator(self.seed, str(self.index), "noise").integers(2**31))
@@ -172,7 +172,7 @@ class EvaluationTrial:
                 registry.build(self.controller, self.model, loop, **self.settings),
                 reference.motion(plant, self.seed, self.index),
                 loop,
-                # The noise of the tracking environment's episode of this seed.
+                # The same stream of noise as an episode of the tracking environment with this seed.
                 episode_streams(np.random.default_rng(noise)).noise,
                 count=round(reference.length * stated.rate),
                 show_pose=stated.pose,
@@ -194,13 +194,13 @@ Task = ModelTask | DesignTask | EvaluationTrial
 
 
 def digest(*parts: Any) -> str:
-    """A short word that stands for everything that a result depends on, this version included."""
+    """Short hash of everything that a result depends on, the package's version included."""
     text = json.dumps([__version__, *parts], sort_keys=True)
     return hashlib.sha256(text.encode()).hexdigest()[:24]
 
 
 def call(task: Task) -> Record:
-    """A task's record (a plain function, so that another process can be handed it)."""
+    """A task's record (a module-level function, since processes can only pickle these)."""
     return task()
 
 
@@ -208,6 +208,7 @@ def run_all(
     tasks: Sequence[Task], jobs: int, folder: Path | None, progress: Advance = lambda: None
 ) -> list[Record]:
     """The tasks' records in their order; see :func:`resumed`."""
+    # Equal tasks have one key and are done once.
     by_key = {task.key: task for task in tasks}
     found = resumed(call, by_key, _key, jobs=jobs, folder=folder, progress=progress)
     return [found[task.key] for task in tasks]
@@ -224,8 +225,9 @@ def learn(
     folder: Path | None = None,
     progress: Advance = lambda: None,
 ) -> dict[Condition, Model]:
-    """The model of each condition: recorded, identified, diagnosed as it asks for."""
+    """The model of each condition, identified or diagnosed from recorded logs where needed."""
     tasks = [ModelTask(c.plant, c.model_source, seed) for c in conditions]
+    # Known models and files cost nothing: they need neither a process nor a place in the folder.
     costly = [task for task in tasks if task.source.learns]
     records = run_all(costly, jobs, folder and folder / "models", progress)
     models = {r["key"]: model_from_dict(r["model"], "resumed model") for r in records}
@@ -264,8 +266,10 @@ def plan(
     seed: int,
     seeds: int,
 ) -> list[EvaluationTrial]:
-    """Every controller on every condition and reference, the seeds outermost: a part of them is a
-    fair sample."""
+    """Every controller on every condition and reference.
+
+    Seeds are the outermost loop, so that the first part of the trials covers all conditions.
+    """
     prints = {controller: registry.fingerprint(controller) for controller in controllers}
     return [
         EvaluationTrial(
@@ -280,13 +284,13 @@ def plan(
 
 @dataclass(frozen=True)
 class Evaluation:
-    """What an evaluation found.
+    """Result of an evaluation.
 
     Attributes
     ----------
     settings, models : what was evaluated, and the model that stood for each condition's plant
-    trials, records : the closed loops, and what became of each
-    results : the same over seeds
+    trials, records : the closed loops, and the result of each
+    results : the records, averaged over seeds
     """
 
     settings: Settings
@@ -296,7 +300,7 @@ class Evaluation:
     results: list[Result]
 
     def tables(self, brief: bool = False) -> list[tables.Table]:
-        """As printed; if ``brief``, one a plant."""
+        """Tables for printing; if ``brief``, one for each plant."""
         made = tables.brief if brief else tables.tables
         return made(self.results, self.settings.against)
 
@@ -344,8 +348,11 @@ class Evaluation:
         }
 
     def figures(self, brief: bool = False) -> dict[str, Figure]:
-        """The pictures by name: one for each plant that was driven on several models, and two for
-        each condition, of the first seed where one must do; if ``brief``, one a plant."""
+        """Figures by name.
+
+        One for each plant with several models, and two for each condition (time courses: of the
+        first seed). If ``brief``, one for each plant.
+        """
         from youbot_scripts.evaluation import figures
 
         drawn = figures.errors_by_plant(self.results, brief)
@@ -367,8 +374,11 @@ class Evaluation:
         return drawn
 
     def _drawn_trials(self, group: Sequence[Result], condition: Condition) -> list[EvaluationTrial]:
-        """Trials whose time courses are drawn: the first controller, the one that others are
-        measured by, those that diverge, the best; in a band from the middle."""
+        """Trials whose time courses are drawn, in the middle band.
+
+        First come the first controller, the reference controller, the best one and those that
+        diverge; then the others, up to the largest number.
+        """
         references = self.settings.references()
         reference = references[len(references) // 2]
         results = [result for result in group if result.band == reference.band]
@@ -393,15 +403,15 @@ def evaluate(
     ----------
     seed : of all random numbers
     jobs : processes; the result is the same to the bit
-    folder : where results are kept as they are done, and taken up from
+    folder : keeps each result when it is done; results in it are not computed again
 
     Raises
     ------
     InputError
-        If a plant, model or controller cannot be, or the folder holds something else.
+        If a plant, model or controller cannot be used, or the folder holds other files.
     """
     for controller in chosen.controllers:
-        registry.check(controller)  # before hours of work
+        registry.check(controller)  # now, not after hours of work
     conditions = chosen.conditions()
     learning = sum(condition.model_source.learns for condition in conditions)
     with common.progress(learning, "learning models") as advance:

@@ -23,12 +23,12 @@ PAPER_CLAIM = 0.5
 """Frequency [rad/s] above which the source paper calls kinematic control unsatisfactory."""
 
 COLOURS = ("#d55e00", "#e69f00", "#009e73", "#56b4e9", "#0072b2", "#cc79a7", "#222222", "#a6761d")
-"""Of controllers in turn: Okabe and Ito's palette (2008)."""
+"""Colours of the controllers, in their order: Okabe and Ito's palette (2008)."""
 
 MARKERS = "osD^vPX*"
 
 BROKEN = ("dashed", "dotted", "dashdot")
-"""Lines of all models but the last, from the last but one backwards."""
+"""Line styles of all models but the last one, beginning with the last but one."""
 
 UNITS = ("m/s", "m/s", "rad/s")
 
@@ -73,6 +73,7 @@ def error_by_frequency(group: Sequence[Result]) -> Figure:
         panel.set(xscale="log", yscale="log", xlabel="reference frequency [rad/s]")
         panel.set_title(label)
         for n, name in enumerate(names):
+            # A factor, not a shift: the axis is logarithmic.
             beside = 1.0 + 0.03 * (n - (len(names) - 1) / 2)
             mine = [result for result in group if result.controller == name]
             for model, strokes in _strokes(group).items():
@@ -93,7 +94,7 @@ def error_by_frequency(group: Sequence[Result]) -> Figure:
 
 
 def _strokes(group: Sequence[Result]) -> dict[str, dict[str, Any]]:
-    """How the lines of each model are drawn; the last one's as if it were alone."""
+    """Line style of each model: the last one solid with full markers, the others broken."""
     *others, last = models_of(group)
     broken = reversed(list(zip(reversed(others), cycle(BROKEN), strict=False)))
     hollow = {model: {"linestyle": style, "markerfacecolor": "white"} for model, style in broken}
@@ -118,7 +119,7 @@ def _curve(
     centre = np.array([beside * math.sqrt(r.band[0] * r.band[1]) for r in ordered])
     mean = np.array([100 * r.mean(f"nrmse {label}") for r in ordered])
     half = np.array([100 * r.half(f"nrmse {label}") for r in ordered])
-    # An interval that reaches zero would leave a logarithmic axis.
+    # A logarithmic axis cannot show an interval that reaches zero.
     below = np.minimum(half, 0.9 * mean)
     named = ordered[0].controller if look["linestyle"] == "solid" else None
     panel.errorbar(
@@ -147,9 +148,9 @@ def _ticks(panel: Axes, group: Sequence[Result]) -> None:
 
 
 def _state(figure: Figure, title: str, stated: str) -> None:
-    """Title, and beneath it what else one has to know, wrapped at the figure's width."""
+    """Title, and below it plant, model, loop and seeds, wrapped at the figure's width."""
     lines = wrap(stated, 148, break_on_hyphens=False)
-    room = "\n" * len(lines)  # which the layout leaves free
+    room = "\n" * len(lines)  # empty lines in the title, for which the layout leaves space
     figure.suptitle(f"{title}{room}", x=0.01, ha="left", fontsize=12, fontweight="bold")
     below = 1.0 - 0.29 / figure.get_figheight()
     figure.text(0.01, below, "\n".join(lines), fontsize=8.5, color=GREY, va="top")
@@ -177,6 +178,7 @@ def time_courses(
     figure = new_figure(6.8)
     panels = figure.subplots(3, 2, sharex="col", width_ratios=(3, 2))
     look = _look(list(dict.fromkeys([*names, *traces])))
+    # A loop that diverged has a shorter trace; the reference is drawn from the longest one.
     longest = max(traces.values(), key=lambda trace: len(trace.time))
     for axis, (left, right) in enumerate(panels):
         shown = longest.time <= seconds

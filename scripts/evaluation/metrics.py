@@ -1,4 +1,4 @@
-"""What a closed loop is judged by, and means over seeds with their intervals."""
+"""Metrics of a closed loop, and their means over seeds with intervals."""
 
 from __future__ import annotations
 
@@ -16,10 +16,10 @@ AXES = ("VX", "VY", "W")
 """Axes of a twist, in every list of three below."""
 
 WORST = 95
-"""Percentile of the absolute error that the worst twentieth of the time exceeds."""
+"""Percentile of the absolute error: exceeded 5 % of the time."""
 
 STRETCH = 5.0
-"""Length [s] of the stretches in which the error's course is told."""
+"""Length [s] of the stretches whose errors are given one by one."""
 
 CONFIDENCE = 0.95
 
@@ -50,12 +50,14 @@ def judge(trace: Trace, start: float = 0.0) -> dict[str, Any]:
     """
     if trace.diverged is not None:
         return {"diverged": trace.diverged}
+    # Less 1e-9: rounding must not leave the first sample out.
     inside = trace.time >= start - 1e-9
     period = trace.period
     error = (trace.twist - trace.reference)[inside]
     size = np.sqrt(np.mean(trace.reference[inside] ** 2, axis=0))
     rmse = np.sqrt(np.mean(error**2, axis=0))
     worst = np.percentile(np.abs(error), WORST, axis=0)
+    # From the whole run, not from `start` on: drift during the ramp counts too.
     wanted = integrated_pose(trace.reference, period, trace.pose[0])
     off = trace.pose[-1] - wanted[-1]
     rate = np.diff(trace.command[inside], axis=0) / period
@@ -74,7 +76,10 @@ def judge(trace: Trace, start: float = 0.0) -> dict[str, Any]:
 
 
 def _course(error: Array, size: Array, rows: int) -> list[float]:
-    """Over the whole reference's size, so that a lull of it does not look like an error."""
+    """Errors by stretch, over the rms of the whole reference.
+
+    Over its rms in the stretch alone, a slow part of the reference would give a large ratio.
+    """
     moving = size > 0
     shares = error[:, moving] / size[moving]
     whole = shares[: len(shares) // rows * rows].reshape(-1, rows, shares.shape[1])
@@ -101,7 +106,7 @@ def interval(values: Sequence[float]) -> dict[str, Any]:
         return {"mean": None, "half": None, "runs": 0}
     if len(found) == 1:
         return {"mean": float(found[0]), "half": None, "runs": 1}
-    from scipy.stats import t  # half a second that a single run does without
+    from scipy.stats import t  # its import takes half a second, and a single run does not need it
 
     reach = float(t.ppf(0.5 + CONFIDENCE / 2, len(found) - 1))
     half = reach * float(found.std(ddof=1)) / math.sqrt(len(found))

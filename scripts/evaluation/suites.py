@@ -1,4 +1,4 @@
-"""Ready-made settings under a name, and settings as the command line states them."""
+"""Named sets of settings, and settings from options of the command line."""
 
 from __future__ import annotations
 
@@ -45,7 +45,7 @@ SUITES: dict[str, Mapping[str, Any]] = {
         "bands": WIDE,
     },
 }
-"""Settings under a name; what a user says beside it goes first.
+"""Named sets of settings; options that a user gives replace those of the set.
 
 paper: the paper's claim, band by band; prompt, late: one sample of delay, and three with drives
 that lag by 30 ms; saturated: references beyond the torque limit; contact: real rollers on a real

@@ -27,11 +27,11 @@ STRETCHES = "course"
 """Metrics with one number for each stretch of a run: "course 1", "course 2" ..."""
 
 SATURATED = 0.001
-"""Share of instants at a torque limit above which a comparison is shown but not scored: there the
-limit decides, not the controller."""
+"""Share of samples at a torque limit above which a comparison is shown but not scored, because the
+limit then determines the error, not the controller."""
 
 RUNS_ALSO = ", in the runs also "
-"""Between what logs have seen of a plant and what they have not, in its name."""
+"""In a plant's name, separates effects in logs and runs from those in the runs only."""
 
 Interval = dict[str, Any]
 
@@ -57,12 +57,12 @@ class Result:
     metrics: dict[str, Interval]
 
     def mean(self, name: str) -> float:
-        """A metric's mean over the runs, NaN where one diverged: no mean is honest then."""
+        """A metric's mean over the runs; NaN if one diverged, since the rest would be biased."""
         value = self.metrics[name]["mean"]
         return math.nan if self.diverged or value is None else value
 
     def half(self, name: str) -> float:
-        """Half width of its interval; 0 where there is none to tell."""
+        """Half width of its interval; 0 if there is none."""
         return 0.0 if self.diverged else self.metrics[name]["half"] or 0.0
 
     def to_dict(self) -> dict[str, Any]:
@@ -114,12 +114,13 @@ def _result(group: Sequence[Record]) -> Result:
 
 
 def unscored(results: Sequence[Result]) -> dict[tuple[float, float], str]:
-    """Bands of one condition in which a torque limit decides, and why, in words."""
+    """Bands of one condition that are not scored because of a torque limit, and why, in words."""
     found = {}
     for result in results:
         share = result.metrics["saturation"]["mean"]
         if share is not None and share > SATURATED:
             reason = f"{result.controller} saturates {100 * share:.1f} % of the time"
+            # One reason for a band is enough: that of the first controller.
             found.setdefault(result.band, reason)
     return found
 

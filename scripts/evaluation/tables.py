@@ -25,7 +25,7 @@ def tables(results: Sequence[Result], against: str) -> list[Table]:
 
     Parameters
     ----------
-    against : the controller that others are measured by
+    against : the controller with which the others are compared
     """
     found = [by_model(same) for same in by_plant(results) if len(models_of(same)) > 1]
     for group in by_condition(results):
@@ -45,7 +45,7 @@ def brief(results: Sequence[Result], against: str) -> list[Table]:
 
 
 def by_model(results: Sequence[Result]) -> Table:
-    """How each controller fares on each of several models of one plant."""
+    """Error of each controller with each of several models of one plant."""
     models = models_of(results)
     cells = {(r.controller, r.band, r.place["model"]): r for r in results}
     first = [result for result in results if result.place["model"] == models[0]]
@@ -114,7 +114,7 @@ def size(group: Sequence[Result]) -> Table:
 
 
 def effort(group: Sequence[Result]) -> Table:
-    """The worst twentieth of the time, and what the torques were like."""
+    """95th percentile of the error, and size, rate and saturation of the torques."""
     rows = [
         (
             _short(100 * max(result.mean(f"worst {axis}") for axis in _moving(result))),
@@ -130,7 +130,7 @@ def effort(group: Sequence[Result]) -> Table:
 
 
 def course(group: Sequence[Result]) -> Table:
-    """The error as time goes by, a column for each controller."""
+    """The error by stretch of time, a column for each controller."""
     rows = []
     for band in dict.fromkeys(result.band for result in group):
         same = [result for result in group if result.band == band]
@@ -175,7 +175,7 @@ def _mean(result: Result, name: str, between: str = " ± ") -> str:
 
 
 def _short(value: float, digits: int = 2) -> str:
-    """A number with few digits and no exponent where people would write none."""
+    """A number with few significant digits; from 100 on without an exponent."""
     if not math.isfinite(value):
         return "-"
     return f"{value:.0f}" if abs(value) >= 100 else number(value, digits)

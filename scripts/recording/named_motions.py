@@ -26,7 +26,7 @@ FIXED = {
     "III": motion_iii,
     "IV": motion_iv,
 }
-"""Motions that no seed changes; a name that starts with "multisine" is drawn at random."""
+"""Motions that do not depend on the seed; names with "multisine" are drawn at random."""
 
 _SAFE_NAME = re.compile(r"[A-Za-z0-9_][A-Za-z0-9_. -]*")
 
@@ -60,6 +60,7 @@ def _motion_named(name: str, geometry: Geometry, seed: int) -> Motion:
     if name.endswith(".json"):
         return _motion_from_file(Path(name))
     if name.startswith("multisine") and _SAFE_NAME.fullmatch(name):
+        # Seed and name: adding a motion to the list does not change the others.
         return multisine(generator(seed, name, "motion"), geometry=geometry, name=name)
     raise InputError(
         f"motion {name!r}: not known; use {', '.join(FIXED)}, multisine_a (or another name that "
@@ -77,7 +78,7 @@ def _motion_from_file(path: Path) -> Motion:
 
 
 def catalogue_size(effect: Effect) -> dict[str, float]:
-    """Parameters of an effect at the size at which it matters.
+    """Parameters of an effect at its catalogue size.
 
     Where each wheel has its own value only the front left one has that size: what all four share
     belongs to the base model.

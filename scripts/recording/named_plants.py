@@ -1,4 +1,4 @@
-"""What is driven, as it is named on the command line: a model, or bodies with its parameters."""
+"""Plants as they are named on the command line: a model, or bodies with its parameters."""
 
 from __future__ import annotations
 
@@ -26,14 +26,14 @@ class Driven:
     Attributes
     ----------
     model : its parameters and effects
-    contact : how its bodies touch the floor; None moves as the model itself says
+    contact : contact of wheels and floor; None: the model itself is simulated, without slip
     """
 
     model: Model
     contact: Contact | None = None
 
     def platform(self) -> Model | Platforms:
-        """What :func:`controllers.recording.run` drives.
+        """The plant as :func:`controllers.recording.run` takes it.
 
         Raises
         ------
@@ -47,7 +47,7 @@ class Driven:
         return ContactPlant(self.model, self.contact)
 
     def to_dict(self) -> dict[str, Any]:
-        """All that its motion depends on."""
+        """JSON form of everything that determines its motion."""
         found = {"plant": model_to_dict(self.model)}
         return found if self.contact is None else found | {"contact": self.contact.to_dict()}
 
@@ -90,6 +90,7 @@ def _assigned(text: str, assignment: str) -> tuple[str, str]:
 
 def _number(text: str, name: str, value: str) -> Any:
     try:
+        # With postponed annotations a field's type is text.
         return int(value) if SETTINGS[name].type == "int" else float(value)
     except ValueError:
         raise InputError(

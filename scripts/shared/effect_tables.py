@@ -15,7 +15,7 @@ TYPICAL = {
     "1": "", "s": "", "kg": "F/a", "N": "F", "N/s": "F/s", "N/m": "F/x", "N s/m": "F/v",
     "N s^2/m^2": "F/v^2", "m": "x", "m/s": "v",
 }  # fmt: skip
-"""What a size or default of an axis' effect is a multiple of, by unit."""
+"""By unit: the typical quantity of which sizes of an axis' effects are multiples."""
 
 TYPICAL_NOTE = (
     "Sizes are multiples of what is typical in the logs: F, v, a rms force, speed, acceleration; "
@@ -28,9 +28,9 @@ class PrintedCatalogue(NamedTuple):
 
     Attributes
     ----------
-    formula : of an effect, in a form: "text" or "latex"
-    equation : of motion, of the base model with the effects named, in a form
-    unit_of : what the size of a parameter with this unit is a multiple of ("": its unit)
+    formula : of an effect, as "text" or "latex"
+    equation : of motion, of the base model with the named effects, as "text" or "latex"
+    unit_of : from a parameter's unit to the quantity of which its size is a multiple ("": none)
     note : below the table
     """
 

@@ -1,4 +1,4 @@
-"""What commands on a model and logs read before they begin."""
+"""Reading of a model and logs, for the commands that take them."""
 
 from __future__ import annotations
 
@@ -55,7 +55,7 @@ def read_inputs(
     if effects:
         from youbot_env.plugins import load_effects
 
-        load_effects(effects)  # first: the model's file may name them
+        load_effects(effects)  # before the model is read, since its file may name these effects
     loaded = load_any_model(model)
     check_mechanism(loaded, mechanism)
     lengths = load_geometry(geometry) if geometry else None

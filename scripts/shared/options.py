@@ -1,4 +1,4 @@
-"""What the commands share: options, progress, and files that are never half-written."""
+"""Options, progress and file output that the commands share."""
 
 from __future__ import annotations
 
@@ -125,6 +125,7 @@ def check_pictures(folder: Path | None, report: Path | None) -> None:
 
     matplotlib()
     if folder is not None and not folder.is_dir():
+        # The nearest folder that exists: mkdir makes those between, and needs permission there.
         there = next(part for part in (folder, *folder.absolute().parents) if part.exists())
         if not there.is_dir():
             raise _input_error(f"{folder}: cannot be made a folder: {there} is a file")
@@ -167,8 +168,8 @@ def write_result(path: Path | None, result: Mapping[str, Any], seed: int | None 
 
 
 def provenance(seed: int | None = None) -> dict[str, Any]:
-    """What it takes to repeat a result: this package's version, the seed, the versions beneath."""
-    from importlib.metadata import version  # 35 ms that only a result file needs
+    """What is needed to repeat a result: version, seed, and versions of Python and libraries."""
+    from importlib.metadata import version  # its import takes 35 ms and only a result file needs it
 
     versions = {name: version(name) for name in ("numpy", "scipy", "numba")}
     return {
@@ -206,16 +207,17 @@ def console(json: Path | None = None) -> Console:
 
     class PlainConsole(Console):
         def on_broken_pipe(self) -> None:
-            raise BrokenPipeError  # Rich would exit with status 1, `cli.main` knows better
+            raise BrokenPipeError  # Rich would exit with status 1; `cli.main` returns 141
 
+    # No markup and emoji codes: names of files and units may hold brackets and colons.
     return PlainConsole(stderr=json == STDOUT, highlight=False, markup=False, emoji=False)
 
 
 @contextmanager
 def progress(total: float, description: str) -> Iterator[Callable[..., None]]:
-    """A bar with the time left on standard error; yields `advance(steps=1)`.
+    """A progress bar on standard error; yields `advance(steps=1)`.
 
-    Silent where standard error is no terminal. The bar goes away at the end, also on Ctrl-C.
+    No bar if standard error is no terminal. It disappears at the end, also after Ctrl-C.
     """
     if not sys.stderr.isatty():
         yield lambda steps=1: None

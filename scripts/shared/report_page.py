@@ -1,4 +1,4 @@
-"""A report as a web page of one file: nothing runs in it, nothing is fetched from elsewhere."""
+"""A report as a web page in one file, without scripts and without links to other files."""
 
 from __future__ import annotations
 
@@ -86,13 +86,13 @@ def page(
 
 
 def facts(seed: int | None) -> dict[str, Any]:
-    """Versions and seed, as a page states them."""
+    """Versions and seed for a page."""
     made = common.provenance(seed)
     return {"version": made["version"], "seed": made["seed"], **made["versions"]}
 
 
 def write_page(path: Path, title: str, parts: Iterable[Part], seed: int | None) -> None:
-    """Write a page on what the command that runs has found.
+    """Write a page on the results of the present command.
 
     Raises
     ------
@@ -106,6 +106,7 @@ def _html(part: Part) -> str:
     if isinstance(part, Table):
         return _table(part)
     if isinstance(part, Picture):
+        # Pictures are part of the file, so that it can be sent alone.
         data = base64.b64encode(part.content).decode()
         return f'<img alt="{escape(part.name)}" src="data:image/png;base64,{data}">'
     heading = f"<h2>{escape(part.heading)}</h2>" if part.heading else ""

@@ -1,6 +1,6 @@
-"""The tables of results, made from their JSON form: terminal and page show the same numbers.
+"""Tables of results, made from their JSON form, so that terminal and page show the same numbers.
 
-``found`` is what ``to_dict`` of a result gives, or a part of it.
+``found`` is the result of ``to_dict``, or a part of it.
 """
 
 from __future__ import annotations
@@ -163,7 +163,7 @@ def addition_errors(found: Found) -> Table:
 
 
 def slip(logs: Mapping[str, Found]) -> list[Table]:
-    """Whether the wheel speeds keep the identity that rolling without slip means; [] of an axis."""
+    """Whether the wheel speeds fulfil the identity of rolling without slip; [] for an axis."""
     rows = tuple(
         (name, slip["ratio"], slip["noise"], "slip" if slip["exceeds_noise"] else "holds")
         for name, entry in logs.items()
@@ -226,7 +226,7 @@ def _sizes(found: Mapping[str, Found]) -> str:
 
 
 def logs(read: Iterable[Log]) -> Table:
-    """Which data a page is of."""
+    """The logs on which a page is based, with their hashes."""
     rows = tuple((log.name, len(log), log.duration, log.rate, log.sha256 or "-") for log in read)
     shown = ("rows", Column("duration s", decimals(1)), Column("Hz", number), text("sha256"))
     return Table("Logs", columns("log", *shown), rows)

@@ -1,4 +1,4 @@
-"""Results that are kept one by one as JSON lines, so that an interrupted run is taken up again."""
+"""Results saved one by one as JSON lines, so that an interrupted run can be resumed."""
 
 from __future__ import annotations
 
@@ -30,14 +30,14 @@ RECORD = FileKind(
     {"type": "object"},
     lambda content, source: content,
     version=None,
-    # A loop that diverged, or a diagnosis without a scale, has numbers that are none.
+    # A loop that diverged, or a free run in a diagnosis, gives NaN.
     may_hold_nan=True,
 )
-"""One line of the file. Which fields it has is a matter of who wrote it."""
+"""One line of the file. The fields depend on the command that wrote it."""
 
 
 def plain(record: Record) -> Record:
-    """The record as it reads after a round through JSON: what a resumed run would see."""
+    """The record, written as JSON and read again, as a resumed run would read it."""
     return json.loads(json.dumps(record, default=_plain))
 
 
@@ -48,7 +48,7 @@ def _plain(value: object) -> object:
 def read_results(
     folder: Path, key: Callable[[Record], str], what: str = "trial"
 ) -> dict[str, Record]:
-    """Records that a folder holds, by their key; a last line cut short is taken away.
+    """Records in a folder, by their key; an incomplete last line is removed from the file.
 
     Raises
     ------
@@ -59,6 +59,7 @@ def read_results(
     if not path.exists():
         return {}
     content = read_bytes(path, MAX_RESULTS)
+    # An interrupted run may have written a part of its last line.
     whole = content[: content.rfind(b"\n") + 1]
     found = {}
     for row, line in enumerate(whole.splitlines(), 1):
@@ -77,7 +78,7 @@ def read_results(
 
 
 def append_result(folder: Path, record: Record) -> None:
-    """Note one record in a folder, which is made if it is missing.
+    """Append one record to the results of a folder, which is made if it is missing.
 
     Raises
     ------
@@ -102,15 +103,15 @@ def resumed(
     what: str = "trial",
     progress: Callable[[], None] = lambda: None,
 ) -> dict[str, Record]:
-    """What a function makes of items, by their keys, less what a folder holds already.
+    """Results of a function for items, by key; those in a folder are not computed again.
 
     Parameters
     ----------
     function : of an item; picklable if ``jobs`` is more than one; its record is JSON-able
     items : by the key that their records will have
     key : of a record
-    folder : where each record is noted as it is done; None keeps none
-    what : a record is, for a message
+    folder : where each record is saved when it is done; None: nowhere
+    what : name of a record's kind, for messages
     progress : called once for each item
 
     Raises
@@ -137,18 +138,19 @@ Result = TypeVar("Result")
 def spread(
     function: Callable[[Item], Result], items: Sequence[Item], jobs: int
 ) -> Iterator[tuple[Item, Result]]:
-    """Items with what the function makes of them, as they get done.
+    """Items with their results, in the order in which they are finished.
 
     Parameters
     ----------
     function : picklable if ``jobs`` is more than one
-    jobs : processes; one works in this process, in order
+    jobs : number of processes; with one, all is done in this process, in order
     """
     if jobs == 1:
         for item in items:
             yield item, function(item)
         return
-    # A fork would inherit the threads of compiled code, half alive.
+    # Not fork: it copies the locks of compiled code's threads but not the threads themselves, and
+    # the child may wait for ever.
     context = multiprocessing.get_context("spawn")
     others = multiprocessing.active_children()
     pool = ProcessPoolExecutor(min(jobs, len(items) or 1), context, initializer=_be_one_of_many)
@@ -159,25 +161,28 @@ def spread(
     except BaseException:
         for process in multiprocessing.active_children():
             if process not in others:
-                process.terminate()  # what they are at may take minutes, and is not wanted
+                process.terminate()  # its item may take minutes, and nobody needs the result
         raise
     finally:
         pool.shutdown(wait=True, cancel_futures=True)
 
 
 def _be_one_of_many() -> None:
-    """Ctrl-C reaches all processes of a terminal; the parent alone decides what it means.
+    """Set up a worker process.
 
-    The processes share the cores already: none of them works in threads.
+    It ignores Ctrl-C, which a terminal sends to all processes; the parent handles it. It uses one
+    thread, since the processes share the cores. It ends if the parent dies.
     """
     signal.signal(signal.SIGINT, signal.SIG_IGN)
+    # setdefault: a number that the user has set stays.
     os.environ.setdefault(THREADS, "1")
     threading.Thread(target=_end_with_parent, daemon=True).start()
 
 
 def _end_with_parent() -> None:
-    """A parent that is killed tells nobody; its work is wanted by nobody."""
+    """End this process if the parent has died: a killed parent cannot stop its workers."""
     parent = multiprocessing.parent_process()
     assert parent is not None
     parent.join()
+    # Not sys.exit, which would end this thread only.
     os._exit(1)

@@ -1,4 +1,4 @@
-"""A table as data: columns that know their format, rows of values; for a terminal or a page."""
+"""A table as data: columns with formats and rows of values, for a terminal or a web page."""
 
 from __future__ import annotations
 
@@ -44,13 +44,13 @@ def columns(first: str, *others: Column | str) -> tuple[Column, ...]:
 
 @dataclass(frozen=True)
 class Table:
-    """A table, whoever shows it.
+    """A table, for a terminal or a web page.
 
     Attributes
     ----------
     rows : values, one for each column
     notes : lines below it
-    heading : line above it, where it opens a part
+    heading : line above it, if it is the first of a section
     """
 
     title: str
@@ -90,7 +90,7 @@ def _print(out: Console, table: Table) -> None:
     from rich.table import Table as RichTable
     from rich.text import Text
 
-    # Texts, not strings: Rich would take brackets in a name or a unit for markup.
+    # Text, not str: in a str Rich would read brackets, as in units, as markup.
     title = Text(table.title)
     drawn = RichTable(title=title, title_justify="left", box=box.SIMPLE_HEAD, pad_edge=False)
     for column in table.columns:
@@ -115,6 +115,7 @@ def number(value: float | None, digits: int = 4) -> str:
 
 def percent(share: float) -> str:
     """A share such as 0.0123 as "1.23 %"; "-" where it is not a number."""
+    # NaN is the only number that differs from itself.
     return f"{100 * share:.2f} %" if share == share else "-"
 
 

@@ -18,7 +18,7 @@ Found = Mapping[str, Any]
 def tables(
     title: str, found: Found, by_python_control: Mapping[str, list[float]] | None
 ) -> list[Table]:
-    """All tables; the margins with python-control's beside them where there are any."""
+    """All tables; margins also by python-control, if it is installed."""
     return [results(title, found), gains(found), margins(found, by_python_control)]
 
 
@@ -46,7 +46,7 @@ def results(title: str, found: Found) -> Table:
 
 
 def gains(found: Found) -> Table:
-    """The gains by what they had to keep."""
+    """The gains found under each set of requirements."""
     values = {name: one["gains"] for name, one in found["results"].items()}
     rows = tuple(
         (key, *(one[key]["value"] for one in values.values()), entry["unit"])
@@ -57,7 +57,7 @@ def gains(found: Found) -> Table:
 
 
 def margins(found: Found, by_python_control: Mapping[str, list[float]] | None) -> Table:
-    """Margins of the tuned loop by axis, with python-control's beside them where there are any."""
+    """Margins of the tuned loop by axis; also by python-control, if it is installed."""
     own, theirs = found["results"]["tuned"]["margins"], by_python_control or {}
     headers = ("gain dB", "phase deg", "python-control: dB", "deg")
     values = [*own.values(), *theirs.values()]

@@ -1,4 +1,4 @@
-"""What a policy is trained and judged on: plant, loop, references, reward."""
+"""Conditions under which a policy is trained and judged: plant, loop, references, reward."""
 
 from __future__ import annotations
 
@@ -12,26 +12,26 @@ from youbot_env.physics import hardware
 from youbot_env.tracking import randomisation
 
 SPREAD = ("95%", "105%")
-"""Of each base parameter, for a model that does not know how uncertain it is."""
+"""Range of each base parameter, for a model without a covariance."""
 
 REWARD_MARGINS = {"velocity_x": 0.02, "velocity_y": 0.02, "yaw_rate": 0.06, "smoothness": 0.3}
-"""Narrower than the environment's, which hardly tell a good policy from a very good one."""
+"""Narrower than the environment's, which give good and very good policies nearly one reward."""
 
 REWARD_WEIGHTS = {"effort": 0.0, "smoothness": 0.02}
-"""Effort follows from the reference alone; a little smoothness keeps noise out of the torques."""
+"""No effort: the reference determines it. A little smoothness keeps noise out of the torques."""
 
 
 @dataclass(frozen=True)
 class Conditions:
     """Options of ``YouBotTracking-v0`` that training sets; see there.
 
-    The defaults are those under which the shipped policies were trained. JSON holds them as they
-    are, so a run that was interrupted goes on under the same ones.
+    The defaults are those of the shipped policies' training. All values can be stored as JSON, so
+    that an interrupted run continues under the same conditions.
 
     Raises
     ------
     InputError
-        When ``platforms.tracking_setup`` is called, if one cannot be.
+        When ``platforms.tracking_setup`` is called, if a value is out of its range.
     """
 
     delay: int = 1
@@ -59,7 +59,7 @@ CONDITION_NAMES = tuple(field.name for field in fields(Conditions))
 
 
 def ranges_from(text: str, model: Model) -> randomisation.Ranges | str | None:
-    """What the option `--randomise` asks for.
+    """Ranges of the plant's parameters, from the option `--randomise`.
 
     Parameters
     ----------

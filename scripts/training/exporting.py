@@ -1,4 +1,4 @@
-"""From a Stable-Baselines3 model to a policy that numpy plays."""
+"""From a Stable-Baselines3 model to a policy that runs with numpy alone."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ _ACTIVATION_NAMES = {nn.Tanh: "tanh", nn.ReLU: "relu"}
 
 
 def network_of(model: Any, features: Array, mix: Array) -> Network:
-    """The network that ``model.predict(deterministic=True)`` evaluates, less torch.
+    """The network of ``model.predict(deterministic=True)``, without torch.
 
     Parameters
     ----------
@@ -49,6 +49,7 @@ def network_of(model: Any, features: Array, mix: Array) -> Network:
         modules = [*policy.actor.latent_pi, policy.actor.mu]
     else:
         modules = [*policy.actor.mu]
+    # SAC and TD3 end with tanh, which `Network` applies itself; PPO's actions are clipped.
     squashed = not isinstance(model, PPO)
     modules = [
         m
@@ -76,6 +77,7 @@ def network_of(model: Any, features: Array, mix: Array) -> Network:
 
 
 def _numbers(tensor: torch.Tensor) -> np.ndarray:
+    # float32, in which torch has trained it.
     return tensor.detach().cpu().numpy().astype(np.float32)
 
 
@@ -115,11 +117,11 @@ def import_zip(algorithm: str, path: str | os.PathLike[str]) -> Any:
     """
     try:
         with warnings.catch_warnings():
-            warnings.simplefilter("ignore")  # of spaces pickled by other versions
+            warnings.simplefilter("ignore")  # from spaces that other versions have pickled
             return ALGORITHMS[algorithm].load(path, device="cpu")
     except OSError as error:
         raise InputError(f"{path}: cannot be read: {error.strerror or error}") from None
-    except Exception as error:  # pickles fail in as many ways as there are
+    except Exception as error:  # unpickling can raise any exception
         reason = str(error).splitlines()[0] if str(error) else type(error).__name__
         raise InputError(
             f"{path}: no {algorithm.upper()} model could be loaded: {reason}"
@@ -158,13 +160,14 @@ def write_imported(
 
 
 def layout_of(observations: int, twist_scale: tuple[float, float, float], history: int) -> Layout:
-    """The environment's layout that has this many numbers.
+    """The environment's layout of observations with this many numbers.
 
     Raises
     ------
     InputError
         If there is none with ``history`` past actions.
     """
+    # 3 numbers of a twist for each previewed sample, 4 wheels for each past action.
     preview, rest = divmod(observations - 6 - 4 * history, 3)
     if rest or preview < 0:
         raise InputError(

@@ -1,4 +1,4 @@
-"""A run of training: learner, evaluations and checkpoints, from the beginning or resumed."""
+"""A run of training: learner, evaluations and checkpoints, new or resumed."""
 
 from __future__ import annotations
 
@@ -34,7 +34,7 @@ from youbot_scripts.training.settings import (
 from youbot_scripts.training.trainee import ACTIVATIONS, Trainee, prepare
 
 Report = Callable[[dict[str, Any]], None]
-"""Told each evaluation: steps, wall_time and cpu_time [s], error, error_by_axis."""
+"""Called with each evaluation: steps, wall_time and cpu_time [s], error, error_by_axis."""
 
 
 def train(
@@ -49,8 +49,8 @@ def train(
 ) -> tuple[Trainee, dict[str, Any]]:
     """Train to the choice's total of steps, from the folder's checkpoint if it has one.
 
-    The best policy by held-out error is in the folder at each moment. One seed gives the same
-    weights to the bit on one machine; a resumed run goes on with other random numbers.
+    The folder always holds the best policy by held-out error. On one machine, one seed gives
+    exactly the same weights; a resumed run continues with other random numbers.
 
     Returns
     -------
@@ -59,9 +59,10 @@ def train(
     Raises
     ------
     InputError
-        If an option cannot be.
+        If an option is out of its range.
     """
-    torch.set_num_threads(1)  # networks this small lose by more, and sums keep their order
+    # One thread is faster for small networks, and keeps the order of sums, so results repeat.
+    torch.set_num_threads(1)
     trainee = prepare(choice, model)
     state, replay = folder.load()
     begun = 0 if state is None else int(state["steps"])
@@ -82,7 +83,7 @@ def _diverging(folder: RunFolder) -> Iterator[None]:
         yield
     except InputError:
         raise
-    except ValueError as error:  # how torch's distributions greet a NaN
+    except ValueError as error:  # torch's distributions raise it for NaN
         if "invalid values" not in str(error):
             raise
         raise InputError(
@@ -100,6 +101,7 @@ def finish(trainee: Trainee, folder: RunFolder, record: dict[str, Any]) -> Netwo
 
 def _learner(trainee: Trainee, begun: int, device: str, board: RunFolder | None) -> Any:
     choice, learner = trainee.choice, trainee.choice.learner
+    # The state of random generators is not saved. The same seed would repeat the first references.
     seed = choice.seed if begun == 0 else choice.seed + begun
     env = TrackingVecEnv(
         trainee.fleet(learner.envs), trainee.features, trainee.mix, (choice.seed, begun)
@@ -114,9 +116,11 @@ def _learner(trainee: Trainee, begun: int, device: str, board: RunFolder | None)
         found = ALGORITHMS[choice.algorithm](
             "MlpPolicy",
             env,
+            # Stable-Baselines3 passes the share of the run that is left, from 1 to 0.
             learning_rate=lambda left: last + (first - last) * left,
             policy_kwargs=policy,
             tensorboard_log=None if board is None else str(board.path / "tensorboard"),
+            # NumPy's global seed, which Stable-Baselines3 sets, has 32 bits.
             seed=seed % 2**32,
             device=device,
             **options,
@@ -132,6 +136,7 @@ def _restore(
 ) -> None:
     try:
         learner.set_parameters(state["parameters"])
+        # TD3's delayed policy updates count from _n_updates.
         learner.num_timesteps, learner._n_updates = int(state["steps"]), int(state["updates"])
         if replay is not None:
             buffer = learner.replay_buffer
@@ -148,7 +153,10 @@ _REPLAY = ("observations", "next_observations", "actions", "rewards", "dones", "
 
 
 def _replay(learner: Any) -> dict[str, Any] | None:
-    """What an off-policy learner has seen, as tensors."""
+    """Replay buffer of an off-policy learner as tensors; None for PPO.
+
+    Only the filled part, copied, since training goes on in the same buffer.
+    """
     buffer = getattr(learner, "replay_buffer", None)
     if buffer is None:
         return None
@@ -158,7 +166,7 @@ def _replay(learner: Any) -> dict[str, Any] | None:
 
 
 class _Keeper(BaseCallback):
-    """Evaluates at even distances, keeps the best policy, writes checkpoints, moves the bar."""
+    """Callback: evaluates at equal intervals, saves best policy and checkpoints, moves the bar."""
 
     def __init__(
         self,
@@ -173,6 +181,7 @@ class _Keeper(BaseCallback):
         self._progress, self._report = progress, report
         state = state or {"steps": 0, "curve": [], "wall_time": 0.0, "cpu_time": 0.0}
         self._curve: list[dict[str, Any]] = list(state["curve"])
+        # Times of a resumed run include those before the interruption.
         self._wall = time.perf_counter() - state["wall_time"]
         self._cpu = time.process_time() - state["cpu_time"]
         self._steps = int(state["steps"])
@@ -201,7 +210,7 @@ class _Keeper(BaseCallback):
             self.evaluate()
 
     def evaluate(self) -> None:
-        """Judge the policy as it is, and write everything down."""
+        """Evaluate the present policy, and save results, best policy and checkpoint."""
         if self.num_timesteps == self._steps:
             return
         trainee = self._trainee
@@ -243,9 +252,9 @@ def train_policy(
     ----------
     path : folder of the run
     given : options by the command's names, those that were given
-    resume : go on with the run in the folder
+    resume : continue the run in the folder
     tensorboard, device : as the command's
-    report : is told each evaluation, see ``Report``
+    report : called with each evaluation, see ``Report``
 
     Raises
     ------
@@ -258,7 +267,7 @@ def train_policy(
     else:
         choice, model = chosen(algorithm, given)
         command = shlex.join(["youbot", "train", algorithm, *_words(given)])
-        prepare(choice, model)  # what cannot be shows before a folder is made
+        prepare(choice, model)  # refuses wrong options before a folder is made
         folder.begin(choice, model, command)
     with common.progress(choice.learner.steps, f"training {algorithm}") as advance:
         trainee, record = train(

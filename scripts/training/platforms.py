@@ -1,4 +1,4 @@
-"""The environment's own fast platforms as Stable-Baselines3 wants them.
+"""The environment's fast platforms as a vector environment of Stable-Baselines3.
 
 Observations are turned into features and outputs into wheel actions here, so that the network in
 training sees what the exported policy will see.
@@ -28,16 +28,17 @@ from youbot_env.tracking.task import TrackingTask, twist_scale
 from youbot_scripts.training.conditions import Conditions
 
 MakeBase = Callable[[], Controller]
-"""Makes the controller beneath, one for each platform."""
+"""Makes the base controller, one for each platform."""
 
 
 class BaseControllers:
-    """A controller under each of ``stepper``'s platforms; it sees what ``policy.without_torque``
-    shows.
+    """Base controllers, one for each platform of ``stepper``.
+
+    They get the same observations as in ``policy.without_torque``.
 
     Attributes
     ----------
-    action : (n, 4) what they ask for now, over the torque limit
+    action : (n, 4) torques that they command now, over the torque limit
     """
 
     def __init__(self, make: MakeBase, stepper: Stepper) -> None:
@@ -49,7 +50,7 @@ class BaseControllers:
         self.action = np.zeros((count, 4))
 
     def begin(self, row: int) -> None:
-        """A platform has been reset: so is its controller."""
+        """Reset the controller of a platform that has been reset."""
         setup, motion = self._stepper.setup, self._stepper.references[row]
         assert motion is not None
         self._tables[row] = ReferenceTable(motion, setup.period, setup.steps + 1, self._ahead)
@@ -57,7 +58,7 @@ class BaseControllers:
         self._ask(row)
 
     def follow(self) -> None:
-        """Asks every controller, after a step."""
+        """Compute the actions of all controllers, after a step."""
         for row in range(len(self._controllers)):
             self._ask(row)
 
@@ -72,14 +73,14 @@ class BaseControllers:
 
 
 class PlatformBatch:
-    """Platforms that a policy drives, alone or on top of a controller beneath.
+    """Platforms that a policy drives, alone or added to a base controller.
 
     Parameters
     ----------
     setup : of the platforms
     count : how many
-    make_base : makes the controller beneath, None if there is none
-    share : largest part of the torque limit that the policy may ask for
+    make_base : makes the base controllers; None for a policy alone
+    share : largest share of the torque limit that the policy may use
     """
 
     def __init__(
@@ -116,10 +117,10 @@ class PlatformBatch:
 
 
 class TrackingVecEnv(VecEnv):
-    """A fleet as Stable-Baselines3's vector environment.
+    """Platforms as a vector environment of Stable-Baselines3.
 
-    Finished episodes begin anew at once. The first ones end early, each at another time, so that
-    a batch always holds all parts of an episode.
+    A finished episode is followed by a new one at once. The first episodes end early, each at a
+    different time, so that a batch always contains all parts of an episode.
 
     Parameters
     ----------
@@ -137,6 +138,7 @@ class TrackingVecEnv(VecEnv):
         streams = np.random.SeedSequence(list(seed)).spawn(count)
         self._generators = [np.random.default_rng(stream) for stream in streams]
         self._steps = steps
+        # Different lengths of the first episodes, spread evenly: see the class's docstring.
         self._left = steps - steps * np.arange(count) // count
         self._sum, self._length = np.zeros(count), np.zeros(count, int)
         self._action = np.zeros((count, mix.shape[1]))
@@ -161,6 +163,7 @@ class TrackingVecEnv(VecEnv):
     def step_wait(self) -> Any:
         stepper = self._fleet.stepper
         self._fleet.step(self._action @ self._mix.T)
+        # Copies: the resets below write into the stepper's arrays.
         reward, terminated = stepper.reward.copy(), stepper.terminated.copy()
         self._left -= 1
         self._sum += reward
@@ -169,6 +172,8 @@ class TrackingVecEnv(VecEnv):
         seen = self._see()
         infos: list[dict[str, Any]] = [{} for _ in range(self.num_envs)]
         for row in np.flatnonzero(done).tolist():
+            # Before the reset: a truncated episode is continued by the value of its last
+            # observation.
             infos[row] = self._ended(row, seen[row], bool(terminated[row]))
             self._fleet.reset(row, self._generators[row])
         if done.any():
@@ -185,7 +190,7 @@ class TrackingVecEnv(VecEnv):
         }
 
     def close(self) -> None:
-        """Nothing is held open."""
+        """Nothing to close."""
 
     def get_attr(self, attr_name: str, indices: Any = None) -> list[Any]:
         return [getattr(self, attr_name, None) for _ in self._get_indices(indices)]
@@ -203,7 +208,7 @@ class TrackingVecEnv(VecEnv):
 def tracking_setup(
     conditions: Conditions, model: Model, ranges: Ranges | str | None = None
 ) -> Setup:
-    """Everything that a ``Stepper`` needs, with the model drawn anew for each episode."""
+    """Setup of a ``Stepper``; with ``ranges`` each episode draws a new model."""
     added = {}
     if conditions.lag is not None:
         added["actuator_lag"] = {"time_constant": finite("lag", conditions.lag, positive=True)}

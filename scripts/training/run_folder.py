@@ -1,6 +1,6 @@
-"""The folder of a run: what was asked for, the last checkpoint, the best policy.
+"""The folder of a run: its settings, the last checkpoint, the best policy.
 
-Checkpoints are read with torch's ``weights_only``, so resuming a run from elsewhere runs no code.
+Checkpoints are read with torch's ``weights_only``, so that a file from elsewhere cannot run code.
 """
 
 from __future__ import annotations
@@ -29,7 +29,7 @@ class RunFolder:
 
     @property
     def settings(self) -> Path:
-        """What was asked for: JSON, written once."""
+        """Settings of the run: JSON, written once."""
         return self.path / "run.json"
 
     @property
@@ -39,7 +39,7 @@ class RunFolder:
 
     @property
     def replay(self) -> Path:
-        """What SAC and TD3 have seen; the checkpoint is worth little without it."""
+        """Replay buffer of SAC and TD3, which would have to be filled again without it."""
         return self.path / "replay.pt"
 
     @property
@@ -48,7 +48,7 @@ class RunFolder:
         return self.path / "policy.json"
 
     def begin(self, choice: Choice, model: Model, command: str) -> None:
-        """Write down what was asked for.
+        """Write the settings of a new run.
 
         Raises
         ------
@@ -81,7 +81,11 @@ class RunFolder:
         return read_json(self.settings, RUN_FILE)
 
     def save(self, state: Mapping[str, Any], replay: Mapping[str, Any] | None) -> None:
-        """Write a checkpoint: complete or not at all. The replay comes first."""
+        """Write a checkpoint; no partly written file is left.
+
+        The replay comes first: after an interruption in between, the older checkpoint has a newer
+        replay, which does no harm.
+        """
         for path, content in ((self.replay, replay), (self.checkpoint, state)):
             if content is not None:
                 with atomic_path(path) as stand_in:
@@ -102,6 +106,7 @@ def _tensors(path: Path) -> dict[str, Any] | None:
     if not path.exists():
         return None
     try:
+        # On the CPU: a checkpoint from a GPU must be readable on a machine without one.
         found = torch.load(path, map_location="cpu", weights_only=True)
     except Exception as error:  # torch raises many kinds
         reason = str(error).splitlines()[0] if str(error) else type(error).__name__
@@ -117,7 +122,7 @@ def _run(content: dict[str, Any], source: str) -> tuple[Choice, Model, str]:
 
 
 def _fields_of(kind: type, required: list[str], **known: Schema) -> Schema:
-    """An object with fields of a dataclass and no others; what is known of some of them."""
+    """JSON schema of a dataclass: its fields and no others, with schemas for some of them."""
     names: dict[str, Schema] = {field.name: {} for field in fields(kind)}
     return {
         "type": "object",
@@ -137,7 +142,7 @@ RUN_FILE = FileKind(
         "properties": {
             "choice": _fields_of(
                 Choice,
-                # What has a default may be missing: runs of earlier versions knew less.
+                # Fields with a default may be missing: earlier versions had fewer fields.
                 ["algorithm", "learner", "conditions", "effects"],
                 algorithm={"type": "string"},
                 learner=_fields_of(

@@ -21,15 +21,15 @@ class Learner:
     Attributes
     ----------
     steps : control periods in all, over all platforms
-    envs : platforms side by side
+    envs : platforms in parallel
     evaluations : over the run, on held-out references
     learning : arguments of the algorithm by Stable-Baselines3's names; the learning rate falls
         linearly to ``final_learning_rate``
-    policy : the same for its ``policy_kwargs``
+    policy : entries of its ``policy_kwargs``
     activation : of the network, see ``controllers.policy.policy.ACTIVATIONS``
     features : "tracking" or "plain", see ``controllers.policy.inputs``
-    mixed : whether the network asks for forward, left and turn, or for four wheels
-    conditions : where it wants other ``Conditions`` than the default ones
+    mixed : whether the network's outputs are forward, left and turn, or four wheels
+    conditions : values of ``Conditions`` that replace the defaults
     """
 
     steps: int
@@ -63,8 +63,8 @@ CALM: dict[str, Any] = {
     "reward_weights": {"effort": 0.0, "smoothness": 0.3},
     "reward_margins": {"velocity_x": 0.05, "velocity_y": 0.05, "yaw_rate": 0.15, "smoothness": 1.0},
 }
-"""Wider margins and a price on changes for SAC and TD3, whose critics see no harm in torques that
-jump from limit to limit as long as the mean is right; it halves that, it does not end it."""
+"""For SAC and TD3: wider margins and a penalty on changes. Without them their torques jump between
+the limits, since the critics value only their mean. The penalty halves these jumps."""
 
 LEARNERS: dict[str, Learner] = {
     "ppo": Learner(
@@ -100,22 +100,22 @@ LEARNERS: dict[str, Learner] = {
         conditions=CALM,
     ),
 }
-"""A horizon of ten samples (gamma 0.9) is enough: a torque shows in the twist within two. Small
-first actions (log_std_init) do, since a tenth of the torque already moves the platform. Without
-target_kl PPO forgets halfway what it has learnt: its actions vary so little by then that any change
-of the mean is a large one."""
+"""gamma 0.9 is a horizon of ten samples, which is enough: a torque acts on the twist within two.
+log_std_init gives small first actions, since a tenth of the torque already moves the platform.
+target_kl keeps PPO from losing what it has learnt in the second half of a run: its actions then
+vary so little that any change of their mean is a large change of the policy."""
 
 EVALUATION_SEED, TEST_SEED = 1_000_000, 2_000_000
-"""First seeds of the references that choose the best policy, and of those that judge it. Training
-draws from spawned sequences, which never meet them."""
+"""First seeds of the references that select the best policy, and of those of the final test.
+Training uses spawned seed sequences, which differ from both."""
 
 ACTION_NOISE = 0.1
-"""Standard deviation of TD3's exploration, of the torque limit."""
+"""Standard deviation of TD3's exploration noise, as a share of the torque limit."""
 
 
 @dataclass(frozen=True)
 class Choice:
-    """Everything that a run's result depends on, its model aside; a run folder keeps it as JSON.
+    """Everything that a run's result depends on, except its model; stored as JSON in a run folder.
 
     Attributes
     ----------
@@ -123,7 +123,7 @@ class Choice:
     learner, conditions : see there
     randomise : see ``conditions.ranges_from``
     effects : texts NAME:p=value of what the plant has beyond the model
-    base, share : name of the controller beneath, and the policy's share of the torque limit on it
+    base, share : name of the base controller, and the policy's share of the torque limit
     seed : of everything
     """
 
@@ -142,12 +142,12 @@ class Choice:
 
 
 def choice_from_dict(data: Mapping[str, Any]) -> Choice:
-    """What ``Choice.to_dict`` described.
+    """Inverse of ``Choice.to_dict``.
 
     Raises
     ------
     InputError
-        If it describes no choice.
+        If fields are missing or unknown.
     """
     try:
         learner, conditions = Learner(**data["learner"]), Conditions(**data["conditions"])
@@ -177,7 +177,7 @@ def changed(choice: Choice, assignments: Iterable[str]) -> Choice:
 
 
 _TABLES = ("learning", "policy", "conditions")
-"""Fields of ``Learner`` that are reached by their keys, not as a whole."""
+"""Fields of ``Learner`` whose keys are set one by one, not as a whole."""
 
 
 def _with(choice: Choice, key: str, value: Any) -> Choice:
@@ -211,12 +211,13 @@ def _value(word: str) -> Any:
 
 
 def _alike(key: str, old: Any, new: Any) -> Any:
-    """The new value if it is of the old one's kind; what is None or text may become anything."""
+    """The new value, if its type fits the old one's; None and text may be replaced by anything."""
     number = (int, float)
     fits = (
         old is None
         or isinstance(old, str)
         or (isinstance(old, bool) and isinstance(new, bool))
+        # bool is a subclass of int, but true is no number of steps.
         or (isinstance(old, int) and isinstance(new, int) and not isinstance(new, bool))
         or (isinstance(old, float) and (new is None or isinstance(new, number)))
         or (isinstance(old, (list, tuple)) and isinstance(new, (list, tuple)))
@@ -228,7 +229,7 @@ def _alike(key: str, old: Any, new: Any) -> Any:
 
 
 SHARE = 0.3
-"""Of the torque limit, for a policy on top of a controller that does most of the work."""
+"""Share of the torque limit for a policy that is added to a controller."""
 
 
 def chosen(algorithm: str, given: dict[str, Any]) -> tuple[Choice, Model]:

@@ -17,7 +17,7 @@ def progress_line(row: dict[str, Any]) -> str:
 
 
 def summary_line(record: dict[str, Any]) -> str:
-    """What a run has cost."""
+    """Steps, times and seed of a run."""
     return (
         f"{record['steps']:,} steps, {record['wall_time']:.0f} s ({record['cpu_time']:.0f} s of "
         f"one core), seed {record['seed']}"
@@ -25,7 +25,7 @@ def summary_line(record: dict[str, Any]) -> str:
 
 
 def tested(record: dict[str, Any]) -> Table:
-    """The policy beside other controllers, on references that it has not met."""
+    """The policy and other controllers on references that training has not used."""
     shown = (
         *(Column(axis, percent) for axis in ("VX", "VY", "W", "mean")),
         Column("N m/s", decimals(1)),

@@ -1,4 +1,4 @@
-"""What a choice of settings means for a model: setups, controller beneath, ways in and out."""
+"""From settings and a model to what is trained: setups, base controller, features and outputs."""
 
 from __future__ import annotations
 
@@ -66,14 +66,14 @@ def track(
     make_base: MakeBase | None = None,
     share: float = 1.0,
 ) -> Tracking:
-    """Drive ``references`` episodes side by side, each over its whole length.
+    """Drive ``references`` episodes in parallel, each over its whole length.
 
     Parameters
     ----------
     act : wheel actions (n, 4) for observations (n, D)
     setup : of plant and loop
     seed : of the first reference; the others follow one by one
-    make_base, share : the controller beneath, see ``PlatformBatch``
+    make_base, share : the base controller, see ``PlatformBatch``
     """
     fleet = PlatformBatch(setup, references, make_base, share)
     for row in range(references):
@@ -88,6 +88,7 @@ def track(
             wanted[step, row] = info["reference_twist"]
             torque[step, row] = info["commanded_torque"]
             saturated[step, row] = info["saturated"]
+    # An axis at rest divides by zero.
     with np.errstate(all="ignore"):
         ratio = np.sqrt((error**2).mean(axis=0) / (wanted**2).mean(axis=0))
     rate = np.diff(torque, axis=0) / setup.period
@@ -95,7 +96,7 @@ def track(
 
 
 def idle(observation: Array) -> Array:
-    """No torque of its own: what the controller beneath does alone."""
+    """Actions (n, 4) of zero: the base controller acts alone."""
     return np.zeros((len(observation), 4))
 
 
@@ -110,14 +111,14 @@ FEATURES: dict[str, Callable[[Layout, float], Array]] = {
 
 @dataclass(frozen=True)
 class Trainee:
-    """Everything that a choice means for a model: setups, controller beneath, ways in and out.
+    """What is trained: setups, base controller, features and outputs.
 
     Attributes
     ----------
     training, nominal : setups with models drawn anew, and with the one model
-    make_base : makes the controller beneath, which believes the model without effects; or None
+    make_base : makes the base controller, built on the model without the plant's effects; or None
     features, mix : see ``TrackingVecEnv``
-    description : of the policy that will come out
+    description : of the policy that is exported
     """
 
     choice: Choice
@@ -144,19 +145,19 @@ class Trainee:
         )
 
     def judge_other(self, name: str, model: Model, seed: int, references: int = 20) -> Tracking:
-        """The same for a controller of the registry that believes ``model``."""
+        """The same for a controller of the registry that is built on ``model``."""
         conditions = self.choice.conditions
         make = base_maker(name, believed(model, conditions), loop_of(conditions))
         return track(idle, self.nominal, references=references, seed=seed, make_base=make)
 
 
 def prepare(choice: Choice, model: Model) -> Trainee:
-    """What a choice means; everything that cannot be shows here.
+    """From a choice to what is trained; wrong options are refused here.
 
     Raises
     ------
     InputError
-        If an option cannot be.
+        If an option is out of its range.
     """
     conditions, learner = choice.conditions, choice.learner
     plant = with_effects(model, choice.effects)
@@ -184,14 +185,14 @@ def prepare(choice: Choice, model: Model) -> Trainee:
 
 
 def believed(model: Model, conditions: Conditions) -> Model:
-    """What controllers believe: the model and the drives' lag, not the plant's other effects."""
+    """Model that controllers are built on: with the drives' lag, without the plant's effects."""
     if conditions.lag is None:
         return model
     return model.with_effect("actuator_lag", time_constant=conditions.lag)
 
 
 def loop_of(conditions: Conditions) -> Loop:
-    """What a controller may know of the loop. Counted speeds are half a period old."""
+    """The loop as a controller's designer knows it; counted speeds are half a period old."""
     period = 1.0 / conditions.control_rate
     return Loop(
         sample_time=period,
@@ -203,10 +204,10 @@ def loop_of(conditions: Conditions) -> Loop:
 
 
 def base_maker(name: str, model: Model, loop: Loop) -> MakeBase:
-    """Makes controllers of a name; what takes a search is searched once."""
+    """Maker of controllers of a name; a design by search is done once for all."""
     found = CONTROLLERS.get(name)
     if found is None:
-        entry(name)  # tells what comes close
+        entry(name)  # raises for an unknown name, with the nearest known one
         raise InputError(f"residual: {name} is a policy itself; name a controller")
     settings = dict(found.design(model, loop)) if found.design is not None else {}
     return lambda: found.build(model, loop, **settings)

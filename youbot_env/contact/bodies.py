@@ -56,7 +56,8 @@ class Bodies:
         self.acting: Array = np.zeros(4)
 
     def twin(self) -> Bodies:
-        """Another platform of the same make, which shares what does not move."""
+        """Another platform with the same model. The compiled MuJoCo models are shared."""
+        # Not by __init__, which would compile the documents again.
         other = object.__new__(Bodies)
         other.__dict__.update(self.__dict__)
         other._begin()
@@ -74,6 +75,7 @@ class Bodies:
             self.acting = state[DRIVES].copy()
         data, yaw = self._data, state[YAW]
         data.qpos[:2] = state[POSE][:2]
+        # MuJoCo's quaternions are (w, x, y, z).
         data.qpos[3:7] = math.cos(yaw / 2), 0.0, 0.0, math.sin(yaw / 2)
         data.qpos[self._q] = state[WHEEL_ANGLE]
         self._settle()
@@ -84,6 +86,7 @@ class Bodies:
         self._now.opt.timestep = self._timestep
         for _ in range(round(EngineSettings.settling_time / self._timestep)):
             _engine().mj_step(self._now, data)
+            # Only height, roll and pitch may move: the place is given, also on a slope.
             upright = data.qvel[2:5].copy()
             data.qvel[:] = 0.0
             data.qvel[2:5] = upright
@@ -91,13 +94,16 @@ class Bodies:
     def _set_off(self, twist: Array, yaw: float) -> None:
         (vx, vy, w), g, data = twist, self._model.geometry, self._data
         data.qvel[:] = 0.0
+        # A free joint's linear velocity is in the world frame, its angular one in the body frame.
         data.qvel[0] = math.cos(yaw) * vx - math.sin(yaw) * vy
         data.qvel[1] = math.sin(yaw) * vx + math.cos(yaw) * vy
         data.qvel[5] = w
         rate = g.wheel_speeds(twist)
+        # Degrees of freedom: 6 of the platform, then for each wheel its own and its rollers'.
         rollers = (self._now.nv - 6) // 4 - 1
         for i, first in enumerate(self._v):
             data.qvel[first] = rate[i]
+            # All rollers of a wheel, so that the next one touches the floor without slip too.
             spin = -(vy + w * SIGN_X[i] * g.h) / (g.r * COS_ROLLER)
             data.qvel[first + 1 : first + 1 + rollers] = spin
         _engine().mj_forward(self._now, data)
@@ -110,9 +116,11 @@ class Bodies:
         self._lost = self._lost or not within
         if self._lost:
             return
+        # 1e-9: a duration of whole steps must not get one more by rounding.
         steps = max(1, math.ceil(duration / self._timestep - 1e-9))
         passed = self._line.passed(command[None].copy(), duration)
         pieces = [(torque[0], length) for torque, length in passed]
+        # The usual case in one call of the engine: one constant torque, no lag, no change of load.
         if len(pieces) == 1 and not self._lag and not self._load_is_due(duration):
             self.acting = pieces[0][0].copy()
             self._run(self.acting, duration / steps, steps)
@@ -127,12 +135,13 @@ class Bodies:
         self._data.ctrl[:] = torque
         started = self._data.time
         _engine().mj_step(self._now, self._data, steps)
-        # An engine that gives up starts again from its origin, and its clock does too.
+        # MuJoCo resets the data, its clock included, when the simulation becomes unstable.
         self._lost = self._data.time <= started
         self._time += length * steps
 
     def _load_is_due(self, within: float) -> bool:
         waits = self._now is not self._loaded
+        # Half a step earlier: the load comes at the step whose start is nearest to its time.
         return waits and self._time + within > self._load_time - 0.5 * self._timestep
 
     def _after_lag(self, torque: Array, length: float) -> Array:
@@ -140,6 +149,7 @@ class Bodies:
         if not self._lag:
             self.acting = torque
             return torque
+        # The engine holds a torque through its step, so it gets the mean of the exact solution.
         behind, decay = self.acting - torque, math.exp(-length / self._lag)
         self.acting = torque + behind * decay
         return torque + behind * (1.0 - decay) * self._lag / length
@@ -168,8 +178,10 @@ class Bodies:
     @property
     def energy(self) -> float:
         """Kinetic and potential energy [J]."""
+        # A copy: mj_forward writes into the data, and looking must not change the run.
         engine, bodies, data = _engine(), self._now, copy.copy(self._data)
         engine.mj_forward(bodies, data)
+        # M qvel, so that half of qvel . M qvel is the kinetic energy.
         momentum = np.zeros(bodies.nv)
         engine.mj_mulM(bodies, data, momentum, data.qvel)
         weight = -bodies.body_mass[:, None] * bodies.opt.gravity
@@ -179,6 +191,7 @@ class Bodies:
 def _means(pieces: list[tuple[Array, float]], duration: float, steps: int) -> Array:
     """Mean torques (steps, 4) in equal steps of torques that are each held for their time."""
     time = np.cumsum([0.0, *(length for _, length in pieces)])
+    # The integral of a held torque is linear between its changes, so interpolation is exact.
     impulse = np.cumsum([np.zeros(4), *(torque * length for torque, length in pieces)], axis=0)
     grid = np.linspace(0.0, duration, steps + 1)
     passed = np.stack([np.interp(grid, time, column) for column in impulse.T], axis=1)

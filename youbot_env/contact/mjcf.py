@@ -26,15 +26,17 @@ Array = NDArray[np.float64]
 def roller_half_length(geometry: Geometry, rollers: int) -> float:
     """Half axis [m] of the ellipsoids of radius r whose envelope is nearly the circle of radius R.
 
-    Turned by an angle a from the floor, a roller holds the wheel's centre at the height
-    (R - r) cos a + sqrt(r^2 + k sin^2 a), k = (c^2 - r^2) / 2. It is R up to fourth order where
-    k = r (R - r), and R again at the hand-over a = pi / rollers where the second formula below
-    says so. The first drops there and bumps, the second leaves two rollers on the floor for long;
-    halfway the height ripples by 10 micrometres at sixteen rollers of the youBot.
+    Turned by an angle a from the floor, a roller of half axis c holds the wheel's centre at the
+    height (R - r) cos a + sqrt(r^2 + k sin^2 a), k = (c^2 - r^2) / 2. With k = r (R - r) the height
+    is R up to fourth order in a, but it drops at the hand-over a = pi / rollers with a bump.
+    With the second k below it is R again at the hand-over, but two rollers touch the floor for
+    long. The mean of both is taken: with sixteen rollers of the youBot the height ripples by 10
+    micrometres.
     """
     R, r, edge = geometry.R, geometry.r, math.pi / rollers
     smooth = r * (R - r)
     level = ((R - (R - r) * math.cos(edge)) ** 2 - r**2) / math.sin(edge) ** 2
+    # c^2 = r^2 + 2 k, with k the mean of the two.
     return math.sqrt(r**2 + smooth + level)
 
 
@@ -69,6 +71,7 @@ class Wheel:
         g, spin = model.geometry, model.values["I1"]
         if g.m1 <= 0.0:
             raise InputError(f"model {model.name}: a plant with contacts needs wheels with m1 > 0")
+        # The rollers' centres lie on a circle of radius R - r.
         ring = EngineSettings.roller_mass_share * g.m1 * (g.R - g.r) ** 2
         if spin < 2.0 * ring:
             raise InputError(
@@ -76,12 +79,14 @@ class Wheel:
                 f"at least {2.0 * ring:.2g}"
             )
         hub = (1.0 - EngineSettings.roller_mass_share) * g.m1
+        # A solid disc, but no more than half of what is left: the rest is the rotor's, which is an
+        # armature and adds nothing to the platform's yaw inertia.
         hub_spin = min(0.5 * hub * g.R**2, 0.5 * (spin - ring))
         return Wheel(
             hub,
             EngineSettings.roller_mass_share * g.m1 / rollers,
             hub_spin,
-            0.6 * hub_spin,
+            0.6 * hub_spin,  # about a diameter: a flat disc would have 0.5, a thick one has more
             spin - ring - hub_spin,
         )
 
@@ -96,14 +101,17 @@ def platform_inertia(
     """
     v, g = model.values, model.geometry
     mass = v["m0"] - 4 * g.m1
+    # A thin ring about its diameter: half of the value about its axis.
     ring = 0.5 * (g.m1 - wheel.hub) * (g.R - g.r) ** 2
     of_wheels = 4 * (g.m1 * (g.h**2 + g.l**2) + wheel.hub_across + ring)
+    # I0 is about O and includes the wheels; a body's inertia is about its own centre of mass.
     yaw = v["I0"] - of_wheels - mass * (v["aX"] ** 2 + v["aY"] ** 2)
     if yaw <= 0.0:
         raise InputError(
             f"model {model.name}: I0 = {v['I0']:g} kg m^2 is less than the wheels' mass and the "
             "platform's off-centre mass alone make; a body like that cannot be built"
         )
+    # Heights are relative to O, which lies R above the floor.
     centre = np.array([v["aX"], v["aY"], com_height - g.R])
     inertia = np.diag([0.55 * yaw, 0.55 * yaw, yaw])
     if not loaded:
@@ -112,6 +120,7 @@ def platform_inertia(
     place = np.array(
         [v["payload_change.x"], v["payload_change.y"], EngineSettings.payload_height - g.R]
     )
+    # Two masses about their common centre: the reduced mass times the distance squared.
     apart, reduced = place - centre, mass * load / (mass + load)
     inertia = inertia + reduced * (apart @ apart * np.eye(3) - np.outer(apart, apart))
     return mass + load, (mass * centre + load * place) / (mass + load), inertia
@@ -120,6 +129,7 @@ def platform_inertia(
 def gravity(model: Model) -> Array:
     """Weight per mass (3,) [m/s^2] in the frame of a floor with the model's slope."""
     down = [-math.sin(model.values.get(f"floor_tilt.tilt_{axis}", 0.0)) for axis in "xy"]
+    # The third component completes a unit vector: tilting does not change the weight.
     return GRAVITY * np.array([*down, -math.sqrt(1.0 - down[0] ** 2 - down[1] ** 2)])
 
 
@@ -178,6 +188,7 @@ def _check_stands(model: Model, mass: float, centre: Array) -> None:
     """InputError unless the weight passes between the wheels, whatever way the platform faces."""
     g, (slope_x, slope_y, down) = model.geometry, gravity(model)
     share = mass / (mass + 4 * g.m1)
+    # The height of the common centre of mass times the slope: how far the weight's line moves.
     lean = (g.R + share * centre[2]) * math.hypot(slope_x, slope_y) / -down
     if np.any(share * np.abs(centre[:2]) + lean >= (g.h, g.l)):
         raise InputError(
@@ -206,13 +217,16 @@ def _wheel(model: Model, contact: Contact, wheel: Wheel, index: int) -> str:
 def _roller(model: Model, contact: Contact, wheel: Wheel, index: int, k: int) -> str:
     """Roller ``k``; number 0 stands on the floor when the wheel angle is zero."""
     v, g = model.values, model.geometry
+    # skew: angle between the roller's axis and X where it stands on the floor.
     turn, skew = 2 * math.pi * k / contact.rollers, SIGN_LATERAL[index] * math.pi / 4
     c, s = math.cos(turn), math.sin(turn)
     axis = (math.cos(skew) * c, math.sin(skew), -math.cos(skew) * s)
     place = (-(g.R - g.r) * s, 0.0, -(g.R - g.r) * c)
     half = roller_half_length(g, contact.rollers)
-    # So much inertia that explicit damping stops a free roller in one step, and no sooner.
+    # With the inertia dt mu2 explicit damping stops a free roller in one step. With less its speed
+    # would change sign in each step, and with less than half of it grow.
     spin = contact.timestep * v["mu2"]
+    # A solid ellipsoid: m (b^2 + c^2) / 5 about an axis, with the other two half axes b and c.
     across, along = wheel.roller * (g.r**2 + half**2) / 5, 0.4 * wheel.roller * g.r**2
     inertia = _numbers((across, across, along))
     return f"""

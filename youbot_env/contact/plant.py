@@ -1,8 +1,8 @@
-"""The plant of another kind: MuJoCo, gravity, and rollers that touch the floor with friction.
+"""A plant in MuJoCo: gravity, and rollers that touch the floor with friction.
 
-Nothing of the project's own dynamics is used here but the parameters, so that a controller or an
-identification can be judged on physics that its model does not hold: wheels slip, rollers hand the
-floor over to each other sixteen times a turn, load shifts between the wheels.
+Only the parameters come from the project's model, not its dynamics. So a controller or an
+identification can be tested on physics that its model lacks: wheels slip, contact passes from one
+roller to the next sixteen times a turn, load shifts between the wheels.
 
 How it departs from the ideal model with the same parameters (the paper's, defaults of ``Contact``,
 4 s of smooth torques up to 2 N m; ``pytest tests/youbot_env/contact/test_plant.py -s`` prints it):
@@ -137,6 +137,7 @@ class ContactPlant(StateRows):
         bodies, state = self._bodies[index], self.states[index]
         bodies.read(state[TWIST], state[POSE], state[WHEEL_ANGLE], self.wheel_rates[index])
         heading = state[YAW]
+        # A run that is lost has no heading (NaN): the last yaw is kept.
         state[YAW] = yaw + math.remainder(heading - yaw, 2 * math.pi) if heading == heading else yaw
         state[CLOCK] = time
         if self.structure.has_actuator:

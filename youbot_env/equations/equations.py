@@ -141,8 +141,10 @@ def try_out(item: Effect) -> None:
         world.
     """
     point, count = _POINTS[item.acts_at], len(WORDS[item.acts_at])
+    # All different and not zero, so that exchanged or lost values show.
     plain = [0.3 + 0.1 * k for k in range(len(item.parameter_names))]
     _try_public(item, plain)
+    # On symbols too, as code is generated from them: an `if` in the function works on floats only.
     trials = (
         ("numbers", floats, _numeric(point), plain),
         ("symbols", symbols(), point, _real(item.parameter_names)),
@@ -164,7 +166,7 @@ def try_out(item: Effect) -> None:
 
 
 def _try_public(item: Effect, values: list[float]) -> None:
-    """There and back again must be the same values, and no strength no error."""
+    """Check that ``inverse`` undoes ``forward``, and that zero strength raises no error."""
     if item.public is None:
         return
     geometry = Geometry()
@@ -222,7 +224,7 @@ _POINTS: dict[Place, Any] = {
 
 
 PLATFORM = Notation(_POINTS, WORDS, tuple(_BASE))
-"""That of the mecanum platform."""
+"""Notation of the mecanum platform."""
 
 
 class _OpenPoints(EffectPoints):
@@ -252,6 +254,7 @@ class Equations:
     @cached_property
     def geometry(self) -> Any:
         """Symbols of the lengths, with l + h = L as the paper abbreviates."""
+        # l is written as L - h, so that l + h simplifies to L in every formula.
         h, R, r, L = _real("h R r L")
         return SimpleNamespace(l=L - h, h=h, R=R, r=r)
 
@@ -262,6 +265,7 @@ class Equations:
         found: list[str] = []
         for full, short in zip(self.structure.parameter_names, names, strict=True):
             effect = full.rpartition(".")[0]
+            # Two effects may have a parameter of one name, such as "smoothing".
             found.append(short if names.count(short) == 1 else f"{short}_{effect}")
         return _real(_SPACED.get(name, name) for name in found)
 
@@ -305,6 +309,8 @@ class Equations:
 
     def _readable(self, part: Any) -> Any:
         rates = [symbol for symbol in self.no_slip if part.has(symbol)]
+        # Rates are replaced by the twist only where they are linear; tanh(phi1') or phi1' |phi1'|
+        # is easier to read with the rate, which the legend explains.
         if not rates or not part.is_polynomial(*rates):
             return part
         is_linear = sympy.Poly(part, *rates).total_degree() == 1
@@ -332,6 +338,8 @@ class Equations:
         return [(with_values(c, values), with_values(m, values)) for c, m in rows]
 
     def _rank(self, motion: Any, axis: int) -> tuple[Any, ...]:
+        # Order: accelerations (that of the side's own axis first), then products of
+        # the twist by falling degree, then everything else.
         for i, symbol in enumerate(_ACCELERATION):
             if motion.has(symbol):
                 return 0, i != axis, i, ""
@@ -362,6 +370,7 @@ class Equations:
             stated = _real(item.public_names)
             inner = item.to_internal(symbols(), _LENGTHS, stated)
             for symbol, value in zip(self.theta[where], inner, strict=True):
+                # A parameter that is stated as it is needs no line.
                 if value not in stated:
                     lines.append(f"{show(symbol)} = {show(sympy.sympify(value))}")
         return lines

@@ -25,6 +25,8 @@ def collected(side: Any, motion: set[Any]) -> list[Group]:
             found[moved] = found.get(moved, 0) + coefficient
     shared: dict[Any, Any] = {}
     for moved, coefficient in found.items():
+        # a tanh(x1) - a tanh(x2) becomes a (tanh(x1) - tanh(x2)): the sign goes to the function, so
+        # that both have the coefficient a.
         is_function = not moved.is_polynomial(*motion)
         sign = -1 if is_function and coefficient.could_extract_minus_sign() else 1
         key = (sign * coefficient, None if is_function else moved)
@@ -34,16 +36,18 @@ def collected(side: Any, motion: set[Any]) -> list[Group]:
 
 
 def tidy(expression: Any) -> Any:
-    """Numbers that rounding left beside a fraction, a root or a part of a turn, as just that."""
+    """Makes floats exact that are, up to rounding, a fraction, its root or a fraction of pi."""
     floats = expression.atoms(sympy.Float)
     return expression.xreplace({number: _exact(number) for number in floats})
 
 
 def _exact(number: Any) -> Any:
     value = float(number)
+    # Denominators up to 64 and 1e-12: a measured value hardly ever fits by chance.
     for power, restore in ((1, sympy.Rational), (2, _root)):
         fraction = Fraction(value**power).limit_denominator(64)
         if fraction and abs(float(fraction) / value**power - 1) < 1e-12:
+            # The square has lost the sign.
             exact = restore(fraction.numerator, fraction.denominator)
             return exact if value > 0 or power == 1 else -exact
     turn = Fraction(value / math.pi).limit_denominator(64)
@@ -60,6 +64,7 @@ def with_values(expression: Any, values: dict[sympy.Symbol, float]) -> Any:
     """Values in place of their symbols, to six digits."""
     if not values:
         return expression
+    # 17 digits carry a double exactly; rounding to six comes after all products are made.
     found = sympy.N(expression.subs(values), 17)
     rounded = {number: sympy.Float(f"{float(number):.6g}") for number in found.atoms(sympy.Float)}
     return found.xreplace(rounded)
@@ -103,6 +108,7 @@ def _switched_on(expr: Any) -> Any:
 
 def text(expression: Any) -> str:
     """Plain text: products by spaces, powers by ``^``, derivatives by primes."""
+    # full_prec=False: 0.1, not 0.100000000000000.
     printed = _Text({"full_prec": False}).doprint(expression)
     return printed.replace("**", "^").replace("*", " ")
 

@@ -1,4 +1,4 @@
-"""A model in other people's tools, one file each; nothing here states an equation of motion.
+"""A model exported to other tools, one file for each; no equation of motion is written here.
 
 ``control_systems``: systems of python-control; ``torch_export`` (and ``torch_module``, which
 imports torch): a module with gradients; ``mujoco_bodies``: an MJCF document; ``step_function``: a

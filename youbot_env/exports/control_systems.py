@@ -109,6 +109,7 @@ def linear_control(
     late = _late(control, signals.model, pade)
     state, torque = steady(signals.model, twist, **at)
     a, b = signals.model.linearise(state, torque)
+    # Time, and with ``twist_only`` pose and angles, are no states of the system.
     a, b = a[np.ix_(signals.places, signals.places)], b[signals.places]
     return control.ss(
         np.block([[a, b @ late.c], [np.zeros((len(late.a), len(a))), late.a]]),
@@ -127,6 +128,7 @@ def steady(model: Model, twist: ArrayLike, **at: ArrayLike) -> tuple[Array, Arra
 
     ``at`` names pose (3,), wheel_angle (4,) and time, zero by default.
     """
+    # The drives are steady (torque_rate is 0), so the acting torque is the true command.
     torque = model.inverse_dynamics(twist, np.zeros(3), **at)
     time = at.get("time", 0.0)
     acting = dynamics.channel_torque(np, model.structure, model.theta, list(torque), time)
@@ -187,10 +189,12 @@ class Platform:
         self._model, self._places = model, signals.places
         self._size = len(model.structure.state_names)
         self._derivative: Any = kernel(model.structure, dynamics).derivative
+        # The last parameters and their theta: python-control passes them at every call.
         self._known: tuple[dict[str, float], Array] = (dict(model.values), model.theta)
 
     def derivative(self, t: float, x: Array, u: Array, params: Mapping[str, float]) -> Array:
         """(k,) at time t [s], states x (k,) and torques u (4,) [N m]; ``params`` by full name."""
+        # States that are left out stay zero: with ``twist_only`` no force reads them.
         state = np.zeros(self._size)
         state[self._places], state[TIME] = x, t
         model = self._model
@@ -208,7 +212,7 @@ class Platform:
 
 @dataclass(frozen=True, eq=False)
 class DelayModel:
-    """What the torques pass before they act: xd' = a xd + b u, acting = c xd + d u."""
+    """Linear model of the delay: xd' = a xd + b u, and acting torques c xd + d u."""
 
     a: Array
     b: Array
@@ -237,6 +241,7 @@ def _late(control: Any, model: Model, order: int | None) -> DelayModel:
         raise InputError(
             f"pade: an order of at least 1 and a delay above zero, not {order} and {model.delay:g}"
         )
+    # All four wheels have the same delay, so one approximation is repeated in blocks.
     one, each = control.ss(control.tf(*control.pade(model.delay, order))), np.eye(4)
     names = tuple(f"late_{wheel}_{k + 1}" for wheel in WHEELS for k in range(order))
     return DelayModel(*(np.kron(each, part) for part in (one.A, one.B, one.C, one.D)), states=names)

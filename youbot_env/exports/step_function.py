@@ -19,7 +19,7 @@ Array = NDArray[np.float64]
 
 
 class StepFunction:
-    """``function(state, torque)`` returns the state one period later; it keeps nothing itself.
+    """``function(state, torque)`` returns the state one period later; it has no state of its own.
 
     Made by :func:`step_function`. It can be pickled, and called from many places at once.
 

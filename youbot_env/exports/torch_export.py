@@ -1,4 +1,4 @@
-"""The model as a torch module, without making everybody who exports import torch."""
+"""The model as a torch module. Torch is imported only when a module is made."""
 
 from __future__ import annotations
 

@@ -13,8 +13,8 @@ from youbot_env.errors import InputError
 Array = NDArray[np.float64]
 
 ROUNDING = 1e-6
-"""Of correlations: how far a covariance may be from symmetric and positive semidefinite. Fits come
-within 1e-9; files with six digits a number within 1e-6."""
+"""Error of a correlation that counts as rounding, where a covariance is checked for symmetry and
+positive eigenvalues. Fits are within 1e-9; files with six digits a number are within 1e-6."""
 
 
 def check_covariance(
@@ -34,11 +34,13 @@ def check_covariance(
         raise InputError(f"{where}: names {', '.join(names)} must be parameters, each once")
     if covariance.shape != (len(names), len(names)):
         raise InputError(f"{where} must be {len(names)} x {len(names)}, one row a name")
-    # Correlations, so that parameters of different size weigh alike.
+    # Correlations, so that one tolerance fits parameters of all sizes. A variance of 0 must not
+    # divide by 0.
     scale = np.sqrt(np.abs(np.diag(covariance)))
     unit = covariance / np.outer(scale, scale).clip(min=1e-300)
     if not np.allclose(unit, unit.T, atol=ROUNDING) or np.diag(covariance).min(initial=0) < 0:
         raise InputError(f"{where} must be symmetric with variances on its diagonal")
+    # Rounding of k x k entries moves an eigenvalue by up to k times as much.
     if len(names) and np.linalg.eigvalsh(unit).min() < -ROUNDING * len(names):
         raise InputError(f"{where} is not positive semidefinite")
 

@@ -21,7 +21,7 @@ from youbot_env.physics.stated_parameters import to_public, to_theta
 Array = NDArray[np.float64]
 
 Known = TypeVar("Known")
-"""What is known of a mechanism beforehand."""
+"""Type of a mechanism's geometry, which is known and not identified."""
 
 BASE_UNITS = {
     "m0": "kg",
@@ -51,7 +51,7 @@ class Model(Generic[Known]):
 
     Attributes
     ----------
-    geometry : what is known of the mechanism beforehand: of a platform lengths and wheel mass
+    geometry : what is known and not identified; for a platform its lengths and wheel mass
     parameters : of the base model by name: of a platform the paper's seven, m0, I0, I1, aX, aY,
         mu1, mu2
     effects : for each added effect its parameters by name
@@ -143,7 +143,7 @@ class Model(Generic[Known]):
 
     @cached_property
     def lengths(self) -> Array:
-        """What the kernels take of the geometry: of a platform (4,) l, h, R, r [m]."""
+        """Lengths of the geometry that compiled code reads; for a platform (4,) l, h, R, r [m]."""
         return np.array([getattr(self.geometry, name) for name in self.mechanism.lengths], float)
 
     @cached_property
@@ -181,6 +181,7 @@ class Model(Generic[Known]):
             }
             for effect in self.effects
         }
+        # The covariance belongs to the fit of the old values.
         return replace(
             self, parameters=parameters, effects=effects, covariance=None, covariance_names=()
         )
@@ -219,7 +220,8 @@ class Model(Generic[Known]):
             raise InputError(f"model {self.name}: it holds no covariance to draw from")
         mean = np.array([self.values[name] for name in self.covariance_names])
         for _ in range(1000):
-            # The covariance was checked on construction, with parameters of one scale.
+            # numpy's own check would compare parameters of different units; the model has checked
+            # the covariance with correlations.
             draw = rng.multivariate_normal(mean, self.covariance, check_valid="ignore")
             try:
                 return self.with_values(dict(zip(self.covariance_names, draw, strict=True)))
@@ -289,6 +291,7 @@ class Model(Generic[Known]):
         Central differences of the model itself: exact to about 1e-9 of the largest entry, to 1e-6
         where a wheel with dry friction stands still.
         """
+        # All differences in one call: the model takes arrays of states and torques.
         x = np.concatenate([np.asarray(state, float), np.asarray(torque, float)])
         size = len(self.structure.state_names)
         shifts = step * np.eye(len(x))
@@ -315,4 +318,5 @@ def _instant(twist: ArrayLike, acceleration: ArrayLike, at: Mapping[str, ArrayLi
 
 
 def _stack(components: Sequence[Any]) -> Array:
+    # Some components may be plain numbers: a force that an effect leaves at 0.
     return np.stack(np.broadcast_arrays(*components), axis=-1).astype(float)

@@ -57,7 +57,8 @@ SHARED: dict[str, Schema] = {
     "errors": {"type": "object"},
     "provenance": {"type": "object"},
 }
-"""Fields of any mechanism's model. Units, bounds and names are the catalogue's: checked after."""
+"""Fields of any mechanism's model. Names, units and bounds are in the catalogue, not here; they are
+checked after the schema."""
 
 
 def numbers_schema(names: Iterable[str]) -> Schema:
@@ -67,7 +68,7 @@ def numbers_schema(names: Iterable[str]) -> Schema:
 
 
 def history_to_dict(model: Any) -> dict[str, Any]:
-    """What any model knows of its own fit: covariance, logs, errors, provenance."""
+    """A model's record of its own fit: covariance, logs, errors, provenance."""
     return {
         "covariance": None
         if model.covariance is None
@@ -155,11 +156,12 @@ def shipped_models() -> tuple[str, ...]:
 def _shipped(name: str) -> Traversable | None:
     """The file of a shipped model, or None where a path or an unknown name is meant."""
     file = _shipped_folder().joinpath(f"{name}.json")
+    # A name with a folder in it is a path, and must not lead out of the package's folder.
     return file if os.path.basename(name) == name and file.is_file() else None
 
 
 def read_content(source: str | os.PathLike[str]) -> dict[str, Any]:
-    """What a model file, or a shipped model by its name, holds; of which mechanism is open.
+    """Content of a model file, or of a shipped model by its name; of any mechanism.
 
     Raises
     ------
@@ -224,7 +226,8 @@ def model_to_dict(model: Model[Geometry]) -> dict[str, Any]:
 def model_from_dict(data: Any, source: str = "model") -> Model[Geometry]:
     """Build and check a model from a model file's content; ``source`` names it in errors."""
     MODEL_FILE.check_version(data, source)
-    # Before the schema, which another mechanism's file does not fit.
+    # Before the schema: a file of another mechanism does not fit it, and the error would name a
+    # missing key instead of the mechanism.
     if data.get("mechanism", "mecanum") != "mecanum":
         raise InputError(f"{source}: mechanism {data['mechanism']!r} is not a mecanum platform")
     return MODEL_FILE.from_content(data, source)

@@ -22,6 +22,7 @@ def window(t: Array, duration: float, ramp: float) -> tuple[Array, Array, Array]
     Rises as u^3 (10 - 15 u + 6 u^2), u = t/ramp, stays at 1, and falls as it rose. It is twice
     continuously differentiable everywhere and exactly zero, with both derivatives, outside.
     """
+    # Distance to the nearer end, so that the fall mirrors the rise.
     u = np.clip(np.minimum(t, duration - t) / ramp, 0.0, 1.0)
     slope = np.where(t < duration / 2, 1.0, -1.0) / ramp
     rise = u**3 * (10.0 - 15.0 * u + 6.0 * u**2)
@@ -54,6 +55,7 @@ class Motion(ABC):
 
     def __init_subclass__(cls) -> None:
         super().__init_subclass__()
+        # Not an inherited kind: abstract classes between have none of their own.
         if "kind" in cls.__dict__:
             Motion.kinds[cls.kind] = cls
 
@@ -128,6 +130,7 @@ class MotionSequence(Motion):
     def _curves(self, t: Array) -> tuple[Array, Array]:
         twist, acceleration = np.zeros((2, len(t), 3))
         for part, (_, start, end) in zip(self.parts, self.segments(), strict=True):
+            # Half open, so that an instant belongs to one part. At the very end the twist is zero.
             inside = (t >= start) & (t < end)
             if inside.any():
                 twist[inside], acceleration[inside] = part.evaluate(t[inside] - start)
@@ -164,6 +167,7 @@ def motion_from_dict(description: Mapping[str, Any]) -> Motion:
     if not isinstance(kind, str) or kind not in Motion.kinds:
         raise InputError(f"motion kind: {kind!r} is none of {', '.join(sorted(Motion.kinds))}")
     known = {f.name for f in fields(Motion.kinds[kind]) if f.init}
+    # In one of the two sets only: a missing field, or an unknown one.
     for name in sorted(known ^ set(map(str, values))):
         state = "is missing" if name in known else f"is unknown, use {', '.join(sorted(known))}"
         raise InputError(f"motion of kind '{kind}': field '{name}' {state}")

@@ -62,6 +62,7 @@ def _turning(
         name=name,
         duration=duration,
         frequency=frequency,
+        # The moving wheels roll at V + L W = 2 L W.
         yaw_rate=rim_speed / (2 * geometry.L),
         lever_x=lever_x,
         lever_y=lever_y,
@@ -82,6 +83,7 @@ def motion_iii(
     """
     geometry = geometry or Geometry()
     rim_speed = geometry.R * finite("motion 'III' wheel_speed", wheel_speed)
+    # A wheel rolls at |VX +- VY|, whose peak on a circle is sqrt(2) times the speed.
     return Circling(name="III", duration=duration, frequency=frequency, speed=rim_speed / 2**0.5)
 
 
@@ -111,6 +113,7 @@ def motion_iv(
                 name=f"IV leg {leg + 1}",
                 duration=finite("motion 'IV' duration", duration) / legs,
                 frequency=frequency,
+                # There and back. The rest of the wheels' speed is for turning.
                 speed=(1 - yaw_share) * rim_speed * (-1) ** leg,
                 direction=0.0,
                 yaw_rate=yaw_share * rim_speed / geometry.L,

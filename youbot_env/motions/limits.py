@@ -43,6 +43,7 @@ class MotionLimits:
         """Largest factor, at most 1, that brings twists (n, 3) within the speed limits."""
         wheel = np.abs(geometry.wheel_speeds(twist)).max(initial=0.0)
         body = np.hypot(twist[..., 0], twist[..., 1]).max(initial=0.0)
+        # Torque is no part of it: that depends on a model.
         excess = max(1.0, wheel / self.wheel_speed, body / self.body_speed)
         return float(1.0 / excess)
 

@@ -14,7 +14,7 @@ from youbot_env.motions.limits import MotionLimits
 from youbot_env.physics.geometry import Geometry
 
 SAMPLES_PER_PERIOD = 16
-"""Grid points per period of the fastest tone that could be, when a peak is searched."""
+"""Grid points per period of the highest frequency of the band, when a peak is searched."""
 
 PEAK_BOUND = 1.0 / float(np.cos(np.pi / SAMPLES_PER_PERIOD))
 """A trigonometric polynomial exceeds its largest sample on that grid by this factor at most
@@ -140,12 +140,14 @@ def multisine(
     if plateau <= 0:
         raise InputError("multisine duration: must be longer than two ramps")
 
+    # The order of the draws from ``rng`` decides what a seed gives: tones first, then phases.
     frequency, period = _harmonics(rng, low, high, tones, plateau)
     steps = int(np.ceil(SAMPLES_PER_PERIOD * period * high / (2 * np.pi)))
     time = np.linspace(0.0, period, steps, endpoint=False)
     phase, values = zip(*(_low_crest(rng, time, w, draws) for w in frequency), strict=True)
     bound = PEAK_BOUND * np.column_stack(values)
     gain = peak / np.abs(bound).max(axis=0)
+    # One factor for all axes keeps their proportions.
     gain *= (limits or MotionLimits()).room(gain * bound, geometry or Geometry())
     drawn = [
         Tone(axis, float(w), float(gain[axis]), float(phi))
@@ -162,8 +164,10 @@ def _harmonics(
     needed = 3 * tones
     period = max(plateau, 2 * np.pi * needed / (high - low))
     base = 2 * np.pi / period
+    # 1e-9: an edge of the band that is a harmonic itself must not be lost by rounding.
     first, last = int(np.ceil(low / base - 1e-9)), int(np.floor(high / base + 1e-9))
     chosen = np.sort(rng.choice(np.arange(first, last + 1), needed, replace=False))
+    # Each row holds three neighbours; one goes to each axis, so every axis covers the band.
     dealt = rng.permuted(chosen.reshape(tones, 3), axis=1)
     return base * dealt.T, period
 
@@ -173,6 +177,7 @@ def _low_crest(
 ) -> tuple[Array, Array]:
     """Phases (tones,) [rad] of the flattest of ``draws`` sums of unit tones, and that sum."""
     phase = rng.uniform(0.0, 2 * np.pi, (draws, len(frequency)))
+    # sin(w t + phi) = Im(exp(j w t) exp(j phi)): one product serves all draws.
     carrier = np.exp(1j * np.multiply.outer(time, frequency))
     values = np.einsum("nk,dk->dn", carrier, np.exp(1j * phase)).imag
     best = int(np.abs(values).max(axis=1).argmin())

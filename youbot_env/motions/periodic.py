@@ -42,6 +42,7 @@ class Periodic(Motion):
     @property
     def periods(self) -> int:
         """Number of whole periods on the plateau."""
+        # 1e-9: a duration made for whole periods must not lose one by rounding.
         return int((self.duration - 2 * MIN_RAMP) * self.frequency / (2 * np.pi) + 1e-9)
 
     @property
@@ -58,6 +59,7 @@ class Periodic(Motion):
         return window(t, self.duration, self.ramp)
 
     def _angle(self, t: Array) -> Array:
+        # Zero in the middle, so that sine is odd and cosine even about it.
         return self.frequency * (t - self.duration / 2)
 
 
@@ -113,6 +115,7 @@ class Circling(Periodic):
         s, s1, _ = self._window(t)
         angle = self._angle(t)
         ray = self.speed * np.column_stack([np.cos(angle), np.sin(angle), np.zeros_like(t)])
+        # The derivative of (cos, sin) is (-sin, cos).
         turn = self.frequency * ray[:, [1, 0, 2]] * [-1.0, 1.0, 0.0]
         return s[:, None] * ray, s1[:, None] * ray + s[:, None] * turn
 
@@ -156,6 +159,7 @@ class Straight(Periodic):
         heading, yaw_rate, yaw_acceleration = self.heading(t)
         ahead = self.speed * np.cos(self.direction - heading)
         left = self.speed * np.sin(self.direction - heading)
+        # The heading carries its own window, so W does not get another.
         twist = np.column_stack([s * ahead, s * left, yaw_rate])
         rate_x = s1 * ahead + s * left * yaw_rate
         rate_y = s1 * left - s * ahead * yaw_rate

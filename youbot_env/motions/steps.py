@@ -1,4 +1,4 @@
-"""Steps of the body twist: what starts and brakes hard shows drives and delays."""
+"""Steps of the body twist: hard starts and stops, in which drive lags and delays show."""
 
 from __future__ import annotations
 
@@ -62,7 +62,7 @@ class Steps(Motion):
         u = np.clip((t - index * self.hold) / self.rise, 0.0, 1.0)[:, None]
         climb = levels[index + 1] - levels[index]
         twist = levels[index] + climb * u**3 * (10.0 - 15.0 * u + 6.0 * u**2)
-        moving = ((t > 0.0) & (t < self.duration))[:, None]  # at rest to the last bit elsewhere
+        moving = ((t > 0.0) & (t < self.duration))[:, None]  # exactly zero elsewhere, as promised
         slope = climb * 30.0 * u**2 * (1.0 - u) ** 2 / self.rise
         return np.where(moving, twist, 0.0), np.where(moving, slope, 0.0)
 
@@ -87,7 +87,7 @@ def steps(
     limits: MotionLimits | None = None,
     name: str = "steps",
 ) -> Steps:
-    """Random steps, each to one side and then to the other, so that the robot stays about.
+    """Random steps, each followed by its opposite, so that the robot stays near its start.
 
     ``amplitude``: peaks of VX, VY [m/s] and W [rad/s], brought within the limits together. Rise
     and hold [s]: the default asks the paper's platform for some 2 N m, for moments.
@@ -98,6 +98,7 @@ def steps(
         If a number cannot be.
     """
     pairs = count("steps pairs", max(1, round(finite("steps duration", duration) / (2 * hold))))
+    # At least 0.3 of the amplitude: a step near zero would show nothing.
     drawn = rng.uniform(0.3, 1.0, (pairs, 3)) * rng.choice([-1.0, 1.0], (pairs, 3))
     levels = np.repeat(drawn * amplitude, 2, axis=0)
     levels[1::2] *= -1.0

@@ -1,4 +1,4 @@
-"""Inverse dynamics, the only physics that is written down, and the effects that it is made of."""
+"""Inverse dynamics, the only place that states the physics, and the effects that it is made of."""
 
 from lazy_loader import attach_stub
 

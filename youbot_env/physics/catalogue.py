@@ -28,11 +28,12 @@ _PAPER = "Identification of the KUKA youBot's parameters, RFBR 16-01-00429-a"
 
 
 def _per(moment: float, strength: float) -> float:
-    """moment / strength; zero where there is no strength, and so no place that it acts at."""
+    """moment / strength; 0 for strength 0, where the place is not defined (it must be finite)."""
     return moment / strength if strength else 0.0
 
 
 def _centre_of_mass(geometry, m0, I0, m_aX, m_aY):  # noqa: N803
+    # The paper states aX, aY of the platform without its wheels; those lie symmetrically about O.
     mass = m0 - 4 * geometry.m1
     return m0, I0, _per(m_aX, mass), _per(m_aY, mass)
 
@@ -71,6 +72,8 @@ _INERTIA = Parameter("I0", "kg m^2", lower=0.0, size=4.0)
 def rigid_body(xp, body, m0, I0, m_aX, m_aY):  # noqa: N803
     """Planar rigid body with an eccentric centre of mass, about O in the body frame."""
     (vx, vy, wz), (ax, ay, alpha) = body.twist, body.acceleration
+    # ax, ay are derivatives of components in the turning frame; the acceleration of O is
+    # (ax - wz vy, ay + wz vx).
     return (
         m0 * (ax - wz * vy) - m_aY * alpha - m_aX * wz * wz,
         m0 * (ay + wz * vx) + m_aX * alpha - m_aY * wz * wz,
@@ -165,6 +168,8 @@ def uneven_wheel_friction(xp, wheel, extra):
 )
 def floor_tilt(xp, world, tilt_x, tilt_y):
     """Weight along a floor that rises towards world +X, +Y [N]: m0 g sin(tilt) at the CoM."""
+    # The force that holds the platform on the slope: a wrench is what a motion demands, so uphill
+    # is positive.
     weight = world.base.m0 * GRAVITY
     force_x, force_y = weight * xp.sin(tilt_x), weight * xp.sin(tilt_y)
     return force_x, force_y, world.com_x * force_y - world.com_y * force_x
@@ -182,6 +187,7 @@ def floor_tilt(xp, world, tilt_x, tilt_y):
 )
 def load_dependent_friction(xp, wheel, share, smoothing):
     """Gear friction in proportion to the transmitted torque [N m]: s |M| tanh(phi'/eps)."""
+    # A share below 1 (upper bound 0.9) keeps the fixed point in ``acting_torque`` a contraction.
     return share * xp.abs(wheel.torque) * xp.tanh(wheel.rate / smoothing)
 
 
@@ -362,7 +368,8 @@ def tether(xp, world, stiffness, pull_x, pull_y):
 
 
 LIGHTEST = 0.01
-"""Mass [kg] under which a payload's moments are not taken for those of a mass far out."""
+"""Smallest mass [kg] by which the moments of a payload are divided. Without it, a mass near zero
+with moments from noise would be a mass far outside the platform."""
 
 _TIME = Parameter(
     "time",
@@ -376,8 +383,10 @@ _TIME = Parameter(
 
 def _payload(xp, time, mass, mass_x, mass_y, start):
     """What a payload adds to m0, I0, m aX, m aY once it is on."""
-    # Of the time's own precision: on tensors two plain numbers would be single.
+    # 0 * time gives both values the type of ``time``: torch.where of two plain numbers would give
+    # single precision.
     is_on = xp.where(time >= start, 1.0 + 0.0 * time, 0.0 * time)
+    # A point mass: m (x^2 + y^2) = ((m x)^2 + (m y)^2) / m.
     inertia = (mass_x**2 + mass_y**2) / xp.maximum(mass, LIGHTEST)
     return is_on * mass, is_on * inertia, is_on * mass_x, is_on * mass_y
 

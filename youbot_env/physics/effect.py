@@ -100,8 +100,10 @@ class Channel(NamedTuple):
 
 
 class Clock(NamedTuple):
-    """The clock of all torque channels. An effect here returns the delay d [s] that is constant:
-    the true torque at t is what the interface said at t - d."""
+    """The clock of all torque channels. An effect here returns a constant delay d [s].
+
+    The true torque at t is the interface torque of t - d.
+    """
 
 
 @dataclass(frozen=True)
@@ -124,8 +126,8 @@ CLOCK = Place("log clock", "shift", Clock, False)
 
 
 INSTANT_STEP = 0.25
-"""Half the step [s] over which the slope in an instant is taken: some samples of any log, and what
-a search over instants leaves unsettled."""
+"""Half step [s] of the central difference in a time parameter: some samples of any log, and about
+as wide as the uncertainty that a search over instants leaves."""
 
 
 @dataclass(frozen=True)
@@ -176,15 +178,16 @@ class Parameter:
 
     @property
     def difference(self) -> float:
-        """Half the step over which the force's slope in it is taken.
+        """Half step of the central difference of the force in this parameter.
 
-        An instant moves a jump of the force from sample to sample: its slope shows over many.
+        The force jumps at an instant, and a sampled jump moves only by whole samples. So the step
+        of an instant must span several samples.
         """
         return INSTANT_STEP if self.instant else 1e-3 * self.size
 
     def fault(self, value: float) -> str:
         """What is wrong with a value, as "3 kg is outside [0, 2]"; "" within the bounds."""
-        # A fit that ends at a bound may lie outside it by its rounding.
+        # A fit that ends at a bound may lie outside it by rounding.
         slack = 1e-9 * self.size
         if isfinite(value) and self.lower - slack <= value <= self.upper + slack:
             return ""
@@ -277,6 +280,7 @@ class Effect:
         arguments: list[Any] = []
         start = 0
         for parameter in self.parameters:
+            # Values of ``each_wheel`` parameters stand side by side, one for each joint.
             arguments.append(values[start + wheel] if parameter.each_wheel else values[start])
             start += len(parameter.names)
         return self.function(xp, point, *arguments)
@@ -305,6 +309,7 @@ class Registry:
             If the name is taken by another effect.
         """
         known = self._effects.get(new.name)
+        # The same code may come again: a user's file that is loaded a second time.
         if known is not None and known.function.__code__ != new.function.__code__:
             raise InputError(f"effect {new.name!r} is already registered: choose another name")
         self._effects[new.name] = new
@@ -337,7 +342,7 @@ class Registry:
         before = dict(self._effects)
         try:
             yield
-        except BaseException:
+        except BaseException:  # KeyboardInterrupt too
             self._effects = before
             raise
 
@@ -382,6 +387,7 @@ def effect(
 
     def register(function: Callable[..., Any]) -> Callable[..., Any]:
         name = getattr(function, "__name__", "effect")
+        # The first two are xp and the point. Values are passed by position, so order matters.
         takes = list(inspect.signature(function).parameters)[2:]
         if takes != [parameter.name for parameter in declared]:
             raise InputError(

@@ -23,7 +23,8 @@ SIGN_Y = (+1.0, -1.0, +1.0, -1.0)
 """y_i = SIGN_Y[i] l: left wheels lie at positive Y."""
 
 SIGN_LATERAL = (-1.0, +1.0, +1.0, -1.0)
-"""Sign of VY in R phi_i' (tangent of the roller angle, d = -45, +45, +45, -45 degrees)."""
+"""Sign of VY in R phi_i': the tangent of the roller angle d = -45, +45, +45, -45 degrees, which is
+that of the roller on the floor. Seen from above the rollers slant the other way."""
 
 COS_ROLLER = float(np.sqrt(0.5))
 """Cosine of the 45 degree angle between a roller's axis and X."""
@@ -62,6 +63,7 @@ class Geometry:
                 raise InputError(f"geometry {field.name}: {value!r} is not a finite number")
             if value < 0 or (value == 0 and field.name != "m1"):
                 raise InputError(f"geometry {field.name}: {value!r} must be positive")
+            # The dataclass is frozen; __post_init__ may write only this way.
             object.__setattr__(self, field.name, float(value))
 
     @property
@@ -72,12 +74,15 @@ class Geometry:
     @property
     def wheel_jacobian(self) -> NDArray[np.float64]:
         """(4, 3): wheel rates [rad/s] per body twist (VX, VY, W); no slip."""
+        # A positive (left) turn moves the left wheels back. The arm is l + h, not l: at 45 degrees
+        # the sideways motion h W of a wheel turns it as much as a forward motion does.
         yaw = [-sign * self.L for sign in SIGN_Y]
         return np.column_stack([np.ones(4), SIGN_LATERAL, yaw]) / self.R
 
     @property
     def roller_jacobian(self) -> NDArray[np.float64]:
         """(4, 3): rates [rad/s] of the rollers on the floor per body twist; no slip."""
+        # A roller takes up the sideways speed of its wheel, VY + x_i W; VX turns none.
         lateral = -np.ones(4) / (self.r * COS_ROLLER)
         return np.column_stack([np.zeros(4), lateral, lateral * np.array(SIGN_X) * self.h])
 
@@ -91,6 +96,8 @@ class Geometry:
         The columns of the wheel Jacobian are orthogonal, so the projection is a mean with signs.
         """
         jacobian = self.wheel_jacobian
+        # The pseudo-inverse of a matrix with orthogonal columns: each column over its squared
+        # length.
         return np.asarray(wheel_speeds, float) @ (jacobian / (jacobian**2).sum(axis=0))
 
     def slip(self, wheel_speeds: ArrayLike) -> NDArray[np.float64]:
@@ -99,6 +106,7 @@ class Geometry:
 
     def body_force(self, wheel_torque: ArrayLike) -> NDArray[np.float64]:
         """(F_X, F_Y, M_W) (..., 3) [N, N, N m] about O of four wheel torques (..., 4) [N m]."""
+        # Equal power, M . phi' = F . V: forces use the transpose of the rates' Jacobian.
         return np.asarray(wheel_torque, float) @ self.wheel_jacobian
 
     def wheel_torque(self, body_force: ArrayLike) -> NDArray[np.float64]:
@@ -137,6 +145,7 @@ def allocate(geometry: Any, force: Triple) -> tuple[Any, ...]:
     """Least-norm wheel torques [N m] that exert a generalised force."""
     fx, fy, mz = force
     lever = geometry.l + geometry.h
+    # The pseudo-inverse: columns are orthogonal, and four wheels share each component.
     return tuple(
         geometry.R / 4 * (fx + SIGN_LATERAL[i] * fy - SIGN_Y[i] * mz / lever) for i in range(4)
     )
@@ -144,6 +153,7 @@ def allocate(geometry: Any, force: Triple) -> tuple[Any, ...]:
 
 def roller_force(geometry: Any, torque: Sequence[Any]) -> Triple:
     """Generalised force (F_X, F_Y, M_W) of torques [N m] at the four rollers' axles."""
+    # The transpose of ``roller_rates``. F_X is 0: driving ahead turns no roller on the floor.
     scaled = [-value / (geometry.r * COS_ROLLER) for value in torque]
     yaw = sum(SIGN_X[i] * geometry.h * scaled[i] for i in range(4))
     return 0.0, sum(scaled), yaw

@@ -12,6 +12,7 @@ NOMINAL_CURRENT = 2.32
 GEAR_RATIO = 9405 / 364
 """Motor turns per wheel turn, 25.84: KUKA's youBot driver configuration."""
 
+# rpm times pi / 30 is rad/s.
 MAX_MOTOR_SPEED = 5250 * 3.141592653589793 / 30
 """Nominal speed of the motor, 5250 rpm, in rad/s: youBot manual."""
 

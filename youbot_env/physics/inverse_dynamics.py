@@ -1,4 +1,4 @@
-"""Inverse dynamics, the only statement of physics, and everything that is derived from it.
+"""Inverse dynamics, the only place that states the physics, and all that is derived from it.
 
 All functions take the namespace ``xp`` first (numpy, floats, symbols, tensors; see
 :mod:`youbot_env.physics.namespaces`) and work on components: a twist is a tuple of numbers, arrays
@@ -92,8 +92,8 @@ def channel_torque(
 def torque_delay(xp: Any, structure: ModelStructure, theta: Any) -> Number:
     """Delay d [s] of the torque channels: what acts at t is what the interface said at t - d.
 
-    All else here speaks of one instant and is the same for any delay; whoever has a whole course
-    of torques moves it by this much.
+    All other functions here describe one instant and do not depend on the delay. A caller that has
+    torques over time shifts them by d.
     """
     shifts = structure.at(CLOCK)
     return sum((item.evaluate(xp, Clock(), theta[where]) for item, where in shifts), 0.0)
@@ -102,9 +102,11 @@ def torque_delay(xp: Any, structure: ModelStructure, theta: Any) -> Number:
 def interface_torque(xp: Any, structure: ModelStructure, theta: Any, at: Instant) -> Components:
     """Torque (J) at the interface (command, log) where ``at.torque`` acts on the joints.
 
-    Inverts the channels, which are affine in the torque, and asks the actuator for its command.
-    It belongs to a time earlier than ``at`` by :func:`torque_delay`.
+    It is the command of the actuator, taken back through the channels, which are affine in the
+    torque. It belongs to a time earlier than ``at`` by :func:`torque_delay`.
     """
+    # Two evaluations give offset and slope of an affine function. 0 * value, not 0: arrays, symbols
+    # and tensors keep their shape and type.
     joints = range(len(structure.mechanism.joints))
     wanted = actuator_command(xp, structure, theta, at)
     zero = channel_torque(xp, structure, theta, [0.0 * value for value in wanted], at.time)
@@ -126,13 +128,14 @@ def acting_torque(
 
     Of all torques those of least norm, plus ``internal`` ones that exert no force.
 
-    A friction that depends on the load makes this a fixed point; the loads' shares are below one,
-    so the iteration contracts. It stops when nothing moves by more than ``tolerance``.
+    Friction that depends on the load makes the torque depend on itself: a fixed point. The shares
+    are below one, so the iteration converges. It stops when no torque changes by more than
+    ``tolerance``.
 
     Raises
     ------
     InputError
-        If the losses eat what is put in (a share near one) and no torque can drive the motion.
+        If no torque can drive the motion: with a share near one friction takes all of it.
     """
     loads, torque_of = structure.load_readers, structure.mechanism.torque_of
     if not loads:
@@ -141,13 +144,14 @@ def acting_torque(
     others = [row for row in structure.wrenches if row not in loads]
     given = _wrench_of(xp, structure, others, geometry, theta, at)
     torque = _with(internal, torque_of(geometry, given))
-    # At the largest share, 0.9, it takes 330 rounds to come down to rounding.
+    # With the largest share, 0.9, rounding is reached after 330 rounds.
     for _ in range(1000):
         last = torque
         lost = _wrench_of(xp, structure, loads, geometry, theta, replace(at, torque=last))
         torque = _with(internal, torque_of(geometry, _sum(given, lost)))
         moved = max(_largest(xp.abs(a - b)) for a, b in zip(torque, last, strict=True))
         size = max(_largest(xp.abs(a)) for a in torque)
+        # Below 2e-15 of the size rounding alone moves the torques, and tolerance 0 would never end.
         if moved <= max(tolerance, 2e-15 * size):
             return torque
     raise InputError("no torque drives this motion: friction grows as fast as the torque")
@@ -179,6 +183,7 @@ def mass_matrix(
 ) -> tuple[Components, ...]:
     """Rows of the A x A mass matrix of the acceleration at a state."""
     size = len(structure.mechanism.axes)
+    # The force is affine in the acceleration, so unit accelerations give the columns exactly.
     still = wrench(xp, structure, geometry, theta, replace(at, acceleration=(0.0,) * size))
     columns: list[Components] = []
     for axis in range(size):
@@ -191,7 +196,8 @@ def mass_matrix(
 def solve(rows: Sequence[Sequence[Number]], right: Sequence[Number]) -> Components:
     """Solve a linear system of one, two or three unknowns by its adjugate.
 
-    Branch-free, so it works on every backend.
+    It has no branch (no pivoting), so it works on symbols and tensors too. It divides by the
+    determinant, which is positive for a mass matrix.
     """
     return _SOLVERS[len(right)](rows, right)
 
@@ -245,11 +251,12 @@ def state_derivative(
     command = channel_torque(xp, structure, theta, torque, time)
     acting = tuple(state[len(mechanism.state) :]) if structure.has_actuator else command
     at = Instant(twist, pose=pose, wheel_angle=angle, torque=acting, time=time)
+    # Without an actuator the true command acts at once; with one the acting torques are states.
     moved = (
         *forward_dynamics(xp, structure, geometry, theta, at),
         *mechanism.pose_rates(xp, pose, twist),
         *(mechanism.joint_rates(geometry, twist) if angle else ()),
-        1.0,
+        1.0,  # time is a state, too
     )
     if not structure.has_actuator:
         return moved
@@ -259,7 +266,8 @@ def state_derivative(
 def drive_rates(
     xp: Any, structure: ModelStructure, theta: Any, at: Instant, command: Sequence[Number]
 ) -> Components:
-    """Rates (J) of the acting torques under a command: an actuator is affine in the rate."""
+    """Rates (J) of the acting torques under a command."""
+    # An actuator is affine in the rate: two evaluations invert it.
     joints = len(structure.mechanism.joints)
     zero = actuator_command(xp, structure, theta, replace(at, torque_rate=(0.0,) * joints))
     one = actuator_command(xp, structure, theta, replace(at, torque_rate=(1.0,) * joints))

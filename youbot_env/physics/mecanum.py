@@ -70,6 +70,7 @@ class Base(NamedTuple):
 
 def base_of(points: EffectPoints) -> Base:
     """The base parameters with what the platform carries, for effects that refer to them."""
+    # theta begins with the base parameters, in the order in which they are registered.
     m0, inertia, m_ax, m_ay, wheel_inertia, mu1, mu2 = points.theta[:7]
     for item, where in points.carriers:
         assert item.carries is not None
@@ -110,6 +111,7 @@ def _world(points: EffectPoints) -> list[World]:
 def into_body(xp: Any, yaw: Any, force: Triple) -> Triple:
     """A force along the world's axes, with its moment, in the body frame."""
     fx, fy, mz = force
+    # The inverse rotation, from world to body. The moment is about O in both frames.
     c, s = xp.cos(yaw), xp.sin(yaw)
     return c * fx + s * fy, c * fy - s * fx, mz
 
@@ -118,6 +120,7 @@ def _world_point(xp: Any, at: Instant, base: Base) -> World:
     x, y, yaw = at.pose
     vx, vy, _ = at.twist
     c, s = xp.cos(yaw), xp.sin(yaw)
+    # Of the whole platform: the wheels lie symmetrically about O, so they add mass and no moment.
     com_x, com_y = base.m_aX / base.m0, base.m_aY / base.m0
     return World(
         *(x, y, yaw),
@@ -146,6 +149,7 @@ def _fault(geometry: Geometry, values: Mapping[str, float]) -> str:
     for name in ("I1", "mu1", "mu2"):
         if values[name] < 0:
             return f"{name} = {values[name]:g} must not be negative"
+    # aX and aY are moments over this difference.
     wheels = 4 * geometry.m1
     if values["m0"] <= wheels:
         return f"m0 = {values['m0']:g} kg must exceed the mass of the four wheels, {wheels:g} kg"
@@ -181,7 +185,7 @@ MECANUM = MechanismKind(
     pose_rates=planar_rates,
     full_speed=lambda geometry: FULL_SPEED,
     full_torque=lambda geometry: MAX_WHEEL_TORQUE,
-    internal=(1.0, 1.0, -1.0, -1.0),
+    internal=(1.0, 1.0, -1.0, -1.0),  # orthogonal to all columns of the wheel Jacobian
     stated=("m0", "I0", "I1", "aX", "aY", "mu1", "mu2"),
     fault=_fault,
 )

@@ -1,4 +1,4 @@
-"""What physics knows of a mechanism: its axes, joints and parameters, and where effects act on it.
+"""Mechanisms: their axes, joints and parameters, and the places where effects act on them.
 
 A kind of mechanism is a value of `MechanismKind`; `ModelStructure` says which effects a model of it
 holds beside the base. The inverse dynamics and all that is derived from it are the same for every
@@ -34,10 +34,10 @@ class Instant:
     """What a motion is at one instant (or at many: components may be arrays of one shape).
 
     twist, acceleration : (A) of the axes; the acceleration is the derivative of the components
-    pose : (D) what else the position of the mechanism is told by
-    wheel_angle : (J) of the joints, where a mechanism keeps them apart from its pose
+    pose : (D) coordinates of the mechanism's position
+    wheel_angle : (J) of the joints, where a mechanism has them beside its pose
     torque : (J) that truly act; only effects that depend on the load read them
-    torque_rate : (J) matters to actuators alone
+    torque_rate : (J) only actuators read them
     time : [s]
 
     What is left out is zero, in as many components as a platform has.
@@ -96,13 +96,14 @@ class EffectPoints:
         InputError
             If the mechanism has no such place.
         """
+        # Several effects act at one place; its points are computed once.
         if place not in self._made:
             self._made[place] = self.mechanism.site(place).points(self)
         return self._made[place]
 
 
 def component_force(item: Effect, values: Any, points: EffectPoints) -> Components:
-    """One component's share of the generalised force (A): its own formula, moved to the axes."""
+    """Generalised force (A) of one component: its formula at each point, mapped to the axes."""
     efforts = [
         item.evaluate(points.xp, point, values, i)
         for i, point in enumerate(points.of(item.acts_at))
@@ -217,6 +218,7 @@ class MechanismKind:
         return self.declared(self.catalogue[name], geometry)
 
     def __reduce__(self) -> tuple[Any, tuple[str]]:
+        # It holds lambdas, which cannot be pickled, and it is compared by identity.
         return _found, (self.home,)
 
 
@@ -225,8 +227,8 @@ def _found(home: str) -> MechanismKind:
     return getattr(importlib.import_module(module), name)
 
 
-# What an effect reads and whether it is linear is found by evaluating it, so that none declares it.
-# On numbers, not on symbols: 0.4 ms for a structure, where sympy takes 70 ms and a second to load.
+# What an effect reads, and whether it is linear, is found by evaluating it; no effect declares it.
+# With numbers, not symbols: 0.4 ms for a structure; sympy takes 70 ms, and a second to load.
 
 
 @dataclass(frozen=True)
@@ -249,7 +251,8 @@ class ModelStructure:
             raise InputError("a model holds one actuator effect at most")
 
     def __getstate__(self) -> dict[str, Any]:
-        # The effects themselves are found again by name.
+        # Without the cached properties: effects may hold lambdas, which cannot be pickled. They are
+        # found again by name.
         return {"effects": self.effects, "mechanism": self.mechanism}
 
     def with_effects(self, effects: Sequence[str]) -> ModelStructure:
@@ -307,16 +310,15 @@ class ModelStructure:
 
     @cached_property
     def carriers(self) -> tuple[tuple[Effect, slice], ...]:
-        """The loads: components that others reckon with beside the base parameters."""
+        """The loads: components that add to the base parameters which other effects read."""
         return tuple(row for row in self.slices if row[0].carries is not None)
 
     @cached_property
     def only_wrenches(self) -> bool:
-        """Whether the interface torque is the torque that acts, at some time: no drive, no
-        channel."""
+        """Whether the interface torque acts unchanged, at most later: no drive, no channel."""
         return all(item.acts_at.kind in ("wrench", "shift") for item, _ in self.slices)
 
-    # What effects read: tried, not declared -----------------------------------------------------
+    # What effects read: found by evaluating them ------------------------------------------------
 
     @cached_property
     def load_readers(self) -> tuple[tuple[Effect, slice], ...]:
@@ -341,14 +343,15 @@ class ModelStructure:
         return bool(found)
 
     def _two_sets(self) -> tuple[tuple[float, ...], tuple[float, ...]]:
-        """Two sets of torques, or of angles, in no proportion: what they make cannot cancel."""
+        """Two sets of torques, or of angles. Not proportional: an effect may read a ratio."""
         joints = range(len(self.mechanism.joints))
         return tuple(0.3 + 0.1 * k for k in joints), tuple(1.9 - 0.17 * k for k in joints)
 
     @cached_property
     def base_readers(self) -> frozenset[str]:
         """Names of the components that refer to base parameters."""
-        # Not in proportion, so that a ratio such as the centre of mass m_aX/m0 is seen to change.
+        # The two sets are not proportional: a ratio such as the centre of mass m_aX/m0 would be the
+        # same in proportional ones, and the effect would seem not to read it.
         first, second = (
             self._tried_at(self._somewhere, [scale**k for k in range(1, len(self.base_names) + 1)])
             for scale in (1.3, 1.9)
@@ -377,7 +380,7 @@ class ModelStructure:
 
     @cached_property
     def _somewhere(self) -> Instant:
-        """A motion in which all moves, turns and pulls: effects are tried there."""
+        """A motion without a zero in it, at which effects are evaluated to see what they read."""
         mechanism = self.mechanism
 
         def some(start: float, names: Sequence[str]) -> tuple[float, ...]:
@@ -409,17 +412,19 @@ class ModelStructure:
         shape = [parameter.default or 0.0 for parameter in declared]
         size = [0.0 if parameter.is_shape else parameter.size for parameter in declared]
         ones = [1.0] * len(self.base_names)
-        # Early and late, since some effects begin and others fade.
+        # Early and late: some effects begin at a time, others fade out.
         points = [
             self._tried_at(replace(self._somewhere, time=time), ones) for time in (0.7, 1000.0)
         ]
 
         def force(*parts: float) -> list[float]:
-            # Neighbours out of proportion, so that products and ratios are seen to change.
+            # Neighbouring parameters change by different factors: a ratio of two would not change
+            # if both changed alike.
             share = [parts[k % len(parts)] for k in range(len(declared))]
             values = [c + s * part for c, s, part in zip(shape, size, share, strict=True)]
             return [f for point in points for f in component_force(item, values, point)]
 
+        # Linear means f(a) + 2 f(b) = f(a + 2 b); here 0.5 + 2 * 0.4 = 1.3 and so on.
         rows = zip(force(0.5, 0.7, 0.3), force(0.4, 0.2, 0.8), force(1.3, 1.1, 1.9), strict=True)
         return all(abs(a + 2 * b - both) <= 1e-9 * (abs(a) + abs(b)) for a, b, both in rows)
 

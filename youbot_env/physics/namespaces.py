@@ -19,6 +19,7 @@ floats: Any = SimpleNamespace(
     cos=math.cos,
     sqrt=math.sqrt,
     abs=builtins.abs,
+    # 0 at 0, as numpy's; math.copysign has no such value.
     sign=lambda x: (x > 0) - (x < 0),
     where=lambda condition, yes, no: yes if condition else no,
     maximum=max,
@@ -30,7 +31,7 @@ floats: Any = SimpleNamespace(
 @cache
 def symbols() -> Any:
     """Sympy expressions: prints equations and generates the compiled kernels."""
-    import sympy
+    import sympy  # imported late: it takes a second to load, and most runs need none
 
     return SimpleNamespace(
         tanh=sympy.tanh,
@@ -52,7 +53,7 @@ def tensors() -> Any:
 
     Python numbers mix with tensors as they do in arithmetic; torch's own functions refuse them.
     """
-    import torch
+    import torch  # an optional library, and slow to load
 
     def lift(name: str) -> Any:
         function, plain = getattr(torch, name), getattr(floats, name)
@@ -61,7 +62,8 @@ def tensors() -> Any:
             tensors = [value for value in arguments if isinstance(value, torch.Tensor)]
             if not tensors:
                 return plain(*arguments)
-            # A bare as_tensor would round the number to single precision.
+            # as_tensor without a dtype would round the number to single precision. The dtype comes
+            # from a floating-point argument: conditions are tensors of bool.
             like = next((value for value in tensors if value.is_floating_point()), None)
             dtype = torch.get_default_dtype() if like is None else like.dtype
             device = tensors[0].device

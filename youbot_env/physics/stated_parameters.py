@@ -1,4 +1,4 @@
-"""A whole model's parameters between theta, which is identified, and the form that people state.
+"""Conversion between theta, which is identified, and the parameters in the form people state them.
 
 Both follow the order of the structure's components: the base parameters under their own names, an
 effect's as ``effect.parameter``.
@@ -63,8 +63,8 @@ def internal_values(
 def jacobian(structure: ModelStructure, geometry: Geometry, theta: ArrayLike) -> Array:
     """(Q, P): derivatives of ``to_public``'s values with respect to theta.
 
-    A row of zeros belongs to a value that theta does not show (the place of an anchor that does
-    not pull).
+    A row is zero where theta does not determine the value: the place of an anchor that does not
+    pull.
     """
     theta = np.asarray(theta, float)
     found: list[Array] = []
@@ -89,7 +89,8 @@ def _slopes(item: Effect, geometry: Geometry, theta: Array) -> Array:
     for index, step in enumerate(1e-6 * sizes):
         move = step * np.eye(len(theta))[index]
         ahead, behind = stated(theta + move) - here, here - stated(theta - move)
-        # Of the two sides the flatter: a phase may wrap on the other.
+        # Where the two one-sided differences disagree, the smaller is right: a phase (atan2) jumps
+        # by 2 pi on the other side.
         smaller = np.where(np.abs(ahead) < np.abs(behind), ahead, behind)
         smooth = np.abs(ahead - behind) < 1e-2 * np.abs(smaller)
         columns.append(np.where(smooth, 0.5 * (ahead + behind), smaller) / step)

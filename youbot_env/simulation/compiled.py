@@ -102,13 +102,14 @@ def inverse_kernel(structure: Structure, dynamics: Dynamics) -> InverseKernel:
 def _built(
     structure: Structure, system: System | Inverse, compiled: Callable[[Any, Path], Any]
 ) -> Any:
+    # The second attempt compiles what the first found damaged and removed.
     for _ in range(2):
         path = _cached_source(structure, system)
         try:
             return compiled(structure, path)
         except Exception:
-            # Whatever a damaged cache raises (it holds Python source and numba's pickles), the cure
-            # is the same; if the physics itself does not compile, the last attempt says so.
+            # A damaged cache (Python source, numba's pickles) can raise anything, and removing it
+            # always helps. If the physics itself does not compile, the last attempt raises.
             _forget(path)
     return compiled(structure, _private_source(structure, system))
 
@@ -120,10 +121,11 @@ def cache_folder() -> Path:
 
 
 def _compiled(structure: Structure, path: Path) -> Kernel:
-    """Load a generated module and run what is wanted of it once, so that damage shows here."""
+    """Load a generated module and call its functions once, so that a damaged cache fails here."""
     module = _load(path)
     size, count = len(structure.state_names), len(structure.parameter_names)
     found = Kernel(structure, module.advance, module.derivative)
+    # Arrays of the types and layout of later calls: numba compiles for just these.
     state, torque = np.zeros((2, size)), np.zeros((2, len(structure.mechanism.joints)))
     found.advance(
         state, torque, np.ones(len(structure.mechanism.lengths)), np.ones((2, count)), 0.0, 1
@@ -174,7 +176,7 @@ def _cached_source(structure: Structure, system: System | Inverse) -> Path:
 
 
 def _private_source(structure: Structure, system: System | Inverse) -> Path:
-    """A read-only home must not keep anybody from simulating: compile for this process alone."""
+    """Source in a temporary folder of this process, for a cache folder that is read-only."""
     path = _private_folder() / f"{system.prefix}_{_key(structure, system)}.py"
     return _write(path, _sealed_source(structure, system))
 
@@ -192,7 +194,7 @@ def _checksum(source: str) -> str:
 
 
 def _is_intact(path: Path) -> bool:
-    """Whether a generated file is there, whole, and where numba can write beside it."""
+    """Whether a generated file exists, is complete, and numba can write beside it."""
     try:
         first, source = path.read_text("utf-8").split("\n", 1)
     except (OSError, ValueError):
@@ -210,6 +212,7 @@ def _private_folder() -> Path:
 def _write(path: Path, source: str) -> Path:
     path.parent.mkdir(parents=True, exist_ok=True)
     handle, temporary = tempfile.mkstemp(dir=path.parent, suffix=".tmp")
+    # Replaced in one step: another process must never import half a file.
     try:
         with os.fdopen(handle, "w", encoding="utf-8") as stream:
             stream.write(source)
@@ -221,6 +224,7 @@ def _write(path: Path, source: str) -> Path:
 
 def _forget(path: Path) -> None:
     """Remove a generated file with all that numba and Python cached for it."""
+    # Otherwise the next import would return the damaged module.
     sys.modules.pop(_module_name(path), None)
     for stale in (path, *(path.parent / "__pycache__").glob(f"{path.stem}.*")):
         try:
@@ -233,6 +237,7 @@ def _key(structure: Structure, system: System | Inverse) -> str:
     """Changes with whatever could change the generated source."""
     digest = hashlib.sha256(youbot_env.__version__.encode())
     for name in (*SOURCES, system.dynamics.__name__, structure.mechanism.module):
+        # The source files, not the version alone: an edit of the physics must give a new kernel.
         digest.update(Path(str(sys.modules[name].__file__)).read_bytes())
     for item in structure.components:
         digest.update(repr((item.name, item.acts_at.name, item.parameter_names)).encode())
@@ -243,6 +248,7 @@ def _key(structure: Structure, system: System | Inverse) -> str:
 
 def _digest_function(digest: Any, function: Any, seen: set[int]) -> None:
     """What a function computes: its bytecode, constants, and the values and functions it uses."""
+    # Functions may call each other, or themselves.
     if id(function) in seen:
         return
     seen.add(id(function))
@@ -253,6 +259,7 @@ def _digest_function(digest: Any, function: Any, seen: set[int]) -> None:
         if isinstance(value, FunctionType):
             _digest_function(digest, value, seen)
         elif isinstance(value, ModuleType):
+            # The numbers that are read from a module, such as math.pi; its repr holds its path.
             shared = [getattr(value, name, None) for name in names]
             digest.update(repr([v for v in shared if isinstance(v, (int, float))]).encode())
         else:
@@ -261,10 +268,12 @@ def _digest_function(digest: Any, function: Any, seen: set[int]) -> None:
 
 def _digest_code(digest: Any, code: CodeType) -> list[str]:
     """Digest code with what is nested in it; returns the names that it refers to."""
+    # Bytecode names constants, attributes and globals by index only, so these are added.
     digest.update(code.co_code)
     names = list(code.co_names)
     for constant in code.co_consts:
         if isinstance(constant, CodeType):
+            # A nested function or lambda. Its repr would hold a memory address.
             names += _digest_code(digest, constant)
         else:
             digest.update(repr(constant).encode())
@@ -284,5 +293,6 @@ def _load(path: Path) -> ModuleType:
     assert spec is not None and spec.loader is not None
     module = importlib.util.module_from_spec(spec)
     spec.loader.exec_module(module)
+    # Only a module that has run without an error is kept.
     sys.modules[name] = module
     return module

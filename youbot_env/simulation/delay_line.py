@@ -1,4 +1,4 @@
-"""Commands on their way: each acts a delay later, for as long as it is held."""
+"""A delay line of commands: each acts one delay later, for the time that it was held."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ class DelayLine:
 
     The delay may be any number of seconds, and commands may be held for any times, so it is a queue
     of torques with the time that each is held, not of samples. One platform is a batch of one.
-    Before the first command no torque is on its way.
+    At the start the line is filled with zero torque.
 
     Parameters
     ----------
@@ -52,7 +52,7 @@ class DelayLine:
         queue.append((command, duration))
         rounding = ROUNDING * duration
         torque, length = queue[0]
-        # A delay of whole periods, the usual one, needs no cutting.
+        # The usual case, a delay of whole periods: each piece acts for one period, uncut.
         if abs(length - duration) <= rounding:
             queue.popleft()
             self.acting = torque
@@ -64,8 +64,10 @@ class DelayLine:
         while left > 0.0:
             torque, length = queue.popleft()
             if length > left + rounding:
+                # A copy, because the part that acts now is handed out.
                 queue.appendleft((torque.copy(), length - left))
-            # Times that are added and taken apart again leave slivers, which act on nothing.
+            # Rounding of the times leaves pieces of nearly no length. They are dropped as long as
+            # more of the period is left to fill.
             if length <= rounding < left:
                 continue
             taken = left if length > left - rounding else length
@@ -75,9 +77,9 @@ class DelayLine:
         return pieces
 
     def clear(self, rows: int | slice) -> None:
-        """Nothing is on its way to some platforms; the others' commands stay.
+        """Set the commands on their way to some platforms to zero; the others' commands stay.
 
-        The arrays are others' too, so they are replaced, not written into.
+        The arrays belong to callers too, so they are replaced, not written into.
         """
         self.acting = _without(self.acting, rows)
         for at, (torque, held) in enumerate(self._queue):

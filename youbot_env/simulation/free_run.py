@@ -17,22 +17,22 @@ Array = NDArray[np.float64]
 
 
 Model = Any
-"""A `Model`. Not named, so that mechanisms whose logs are simulated stand below models and their
-files; no Protocol either, which pyright does not match with cached properties."""
+"""A `Model`. It is not named, so that this file need not import it: other mechanisms are simulated
+without it. pyright does not match a Protocol with cached properties."""
 
 SLOWEST = 15.0
-"""Rate [1/s] that is resolved even by a model without anything so fast: a log at 50 Hz then gets
-two steps a sample."""
+"""Least rate [1/s] for which steps are chosen, also where a model is slower: a log at 50 Hz then
+gets two steps a sample."""
 
 MAX_SUBSTEPS = 2000
 
 SPEED_STEP = 1.25e-5
-"""Share of the greatest speed over which the slope of the acceleration is taken: narrower than the
-kink of any dry friction."""
+"""Step, as a share of the greatest speed, of the difference that gives the slope of the
+acceleration: narrower than the smoothed step of any dry friction."""
 
 PHASE_SHARE = 1.0 / 3.0
-"""Share of a ripple's frequency that counts as stiffness: it drives the twist and does not feed
-back, so that three quarters of a radian in a step cost only 1e-4 of what it adds."""
+"""Share of a ripple's frequency that counts as stiffness. A ripple drives the twist and is no
+feedback, so a step of 0.75 rad of its phase makes an error of only 1e-4 of its effect."""
 
 
 def initial_state(
@@ -66,12 +66,13 @@ def _vector(name: str, value: ArrayLike, size: int) -> Array:
 def stiffness(structure: ModelStructure, geometry: Lengths, theta: Array) -> float:
     """Fastest rate [1/s] of the twist (and drives) under full torque.
 
-    Sought at rest, where dry friction is stiffest, and at full speed, where drag is.
+    Evaluated at rest, where dry friction is stiffest, and at full speed, where drag is.
     """
     mechanism = structure.mechanism
     size, joints = len(mechanism.axes), len(mechanism.joints)
     fast = np.asarray(mechanism.full_speed(geometry), float)
     step = SPEED_STEP * float(np.abs(fast).max())
+    # Central differences along each axis; all evaluations in one call.
     shift = step * np.concatenate([np.eye(size), -np.eye(size)])
     twists = np.array([np.zeros(size), fast])[:, None] + shift
     at = Instant(
@@ -81,6 +82,7 @@ def stiffness(structure: ModelStructure, geometry: Lengths, theta: Array) -> flo
         np.broadcast_arrays(*dynamics.forward_dynamics(np, structure, geometry, theta, at)), axis=-1
     )
     jacobian = (acceleration[:, :size] - acceleration[:, size:]) / (2 * step)
+    # eigvals would raise.
     if not np.isfinite(jacobian).all():
         return float("nan")
     rates = [float(np.abs(np.linalg.eigvals(jacobian)).max())]
@@ -93,6 +95,7 @@ def stiffness(structure: ModelStructure, geometry: Lengths, theta: Array) -> flo
             )
             for t in (0.0, 1.0)
         )
+        # A lag is linear: the rate at torque 1 less that at 0 is -1 / time constant.
         rates.append(float(np.max(np.abs(np.subtract(quick, slow)))))
     if structure.depends_on_angle:
         rates.append(PHASE_SHARE * ripple_rate(structure, geometry, theta))
@@ -103,6 +106,7 @@ def ripple_rate(structure: ModelStructure, geometry: Lengths, theta: Array) -> f
     """Angular frequency [rad/s] at full speed of forces that vary with the joints' angles."""
     mechanism = structure.mechanism
     fast = mechanism.full_speed(geometry)
+    # A little more than a turn, 7 rad; 15 points a period for the fastest ripple (40 a turn).
     step = 0.01
     angle = step * np.arange(700)
     at = Instant(fast, wheel_angle=(angle,) * len(mechanism.joints))
@@ -110,6 +114,7 @@ def ripple_rate(structure: ModelStructure, geometry: Lengths, theta: Array) -> f
     swing = np.abs(force - force.mean(axis=1, keepdims=True)).max()
     if swing <= 1e-9 * np.abs(force).max():
         return 0.0
+    # Of a sine the second derivative over the amplitude is the square of its frequency.
     bend = np.abs(np.diff(force, 2, axis=1)).max() / step**2
     fastest = np.abs(mechanism.joint_rates(geometry, fast)).max()
     return float(np.sqrt(bend / swing) * fastest)
@@ -127,8 +132,10 @@ def substeps(model: Model, duration: float) -> int:
 
 
 def _substeps(structure: ModelStructure, geometry: Lengths, theta: Array, duration: float) -> int:
+    # A search may try parameters with a singular mass matrix; the check below refuses them.
     with np.errstate(divide="ignore", invalid="ignore"):
         rate = duration * max(stiffness(structure, geometry, theta), SLOWEST) / 0.25
+    # Written so that NaN fails too.
     if not 0 <= rate <= MAX_SUBSTEPS:
         raise InputError(
             f"too stiff to simulate in steps of {duration:g} s "
@@ -168,13 +175,14 @@ def simulate_theta(
 ) -> Array:
     """The same of any mechanism, for bare parameters theta (P,) and intervals (N - 1,) [s].
 
-    For searches, which pass through parameters that no model would accept.
+    For searches: they try parameters that a `Model` would refuse.
     """
     state = _vector("start", start, len(structure.state_names))
     time = np.concatenate([[0.0], np.cumsum(duration)])
     delay = float(dynamics.torque_delay(np, structure, theta))
     grid = _grid(time, delay)
     fine, torque = np.diff(grid), np.asarray(torque, float)
+    # np.interp keeps the first value before the first sample, as promised for a delay.
     acting = np.stack([np.interp(grid - delay, time, column) for column in torque.T], axis=1)
     out = np.empty((len(grid), len(state)))
     lengths = np.array([getattr(geometry, name) for name in structure.mechanism.lengths])
@@ -193,13 +201,15 @@ def _grid(time: Array, delay: float) -> Array:
     if not len(duration):
         return time
     usual = float(np.median(duration))
+    # Intervals up to 1.5 times the usual one are jitter and stay whole.
     pieces = np.ceil(duration / (1.5 * usual)).astype(int)
     at = np.repeat(np.arange(len(pieces)), pieces)
     part = (np.arange(len(at)) - (np.cumsum(pieces) - pieces)[at]) / pieces[at]
     grid = np.append(time[at] + part * duration[at], time[-1])
     if delay == 0.0:
         return grid
-    # Late samples bend the course of the torque between the grid's own instants.
+    # The delayed torque has its corners at the delayed sample times, so these join the grid, unless
+    # they nearly coincide with one of its instants.
     late = time + delay
     late = late[(late > time[0]) & (late < time[-1])]
     after = np.searchsorted(grid, late).clip(1, len(grid) - 1)

@@ -1,7 +1,7 @@
 """Turns the one definition of physics into straight-line source for a compiler.
 
-The equations are traced once on sympy symbols, common subexpressions are shared, and the result is
-printed as Python that numba compiles. Nothing here knows an equation of motion.
+The equations are evaluated once on sympy symbols, common subexpressions are shared, and the result
+is printed as Python that numba compiles. No equation of motion is written in this file.
 """
 
 from __future__ import annotations
@@ -29,12 +29,12 @@ cache's key."""
 
 
 Structure = Any
-"""A `ModelStructure`. Not named, so that code is generated below the physics that it follows from;
-no Protocol either, which pyright does not match with cached properties."""
+"""A `ModelStructure`. It is not named, so that this file need not import it; pyright does not match
+a Protocol with cached properties."""
 
 
 class Dynamics(Protocol):
-    """The functions that code is generated from: the module `physics.inverse_dynamics` is such."""
+    """The functions that code is generated from, as `physics.inverse_dynamics` has them."""
 
     __name__: str
 
@@ -97,6 +97,7 @@ def real_symbols(names: Sequence[str]) -> list[Any]:
     """Sympy symbols that stand for the arguments of a generated function."""
     import sympy
 
+    # Real, so that sympy simplifies Abs and sign as for real numbers.
     return [sympy.Symbol(name, real=True) for name in names]
 
 
@@ -106,6 +107,8 @@ def function_source(name: str, arguments: Sequence[str], results: Sequence[Any])
 
     shared, values = sympy.cse([sympy.sympify(result) for result in results], order="none")
     printer = _printer()
+    # The error model "numpy" divides to inf or NaN where Python would raise ZeroDivisionError: a
+    # run that diverges holds such values instead of ending in an exception.
     lines = [f"    {part} = {printer.doprint(value)}" for part, value in shared]
     returned = ",\n        ".join(printer.doprint(value) for value in values)
     return (
@@ -120,7 +123,7 @@ def _printer() -> Any:
 
     class Printer(PythonCodePrinter):
         def _print_sign(self, expr: Any) -> str:
-            # Sympy's copysign(1, x) is not zero at zero.
+            # Sympy prints sign as copysign(1, x), which is not 0 at 0. NaN gives 0 here.
             x = self._print(expr.args[0])
             return f"(1.0 if {x} > 0 else -1.0 if {x} < 0 else 0.0)"
 
@@ -140,6 +143,7 @@ def _step(size: int, names: dict[str, list[str]]) -> str:
     def shifted(stage: str, factor: str) -> list[str]:
         return [f"{state[i]} + {factor} * {stage}{i}" for i in range(size)]
 
+    # The torque is linear in the step, so its middle is the mean of its ends.
     middle = [f"0.5 * ({a} + {b})" for a, b in zip(torque, ends, strict=True)]
     results = ",\n        ".join(
         f"{state[i]} + dt / 6.0 * (a{i} + 2.0 * (b{i} + c{i}) + d{i})" for i in range(size)
@@ -177,6 +181,7 @@ def _loops(size: int, names: dict[str, list[str]]) -> str:
     rest = ", ".join(names["lengths"] + names["theta"])
     now = [f"v{i + 1}" for i in range(inputs)]
     then = [f"x{i + 1}" for i in range(inputs)]
+    # Torque at the start and end of each substep: from j / n to (j + 1) / n of the interval.
     ramp = "\n".join(
         f"            {now[i]} = {torque[i]} + ({ends[i]} - {torque[i]}) * (j * part)\n"
         f"            {then[i]} = {torque[i]} + ({ends[i]} - {torque[i]}) * ((j + 1) * part)"
@@ -231,11 +236,12 @@ LENGTHS = ("l", "h", "R", "r")
 """Lengths of the platform, in the order in which its kernels take them."""
 
 ROUNDS = 400
-"""Rounds in which torques that depend on themselves come to rest: 0.9 is the largest share, and
-0.9^400 is below rounding. A share of 0.3 takes 30."""
+"""Most iterations for torques that depend on themselves. Each reduces the error by the share of the
+loss: the largest share is 0.9, and 0.9^400 is below rounding. A share of 0.3 takes 30."""
 
 SANE = 1e6
-"""Sum of torques [N m] beyond which, or at NaN, a first guess is thrown away."""
+"""Sum of torques [N m] above which a first guess is replaced by 0, as is NaN: an iteration from NaN
+would stay there."""
 
 
 @dataclass(frozen=True)
@@ -287,6 +293,7 @@ def _command(structure: Structure, dynamics: Dynamics) -> str:
     """Interface torques behind which given torques act and change at given rates."""
     torque, rate, theta = (real_symbols(n) for n in (TORQUES, RATES, _theta(structure)))
     (time,) = real_symbols(["time"])
+    # Drives and channels read no motion.
     still = (0.0, 0.0, 0.0)
     at = Instant(still, torque=tuple(torque), torque_rate=tuple(rate), time=time)
     results = dynamics.interface_torque(symbols(), structure, theta, at)
@@ -298,6 +305,7 @@ def _inverse_loops(structure: Structure) -> str:
     theta = ", ".join(f"theta[{i}]" for i in range(len(structure.parameter_names)))
     lengths = ", ".join(f"lengths[{i}]" for i in range(len(LENGTHS)))
     row = ", ".join(f"motion[k, {i}]" for i in range(len(MOTION)))
+    # Without losses under load the demand does not read the torque: the first round is exact.
     rounds = ROUNDS if structure.depends_on_load else 1
     return f"""@njit(cache=True, error_model='numpy')
 def acting(motion, lengths, theta, tolerance, torque):

@@ -29,8 +29,8 @@ from youbot_env.simulation.platforms import (
 Array = NDArray[np.float64]
 
 SMOOTH_FINENESS = 3
-"""How many times finer than friction's kinks the base model and its drives are resolved: they carry
-the whole speed and torque, a dry friction's kink the last mm/s alone."""
+"""How many times finer the base model and its drives are resolved than the step of dry friction.
+They act at all speeds; the step of dry friction matters only at the last mm/s."""
 
 
 class Plant(StateRows):
@@ -118,6 +118,7 @@ class Plant(StateRows):
             )
         self.models[row] = model
         self._theta[row] = model.theta
+        # A stiffer model may need more steps.
         self._needed.clear()
 
     def step(self, torque: ArrayLike, duration: float) -> Array:
@@ -134,7 +135,8 @@ class Plant(StateRows):
         if not self._lines:
             self._advance(self.states, torque, self._lengths, self._theta, duration, count)
             return
-        # Each platform's model has a delay of its own, so torques change at instants of its own.
+        # Each platform's model has its own delay, so its torque changes at its own instants. The
+        # line keeps the array, and the caller may write to it: a copy.
         for row, line in enumerate(self._lines):
             here = slice(row, row + 1)
             for acting, piece in line.passed(torque[here].copy(), duration):
@@ -144,6 +146,7 @@ class Plant(StateRows):
                 )
 
     def _count(self, duration: float) -> int:
+        # Platforms mostly share one model, whose stiffness is then found once.
         distinct = {id(model): model for model in self.models}.values()
         needed = self._substeps or max(plant_substeps(model, duration) for model in distinct)
         self._needed[duration] = needed
@@ -151,6 +154,8 @@ class Plant(StateRows):
 
     def acting_torque(self, command: Array) -> Array:
         """Torques (n, 4) [N m] that act at the wheels now, under the commands (n, 4)."""
+        # With drives the acting torques are states; without them they are the command itself, late
+        # and through the channels.
         if self.structure.has_actuator:
             return self.states[:, DRIVES].copy()
         if self._lines:
@@ -181,5 +186,6 @@ def plant_substeps(model: Model, duration: float) -> int:
         for name, values in model.effects.items()
         if CATALOGUE[name].acts_at is ACTUATOR
     }
+    # The whole model at the usual fineness; what is smooth SMOOTH_FINENESS times finer.
     smooth = replace(model, effects=drives, covariance=None, covariance_names=())
     return max(substeps(smooth, SMOOTH_FINENESS * duration), substeps(model, duration))

@@ -1,4 +1,4 @@
-"""What all simulated platforms have in common: rows of states, and what loops ask of them."""
+"""What all simulated platforms have in common: rows of states, and the interface that loops use."""
 
 from __future__ import annotations
 
@@ -24,13 +24,13 @@ DRIVES = slice(len(STATE), len(STATE) + len(DRIVE_STATE))
 
 
 class Platforms(Protocol):
-    """What drives, records and environments ask of platforms that stand side by side.
+    """The interface of platforms that are simulated side by side.
 
     Attributes
     ----------
     models : the model of each platform
     states : (n, S) in the order of ``models[0].structure.state_names``, live
-    wheel_rates : (n, 4) [rad/s], live; (0, 4) where no wheel slips and the twist tells its rate
+    wheel_rates : (n, 4) [rad/s], live; (0, 4) where no wheel slips: rates follow from the twist
     """
 
     geometry: Geometry
@@ -60,6 +60,7 @@ class StateRows:
     _single: bool
 
     def _seen(self, where: slice) -> Array:
+        # A copy: the states are written to at every step.
         return (self.states[0, where] if self._single else self.states[:, where]).copy()
 
     @property
@@ -84,7 +85,7 @@ class StateRows:
 
 
 def drive_delay(model: Model) -> DelayLine:
-    """What the model's own delay [s] makes of one platform's torques.
+    """The delay line of one platform, for the model's own delay [s].
 
     Raises
     ------

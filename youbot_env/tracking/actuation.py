@@ -59,6 +59,7 @@ def action_rows(action: Any, count: int, *, single: bool) -> NDArray[np.float64]
     """The action as C-contiguous rows (count, 4), or InputError if it has another shape."""
     shape = (4,) if single else (count, 4)
     try:
+        # A copy, so that a caller who writes to its array later changes nothing here.
         rows = np.array(action, np.float64)
     except (TypeError, ValueError):
         raise InputError(f"action: {action!r} does not hold numbers") from None
@@ -84,6 +85,7 @@ def take(action, past, limit, commanded, saturated):
     Returns -1, or the flat index of the first element out of bounds, with nothing changed.
     """
     rows, slots = action.shape[0], past.shape[1]
+    # All actions are checked before anything changes.
     for row in range(rows):
         for wheel in range(4):
             if not abs(action[row, wheel]) <= 1.0 + BOUND_TOLERANCE:  # so that NaN fails too

@@ -213,6 +213,7 @@ class YouBotTrackingEnv(gym.Env[NDArray[np.float32], NDArray[np.float32]]):
         self._steps_left = 0
         self._renderer: Any = None
         self.render_mode = render_mode
+        # A copy: the class's own dictionary is shared by all environments.
         self.metadata = {**type(self).metadata, "render_fps": max(1, round(rate))}
         self.action_space = spaces.Box(-1.0, 1.0, (4,), np.float32)
         shape = (setup.task.observation_size,)
@@ -260,6 +261,7 @@ class YouBotTrackingEnv(gym.Env[NDArray[np.float32], NDArray[np.float32]]):
         reward, terminated, info = stepper.result(0)
         self._steps_left -= 1
         truncated = self._steps_left == 0
+        # A later step without a reset must raise.
         if terminated:
             self._steps_left = 0
         if self._renderer is not None:
@@ -318,6 +320,7 @@ class YouBotTrackingEnv(gym.Env[NDArray[np.float32], NDArray[np.float32]]):
 def refuse_unknown(options: Mapping[str, Any]) -> None:
     """InputError for the first of ``options``, with the closest name that exists."""
     for name in options:
+        # The last one is **unknown itself.
         known = list(inspect.signature(YouBotTrackingEnv).parameters)[:-1]
         close = difflib.get_close_matches(name, known, 1)
         hint = f"did you mean {close[0]!r}?" if close else f"known are {', '.join(known)}"

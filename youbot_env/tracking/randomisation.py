@@ -18,7 +18,10 @@ Ranges = Mapping[str, tuple[Bound, Bound]]
 
 
 class EpisodeStreams(NamedTuple):
-    """Random numbers of one episode, a stream a purpose: with one switched on, the others stay."""
+    """Random numbers of one episode: one stream for each purpose.
+
+    So a change in one (noise switched on) does not change what the others give for the same seed.
+    """
 
     model: np.random.Generator
     reference: np.random.Generator
@@ -75,7 +78,7 @@ class Uniform:
 
 @dataclass(frozen=True)
 class Posterior:
-    """Parameters as uncertain as the model's covariance says; the effects are added for certain."""
+    """Parameters drawn from the model's covariance; the effects are added with fixed values."""
 
     model: Model
     effects: Effects

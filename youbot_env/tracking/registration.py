@@ -1,4 +1,4 @@
-"""Registration with Gymnasium, without making everybody who needs a model import Gymnasium."""
+"""Registration with Gymnasium, without an import of Gymnasium where only a model is needed."""
 
 from __future__ import annotations
 
@@ -37,7 +37,10 @@ def register_when_imported() -> None:
 
 
 class _Awaiting(MetaPathFinder):
-    """Steps aside at once, and registers after the module that it waited for has been run."""
+    """Import hook: registers the environments after ``gymnasium.envs`` has been imported.
+
+    It removes itself before it asks for the module's real spec, or it would find itself again.
+    """
 
     def find_spec(self, fullname: str, path: Any, target: Any = None) -> ModuleSpec | None:
         if fullname != AWAITED:
@@ -45,6 +48,7 @@ class _Awaiting(MetaPathFinder):
         sys.meta_path.remove(self)
         spec = importlib.util.find_spec(fullname)
         if spec is not None and spec.loader is not None:
+            # Registering needs the finished module, so it follows the loader's own work.
             run = spec.loader.exec_module
 
             def run_and_register(module: ModuleType) -> None:

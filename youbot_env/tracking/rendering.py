@@ -38,10 +38,12 @@ class Canvas:
     def __init__(self, width: int, height: int) -> None:
         self.pygame = load_pygame()
         self.pygame.font.init()
+        # A Surface needs no display, so frames can be drawn on a server.
         self.surface = self.pygame.Surface((width, height))
         self._fonts: dict[int, Any] = {}
 
     def polygon(self, points: ArrayLike, color: Color) -> None:
+        # gfxdraw takes 16-bit coordinates.
         corners = np.rint(points).astype(int).clip(-4000, 4000).tolist()
         self.pygame.gfxdraw.filled_polygon(self.surface, corners, color)
         self.pygame.gfxdraw.aapolygon(self.surface, corners, color)
@@ -142,6 +144,7 @@ class Renderer:
         self._courses: deque[Array] = deque(maxlen=self._samples)
 
     def __getstate__(self) -> dict[str, Any]:
+        # pygame's objects cannot be pickled; they are made again when they are needed.
         return {**self.__dict__, "_canvas": None, "_window": None, "_clock": None}
 
     def begin(self, info: Mapping[str, Any]) -> None:
@@ -164,7 +167,7 @@ class Renderer:
         self._courses.append(np.concatenate([info["twist"], info["reference_twist"]]))
 
     def _move_wanted(self, twist: Array) -> None:
-        """Where the reference itself would have led: for the eye, so one Euler step will do."""
+        """Integrate the reference's pose. It is only drawn, so one midpoint step is enough."""
         vx, vy, wz = twist * self.period
         c, s = math.cos(self._wanted_pose[2] + wz / 2), math.sin(self._wanted_pose[2] + wz / 2)
         self._wanted_pose += (c * vx - s * vy, s * vx + c * vy, wz)
@@ -173,6 +176,7 @@ class Renderer:
         """The picture (640, 960, 3)."""
         surface = self._draw()
         pixels = load_pygame().surfarray.pixels3d(surface)
+        # pygame's first axis is x; images have rows first. A copy: the surface changes.
         return np.ascontiguousarray(pixels.transpose(1, 0, 2))
 
     def show(self) -> None:
@@ -183,6 +187,7 @@ class Renderer:
             self._window = pygame.display.set_mode((VIEW + PANEL, VIEW))
             pygame.display.set_caption("YouBotTracking-v0")
             self._clock = pygame.time.Clock()
+        # Without it the system takes the window for one that hangs.
         pygame.event.pump()
         self._window.blit(self._draw(), (0, 0))
         pygame.display.flip()
@@ -215,6 +220,7 @@ class Renderer:
     def _pixels(self, points: ArrayLike) -> Array:
         """Pixels (..., 2) of world points (..., 2) [m]; the view moves with the platform."""
         away = np.asarray(points, float) - self._info["pose"][:2]
+        # Pixels count downwards, world Y upwards.
         return VIEW / 2 + self.pixels_per_metre * away * (1.0, -1.0)
 
     def _placed(self, points: ArrayLike) -> Array:
@@ -306,6 +312,7 @@ class Renderer:
         error = float(self._info["tracking_error"][axis])
         canvas.text(title, (left, top + 12), INK, 14)
         canvas.text(f"error {error:+.3f}", (right, top + 12), INK, 14, side=1)
+        # At least 0.05, so that noise about zero does not fill the panel.
         reach = max(0.05, _round_up(float(np.nanmax(np.abs(values)))))
         for level in (-reach, 0.0, reach):
             y = middle - level / reach * height / 2

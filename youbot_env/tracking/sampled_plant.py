@@ -1,7 +1,7 @@
-"""Platforms as a controller meets them: commands in, measured speeds out, once a control period.
+"""Platforms behind a sampled interface: commands in, measured speeds out, once a control period.
 
-What lies between a controller and a plant exists here once: the hold and the delay of commands,
-the encoders and their noise. Environments and every closed loop stand on it.
+It holds and delays commands and simulates encoders with noise. All environments and closed loops
+use it, so that these parts are written once.
 """
 
 from __future__ import annotations
@@ -17,7 +17,7 @@ Array = NDArray[np.float64]
 
 
 class SampledPlant:
-    """Platforms that stand side by side behind their sampled interface; one is a batch of one.
+    """Several platforms behind their sampled interface; one platform is a batch of one.
 
     Parameters
     ----------
@@ -55,11 +55,11 @@ class SampledPlant:
         )
 
     def begin(self, rows: int | slice, noise: Array) -> None:
-        """Platforms have been put at their start: nothing is on its way to them.
+        """Begin a run of platforms that were put at their start: no command is on its way.
 
         ``noise`` (samples, 4) [rad/s], with an axis of rows in front of it for a slice, is added to
-        their wheel speeds, see ``Sensors.noise``. Their encoders have counted as if they had always
-        been moving as they do now; else the first speeds would be those of a jump.
+        their wheel speeds, see ``Sensors.noise``. Old encoder counts are set as if they had
+        always moved at their present speed; otherwise the first measured speeds would be wrong.
         """
         self.clock[rows] = 0
         self._noise[rows] = noise
@@ -77,7 +77,8 @@ class SampledPlant:
 
         They are held for the period, and act when the delay is over.
         """
-        if self._line.delay:  # the caller's array, which it hands out, is not what is on its way
+        # The line keeps a delayed command, while the caller hands out its own array: a copy.
+        if self._line.delay:
             torque = torque.copy()
         for acting, piece in self._line.passed(torque, self.period):
             self.plant.advance(acting, piece)

@@ -1,4 +1,4 @@
-"""What the wheels' encoders tell: speeds with noise, from whole counts if wished."""
+"""Measured wheel speeds: with noise, and on request from whole encoder counts."""
 
 from __future__ import annotations
 
@@ -51,7 +51,7 @@ class Sensors:
     def noise(self, rng: np.random.Generator, samples: int) -> Array:
         """Errors (samples, 4) [rad/s] of one platform's wheel speeds.
 
-        Drawn even where they are zero: what is drawn from ``rng`` afterwards is then the same.
+        Drawn even if they are zero, so that later draws from ``rng`` do not depend on the noise.
         """
         return self.wheel_speed_noise * rng.standard_normal((samples, 4))
 
@@ -86,9 +86,11 @@ def sense(
             body_twist[row, axis] = 0.0
         for wheel in range(4):
             speed = 0.0
+            # 6 + wheel: wheel angles follow twist (3) and pose (3) in a state.
             if resolution > 0.0:
                 count = np.floor(states[row, 6 + wheel] / resolution)
                 speed = (count - counts[row, 0, wheel]) * resolution / span
+                # Oldest first, so the loop may overwrite each entry by its successor.
                 for age in range(counts.shape[1] - 1):
                     counts[row, age, wheel] = counts[row, age + 1, wheel]
                 counts[row, -1, wheel] = count

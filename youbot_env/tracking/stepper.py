@@ -1,4 +1,4 @@
-"""Platforms that track references side by side: the one stepper behind every environment.
+"""The stepper behind every environment: platforms that track references side by side.
 
 Every array has a leading row per platform, and one platform is a batch of one: the same code.
 """
@@ -76,7 +76,7 @@ class Setup:
 
 
 class Shown:
-    """What the platforms show after a call; new arrays each time, so what was handed out stays."""
+    """Results of a call. New arrays each time, so that results handed out before do not change."""
 
     __slots__ = (
         *("observation", "report", "wheel_speed", "body_twist"),
@@ -128,7 +128,7 @@ class Stepper:
         self._numbers = task.numbers(model.geometry)
         self._shape = (task.preview, task.action_history)
         self._table = np.zeros((platforms, samples + task.preview, 6))
-        # The reward of smoothness reads two actions, however few are observed.
+        # The smoothness term reads the last two actions, even if fewer are observed.
         self._past = np.zeros((platforms, max(task.action_history, 2), 4))
         self._all = (0, platforms)
         self._shown = Shown(platforms, task.observation_size)
@@ -141,7 +141,7 @@ class Stepper:
         return ContactPlant(model, self.setup.contact, platforms=platforms)
 
     def _substeps(self) -> int:
-        """As fine as any draw needs: a platform's course must not depend on its neighbours."""
+        """Steps for the finest of several draws: a result must not depend on neighbouring rows."""
         source, rng = self.setup.source, np.random.default_rng(0)
         draws = 1 if isinstance(source, Same) else self.setup.probes
         models = [source.draw(rng) for _ in range(draws)]
@@ -173,6 +173,7 @@ class Stepper:
         self._table[row] = reference_table(motion, setup.period, samples)
         self._sampled.begin(row, setup.sensors.noise(streams.noise, setup.steps + 1))
         self._past[row] = 0.0
+        # A copy: earlier results belong to the caller, and the other rows keep their values.
         shown = self._shown = self._shown.copy()
         shown.commanded[row] = 0.0
         shown.saturated[row] = False
@@ -188,6 +189,7 @@ class Stepper:
         """
         shown = Shown(len(action), self._shown.observation.shape[1])
         limit = self.setup.actuation.torque_limit
+        # ``shown`` replaces the last results only after the actions have been accepted.
         refused = take(action, self._past, limit, shown.commanded, shown.saturated)
         if refused >= 0:
             raise reject(action, refused)
@@ -196,7 +198,7 @@ class Stepper:
         self._look(self._all, 1)
 
     def _look(self, rows: tuple[int, int], elapsed: int) -> None:
-        """Measure and judge the platforms from the first of ``rows`` to before the second."""
+        """Measure and assess the platforms ``rows[0]`` to ``rows[1] - 1``."""
         shown = self._shown
         shown.applied = self.plant.acting_torque(self._sampled.delivered)
         self._sampled.measure(shown.wheel_speed, shown.body_twist, rows, elapsed)
@@ -225,7 +227,7 @@ class Stepper:
 
     @property
     def terminated(self) -> NDArray[np.bool_]:
-        """(n,): whether the state has left every sane set."""
+        """(n,): whether the twist has diverged, see ``TrackingTask.twist_limit``."""
         return self._shown.report[:, ENDED] != 0
 
     def result(self, row: int) -> tuple[float, bool, dict[str, Any]]:

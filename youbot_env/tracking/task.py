@@ -67,7 +67,7 @@ TERMS = slice(TERMS_START, TERMS_START + len(REWARD_TERMS))
 REWARD = TERMS.stop
 ENDED = REWARD + 1
 REPORT_WIDTH = ENDED + 1
-"""Where a report row ends: the terms, the reward, and whether the episode has."""
+"""Last columns of a report row: the terms, the reward, and whether the episode has ended."""
 
 SCALES, WEIGHTS, MARGINS, TWIST_LIMIT = slice(0, 3), slice(3, 8), slice(8, 13), 13
 """Places in the numbers of a task that compiled code gets, see ``TrackingTask.numbers``."""
@@ -152,6 +152,7 @@ class TrackingTask:
             band=self.band,
             tones=self.tones,
             amplitude=self.amplitude,
+            # Longer than asked, so that the ramp to rest begins after the episode.
             duration=duration + 2 * finite("ramp", self.ramp, positive=True),
             ramp=self.ramp,
             geometry=geometry,
@@ -213,6 +214,7 @@ def tolerance(error, margin):
     The long-tailed tolerance of dm_control: it still pulls from far away. NaN gives 0.
     """
     ratio = error / margin
+    # 9, so that a ratio of 1 gives 0.1.
     value = 1.0 / (1.0 + 9.0 * ratio * ratio)
     return value if value == value else 0.0
 
@@ -258,8 +260,10 @@ def assess(rows, states, measured, queue, table, clock, numbers, shape, observat
             for wheel in range(4):
                 seen[6 + 3 * preview + 4 * k + wheel] = queue[row, k, wheel]
         for i in range(seen.size):
+            # NaN, which is not equal to itself, is no number that a policy could use.
             value = seen[i] if seen[i] == seen[i] else 0.0
             seen[i] = min(max(value, -limit), limit)
+        # Twist, pose and wheel angles, see ``REPORT``.
         for i in range(10):
             line[3 + i] = states[row, i]
         for i in range(6):
