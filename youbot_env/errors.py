@@ -45,15 +45,17 @@ def finite(what: str, value: Any, *, positive: bool = False, least: float | None
     return number
 
 
-def count(what: str, value: Any) -> int:
-    """``value`` as a whole number of at least 1, or InputError that names ``what``."""
-    if isinstance(value, bool) or not isinstance(value, Integral) or value < 1:
-        raise InputError(f"{what}: {value!r} is not a whole number of at least 1")
+def count(what: str, value: Any, least: int = 1) -> int:
+    """``value`` as a whole number of at least ``least``, or InputError that names ``what``."""
+    if isinstance(value, bool) or not isinstance(value, Integral) or value < least:
+        raise InputError(f"{what}: {value!r} is not a whole number of at least {least}")
     return int(value)
 
 
 def check_settings(settings: Any) -> None:
     """Checks the numbers of a dataclass of settings: whole ones at least 1, others at least 0.
+
+    A whole number whose default is 0 (for "all", or "none") may be 0.
 
     Raises
     ------
@@ -69,7 +71,7 @@ def check_settings(settings: Any) -> None:
             if isinstance(default, bool):
                 continue
             if isinstance(default, int):
-                count(what, one)
+                count(what, one, least=min(default, 1))
             elif isinstance(default, float):
                 finite(what, one, least=0.0)
 

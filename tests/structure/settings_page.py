@@ -1,4 +1,4 @@
-"""Prints docs/settings.md: ``python -m tests.structure.settings_page > docs/settings.md``.
+"""Writes docs/settings.md: ``python -m tests.structure.settings_page docs/settings.md``.
 
 Every setting of the settings dataclasses with its default, unit and the reason for it, as the
 fields' metadata hold them.
@@ -6,8 +6,10 @@ fields' metadata hold them.
 
 from __future__ import annotations
 
+import sys
 from collections.abc import Iterator, Mapping
 from dataclasses import Field, fields, is_dataclass
+from pathlib import Path
 from typing import Any
 
 from controllers.computed_torque.adaptive import AdaptiveSettings
@@ -79,7 +81,7 @@ frozen dataclasses, passed to the functions of the packages:
     stricter = replace(strict, fit=replace(strict.fit, min_lone_share=0.8))
 
 `--json` of `identify`, `compare`, `diagnose` and `add` prints those in force under `settings`. This
-page is written by `python -m tests.structure.settings_page > docs/settings.md`, and a test compares
+page is written by `python -m tests.structure.settings_page docs/settings.md`, and a test compares
 it with the code.
 """
 
@@ -151,4 +153,6 @@ def _written(value: Any) -> str:
 
 
 if __name__ == "__main__":
-    print(page(), end="")
+    # The page is made before the file is opened: a setting that is refused leaves the old page.
+    text = page()
+    Path(sys.argv[1]).write_text(text, encoding="utf-8")

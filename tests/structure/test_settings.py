@@ -137,4 +137,4 @@ def test_every_setting_has_a_unit_and_a_reason(made: type):
 
 def test_the_page_is_what_the_command_prints():
     written = (ROOT / "docs" / "settings.md").read_text("utf-8")
-    assert written == page(), "run python -m tests.structure.settings_page > docs/settings.md"
+    assert written == page(), "run python -m tests.structure.settings_page docs/settings.md"

@@ -1,6 +1,6 @@
 """The effects themselves: the four components of the base model, then what can be added to them.
 
-To add an effect, write one function and register it; nothing else in the project changes.
+To add an effect, write one function and register it; no other code changes.
 """
 
 from __future__ import annotations
