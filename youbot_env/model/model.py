@@ -105,7 +105,12 @@ class Model(Generic[Known]):
         for name, known in self.base_parameters.items():
             if fault := known.fault(base[name]):
                 raise InputError(f"model {self.name}: {name} = {fault}")
-        if np.linalg.eigvalsh(self.mass_matrix()).min() <= 0:
+        # Numbers that are each possible may overflow together: an error, not numpy's warning.
+        with np.errstate(over="ignore", invalid="ignore"):
+            mass = self.mass_matrix()
+        if not np.isfinite(mass).all():
+            raise InputError(f"model {self.name}: its numbers overflow together; check their units")
+        if np.linalg.eigvalsh(mass).min() <= 0:
             raise InputError(
                 f"model {self.name}: the mass matrix is not positive definite "
                 "(a centre of mass that far out needs a larger I0)"
