@@ -20,7 +20,7 @@ from identification.fitting.errors import (
     velocity_floor,
     velocity_traces,
 )
-from identification.fitting.settings import FitSettings, check_settings
+from identification.fitting.settings import FitSettings
 from identification.logs.columns import joint_columns
 from identification.logs.log import Log
 from identification.logs.wheel_checks import Slip, slip_of
@@ -30,7 +30,7 @@ from identification.mechanisms.samples import Samples
 from identification.residual_map.residual_map import residual_map
 from identification.residual_map.settings import ResidualMapSettings
 from identification.residual_map.shares import ResidualMap
-from youbot_env.errors import InputError
+from youbot_env.errors import InputError, check_settings
 from youbot_env.files import write_atomically
 from youbot_env.physics.geometry import Geometry
 
@@ -64,7 +64,7 @@ class ComparisonSettings:
     )
 
     def __post_init__(self) -> None:
-        check_settings("comparison settings", self)
+        check_settings(self, "comparison settings", positive=True)
 
     def to_dict(self) -> dict[str, Any]:
         """JSON form: the numbers in force by name."""

@@ -52,28 +52,41 @@ def count(what: str, value: Any, least: int = 1) -> int:
     return int(value)
 
 
-def check_settings(settings: Any) -> None:
+def check_settings(settings: Any, what: str = "", *, positive: bool = False) -> None:
     """Checks the numbers of a dataclass of settings: whole ones at least 1, others at least 0.
 
     A whole number whose default is 0 (for "all", or "none") may be 0.
 
+    Parameters
+    ----------
+    what : names the settings in an error; without it the class does
+    positive : whether other numbers must be positive, unless they are in a tuple whose default
+        starts at 0
+
     Raises
     ------
     InputError
-        If one cannot be: names the class and the field.
+        If one cannot be: names the settings and the field.
     """
+    label = f"{what}: " if what else f"{type(settings).__name__} "
+    # The type of the default tells what a value must be. Nested settings have no such default; they
+    # check themselves.
     for item in fields(settings):
-        value, what = getattr(settings, item.name), f"{type(settings).__name__} {item.name}"
-        wanted = item.default if isinstance(item.default, tuple) else (item.default,)
+        value, is_tuple = getattr(settings, item.name), isinstance(item.default, tuple)
+        wanted: tuple[Any, ...] = (
+            item.default if isinstance(item.default, tuple) else (item.default,)
+        )
         given = value if isinstance(value, (tuple, list)) else (value,)
-        for one, default in zip(given, wanted, strict=False):
+        for k, one in enumerate(given):
+            default = wanted[min(k, len(wanted) - 1)]
             # Before int: a bool is an int in Python, and every bool is allowed.
             if isinstance(default, bool):
                 continue
             if isinstance(default, int):
-                count(what, one, least=min(default, 1))
+                count(label + item.name, one, least=min(default, 1))
             elif isinstance(default, float):
-                finite(what, one, least=0.0)
+                above_zero = positive and not (is_tuple and wanted[0] <= 0)
+                finite(label + item.name, one, positive=above_zero, least=0.0)
 
 
 def optional_library(name: str, extra: str, need: str) -> Any:

@@ -5,8 +5,9 @@ from __future__ import annotations
 from dataclasses import asdict, dataclass, field, replace
 from typing import Any
 
-from identification.fitting.settings import FitSettings, check_settings
+from identification.fitting.settings import FitSettings
 from identification.residual_map.settings import ResidualMapSettings
+from youbot_env.errors import check_settings
 
 
 @dataclass(frozen=True)
@@ -221,7 +222,7 @@ class DiagnosisSettings:
     )
 
     def __post_init__(self) -> None:
-        check_settings("diagnosis settings", self)
+        check_settings(self, "diagnosis settings", positive=True)
 
     @property
     def rows(self) -> FitSettings:

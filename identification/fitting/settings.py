@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-from dataclasses import asdict, dataclass, field, fields
+from dataclasses import asdict, dataclass, field
 from typing import Any
 
 from identification.mechanisms.settings import MechanismSettings
 from identification.signals.filters import FilterSettings
 from identification.signals.noise import NoiseSettings
-from youbot_env.errors import InputError, count, finite
+from youbot_env.errors import InputError, check_settings
 
 
 @dataclass(frozen=True)
@@ -266,7 +266,7 @@ class FitSettings:
     )
 
     def __post_init__(self) -> None:
-        check_settings("fit settings", self)
+        check_settings(self, "fit settings", positive=True)
         shares = ("max_residual_memory", "max_score_memory", "min_lone_share")
         for name in shares:
             if getattr(self, name) >= 1.0:
@@ -277,23 +277,3 @@ class FitSettings:
     def to_dict(self) -> dict[str, Any]:
         """JSON form: the numbers in force by name."""
         return asdict(self)
-
-
-def check_settings(what: str, settings: Any) -> None:
-    """Refuse a number that is not finite and positive, and a count that is not whole.
-
-    Parameters
-    ----------
-    settings : a dataclass; in a tuple whose default starts at zero, numbers may be zero too
-    """
-    # The type of the default tells what a value must be. Nested settings have no such default; they
-    # check themselves.
-    for item in fields(settings):
-        name, value = f"{what}: {item.name}", getattr(settings, item.name)
-        if isinstance(item.default, int):
-            count(name, value)
-        elif isinstance(item.default, float):
-            finite(name, value, positive=True)
-        elif isinstance(item.default, tuple):
-            for number in value:
-                finite(name, number, positive=item.default[0] > 0)

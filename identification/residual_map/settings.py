@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import asdict, dataclass, field
 from typing import Any
 
-from identification.fitting.settings import check_settings
+from youbot_env.errors import check_settings
 
 
 @dataclass(frozen=True)
@@ -203,7 +203,7 @@ class ResidualMapSettings:
     )
 
     def __post_init__(self) -> None:
-        check_settings("residual map settings", self)
+        check_settings(self, "residual map settings", positive=True)
 
     def to_dict(self) -> dict[str, Any]:
         """JSON form: the numbers in force by name."""
