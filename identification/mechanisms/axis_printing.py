@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
 from functools import partial
-from typing import Literal
+from typing import Literal, cast
 
 import sympy
 
@@ -17,7 +17,7 @@ from identification.mechanisms.axis_effects import AXIS_BASE, JOINT, TURNING, Ba
 from youbot_env.equations import equations as symbolic
 from youbot_env.equations.equations import PLATFORM, Notation
 from youbot_env.equations.printing import collected, join, latex, text
-from youbot_env.physics.effect import Effect
+from youbot_env.physics.effect import BaseParameters, Effect
 from youbot_env.physics.mechanism import ModelStructure
 from youbot_env.physics.namespaces import symbols
 
@@ -26,12 +26,12 @@ Form = Literal["text", "latex"]
 FORCE = "F"
 
 
-def _real(names: Iterable[str]) -> list[sympy.Symbol]:
+def _real(names: Iterable[str]) -> list[sympy.Expr]:
     return [sympy.Symbol(name, real=True) for name in names]
 
 
 _BASE = Base(*_real(name for item in AXIS_BASE for name in item.parameter_names))
-_JOINT = Joint(*_real(("v", "v'", "x", FORCE, "t")), base=_BASE)
+_JOINT = Joint(*_real(("v", "v'", "x", FORCE, "t")), base=cast(BaseParameters, _BASE))
 
 NOTATION = Notation(
     # Drives and clocks act on the effort alone, as those of the platform do.

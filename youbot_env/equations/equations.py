@@ -10,7 +10,7 @@ from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from types import SimpleNamespace
-from typing import Any, Literal
+from typing import Any, Literal, cast
 
 import sympy
 
@@ -27,6 +27,7 @@ from youbot_env.physics.effect import (
     WHEEL,
     WORLD,
     Actuator,
+    BaseParameters,
     Body,
     Channel,
     Clock,
@@ -96,7 +97,7 @@ class Notation:
 
     points: Mapping[Place, Any]
     words: Mapping[Place, tuple[str, ...]]
-    base: tuple[sympy.Symbol, ...]
+    base: tuple[object, ...]
 
     def motion(self, place: Place) -> set[sympy.Symbol]:
         """Symbols of the motion at a place, as opposed to parameters."""
@@ -198,7 +199,7 @@ def _flat(point: Any) -> Iterable[Any]:
         yield from _flat(part) if isinstance(part, tuple) else (part,)
 
 
-def _real(names: str | Iterable[str]) -> list[sympy.Symbol]:
+def _real(names: str | Iterable[str]) -> list[sympy.Expr]:
     names = names.split() if isinstance(names, str) else names
     return [sympy.Symbol(name, real=True) for name in names]
 
@@ -209,14 +210,15 @@ _LENGTHS = SimpleNamespace(**{name: _real(name)[0] for name in ("l", "h", "R", "
 """The geometry of a public form, as symbols."""
 
 _BASE = Base(*_real(["m0", "I0", "m aX", "m aY", "I1", "mu1", "mu2"]))
+_NAMED = cast(BaseParameters, _BASE)
 _TWIST, _ACCELERATION = _real("VX VY W"), _real("VX' VY' W'")
 _POSE, _TIME = _real("x y psi"), _real("t")[0]
 
 _POINTS: dict[Place, Any] = {
-    BODY: Body(tuple(_TWIST), tuple(_ACCELERATION), _TIME, _BASE),  # type: ignore[arg-type]
-    WHEEL: Wheel(*_real("phi' phi'' phi M t"), base=_BASE),
-    ROLLER: Roller(*_real("gamma' gamma'' t"), base=_BASE),
-    WORLD: World(*_real("x y psi x' y' xC yC t"), base=_BASE),
+    BODY: Body(tuple(_TWIST), tuple(_ACCELERATION), _TIME, _NAMED),
+    WHEEL: Wheel(*_real("phi' phi'' phi M t"), base=_NAMED),
+    ROLLER: Roller(*_real("gamma' gamma'' t"), base=_NAMED),
+    WORLD: World(*_real("x y psi x' y' xC yC t"), base=_NAMED),
     ACTUATOR: Actuator(*_real("M M' t")),
     CHANNEL: Channel(*_real("M t")),
     CLOCK: Clock(),
@@ -227,7 +229,7 @@ PLATFORM = Notation(_POINTS, WORDS, tuple(_BASE))
 """Notation of the mecanum platform."""
 
 
-class _OpenPoints(EffectPoints):
+class _OpenPoints(EffectPoints[Any, sympy.Expr]):
     """Points whose wheel and roller rates are symbols, so that each component can be read."""
 
     @cached_property
@@ -259,7 +261,7 @@ class Equations:
         return SimpleNamespace(l=L - h, h=h, R=R, r=r)
 
     @cached_property
-    def theta(self) -> list[sympy.Symbol]:
+    def theta(self) -> list[sympy.Expr]:
         """Symbols of the parameters: short where no other parameter has that name."""
         names = [name.split(".")[-1] for name in self.structure.parameter_names]
         found: list[str] = []
@@ -272,7 +274,7 @@ class Equations:
     @cached_property
     def points(self) -> _OpenPoints:
         """Where the components are evaluated."""
-        at = Instant(tuple(_TWIST), tuple(_ACCELERATION), tuple(_POSE), time=_TIME)  # type: ignore[arg-type]
+        at = Instant(tuple(_TWIST), tuple(_ACCELERATION), tuple(_POSE), time=_TIME)
         return _OpenPoints(
             symbols(), MECANUM, self.geometry, self.theta, at, self.structure.carriers
         )
@@ -317,22 +319,22 @@ class Equations:
         return part.subs(self.no_slip) if is_linear else part
 
     @cached_property
-    def motion(self) -> list[sympy.Symbol]:
+    def motion(self) -> list[object]:
         """Symbols of the motion, as opposed to parameters and lengths."""
         angles = [symbol for wheel in self.points.wheels for symbol in (wheel.angle, wheel.torque)]
         return [*_TWIST, *_ACCELERATION, *_POSE, _TIME, *self.no_slip, *angles]
 
-    def values(self, model: Model) -> dict[sympy.Symbol, float]:
+    def values(self, model: Model) -> dict[sympy.Expr, float]:
         """A model's numbers for the parameters and lengths."""
         g = model.geometry
         lengths = zip(_real("h R r L"), (g.h, g.R, g.r, g.L), strict=True)
         return dict(lengths) | dict(zip(self.theta, model.theta.tolist(), strict=True))
 
-    def groups(self, values: dict[sympy.Symbol, float]) -> list[list[Group]]:
+    def groups(self, values: dict[sympy.Expr, float]) -> list[list[Group]]:
         """Each side as groups (coefficient, motion): accelerations first, then by degree."""
         return [self._grouped(side, axis, values) for axis, side in enumerate(self.sides)]
 
-    def _grouped(self, side: Any, axis: int, values: dict[sympy.Symbol, float]) -> list[Group]:
+    def _grouped(self, side: Any, axis: int, values: dict[sympy.Expr, float]) -> list[Group]:
         rows = collected(side, set(self.motion))
         rows.sort(key=lambda row: self._rank(row[1], axis))
         return [(with_values(c, values), with_values(m, values)) for c, m in rows]
@@ -348,7 +350,7 @@ class Equations:
             return 1, -degree, motion == _TWIST[2] ** 2, sympy.default_sort_key(motion)
         return 2, 0, 0, sympy.default_sort_key(motion)
 
-    def legend(self, show: Any, values: dict[sympy.Symbol, float]) -> list[str]:
+    def legend(self, show: Any, values: dict[sympy.Expr, float]) -> list[str]:
         """What the forces are, what drives and channels do, and which rates stand in a line."""
         torque = [wheel.torque for wheel in self.points.wheels]
         force = body_force(self.geometry, torque)
