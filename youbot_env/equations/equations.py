@@ -118,10 +118,12 @@ def formula(
     """
     notation = notation or PLATFORM
     if item.public is not None and item.name not in BASE:
-        stated = _real(parameter.name for parameter in item.public_parameters)
+        stated = real_symbols(parameter.name for parameter in item.public_parameters)
         values = item.public.inverse(symbols(), _LENGTHS, *stated)
     else:
-        values = _real(_SPACED.get(parameter.name, parameter.name) for parameter in item.parameters)
+        values = real_symbols(
+            _SPACED.get(parameter.name, parameter.name) for parameter in item.parameters
+        )
     found = item.function(symbols(), notation.points[item.acts_at], *values)
     returned = found if isinstance(found, tuple) else (found,)
     motion = notation.motion(item.acts_at)
@@ -148,7 +150,7 @@ def try_out(item: Effect) -> None:
     # On symbols too, as code is generated from them: an `if` in the function works on floats only.
     trials = (
         ("numbers", floats, _numeric(point), plain),
-        ("symbols", symbols(), point, _real(item.parameter_names)),
+        ("symbols", symbols(), point, real_symbols(item.parameter_names)),
     )
     for kind, xp, where, values in trials:
         try:
@@ -175,7 +177,7 @@ def _try_public(item: Effect, values: list[float]) -> None:
         there = item.to_public(geometry, values)
         back = item.to_internal(floats, geometry, there)
         nothing = item.to_public(geometry, item.defaults.values())
-        item.to_internal(symbols(), _LENGTHS, _real(item.public_names))
+        item.to_internal(symbols(), _LENGTHS, real_symbols(item.public_names))
     except Exception as error:
         raise InputError(
             f"effect {item.name}: its public form fails ({type(error).__name__}: {error})"
@@ -199,28 +201,29 @@ def _flat(point: Any) -> Iterable[Any]:
         yield from _flat(part) if isinstance(part, tuple) else (part,)
 
 
-def _real(names: str | Iterable[str]) -> list[sympy.Expr]:
+def real_symbols(names: str | Iterable[str]) -> list[sympy.Expr]:
+    """A symbol for each name; in one string, names stand apart by spaces."""
     names = names.split() if isinstance(names, str) else names
     return [sympy.Symbol(name, real=True) for name in names]
 
 
 _SPACED = {"m_aX": "m aX", "m_aY": "m aY"}
 
-_LENGTHS = SimpleNamespace(**{name: _real(name)[0] for name in ("l", "h", "R", "r", "m1")})
+_LENGTHS = SimpleNamespace(**{name: real_symbols(name)[0] for name in ("l", "h", "R", "r", "m1")})
 """The geometry of a public form, as symbols."""
 
-_BASE = Base(*_real(["m0", "I0", "m aX", "m aY", "I1", "mu1", "mu2"]))
+_BASE = Base(*real_symbols(["m0", "I0", "m aX", "m aY", "I1", "mu1", "mu2"]))
 _NAMED = cast(BaseParameters, _BASE)
-_TWIST, _ACCELERATION = _real("VX VY W"), _real("VX' VY' W'")
-_POSE, _TIME = _real("x y psi"), _real("t")[0]
+_TWIST, _ACCELERATION = real_symbols("VX VY W"), real_symbols("VX' VY' W'")
+_POSE, _TIME = real_symbols("x y psi"), real_symbols("t")[0]
 
 _POINTS: dict[Place, Any] = {
     BODY: Body(tuple(_TWIST), tuple(_ACCELERATION), _TIME, _NAMED),
-    WHEEL: Wheel(*_real("phi' phi'' phi M t"), base=_NAMED),
-    ROLLER: Roller(*_real("gamma' gamma'' t"), base=_NAMED),
-    WORLD: World(*_real("x y psi x' y' xC yC t"), base=_NAMED),
-    ACTUATOR: Actuator(*_real("M M' t")),
-    CHANNEL: Channel(*_real("M t")),
+    WHEEL: Wheel(*real_symbols("phi' phi'' phi M t"), base=_NAMED),
+    ROLLER: Roller(*real_symbols("gamma' gamma'' t"), base=_NAMED),
+    WORLD: World(*real_symbols("x y psi x' y' xC yC t"), base=_NAMED),
+    ACTUATOR: Actuator(*real_symbols("M M' t")),
+    CHANNEL: Channel(*real_symbols("M t")),
     CLOCK: Clock(),
 }
 
@@ -235,12 +238,15 @@ class _OpenPoints(EffectPoints[Any, sympy.Expr]):
     @cached_property
     def wheels(self) -> list[Wheel]:
         return [
-            Wheel(*_real(f"phi{i}' phi{i}'' phi{i} M{i} t"), base=self.base) for i in range(1, 5)
+            Wheel(*real_symbols(f"phi{i}' phi{i}'' phi{i} M{i} t"), base=self.base)
+            for i in range(1, 5)
         ]
 
     @cached_property
     def rollers(self) -> list[Roller]:
-        return [Roller(*_real(f"gamma{i}' gamma{i}'' t"), base=self.base) for i in range(1, 5)]
+        return [
+            Roller(*real_symbols(f"gamma{i}' gamma{i}'' t"), base=self.base) for i in range(1, 5)
+        ]
 
     def of(self, place: Place) -> Sequence[Any]:
         open_points = {WHEEL: self.wheels, ROLLER: self.rollers}
@@ -257,7 +263,7 @@ class Equations:
     def geometry(self) -> Any:
         """Symbols of the lengths, with l + h = L as the paper abbreviates."""
         # l is written as L - h, so that l + h simplifies to L in every formula.
-        h, R, r, L = _real("h R r L")
+        h, R, r, L = real_symbols("h R r L")
         return SimpleNamespace(l=L - h, h=h, R=R, r=r)
 
     @cached_property
@@ -269,7 +275,7 @@ class Equations:
             effect = full.rpartition(".")[0]
             # Two effects may have a parameter of one name, such as "smoothing".
             found.append(short if names.count(short) == 1 else f"{short}_{effect}")
-        return _real(_SPACED.get(name, name) for name in found)
+        return real_symbols(_SPACED.get(name, name) for name in found)
 
     @cached_property
     def points(self) -> _OpenPoints:
@@ -327,7 +333,7 @@ class Equations:
     def values(self, model: Model) -> dict[sympy.Expr, float]:
         """A model's numbers for the parameters and lengths."""
         g = model.geometry
-        lengths = zip(_real("h R r L"), (g.h, g.R, g.r, g.L), strict=True)
+        lengths = zip(real_symbols("h R r L"), (g.h, g.R, g.r, g.L), strict=True)
         return dict(lengths) | dict(zip(self.theta, model.theta.tolist(), strict=True))
 
     def groups(self, values: dict[sympy.Expr, float]) -> list[list[Group]]:
@@ -369,7 +375,7 @@ class Equations:
         """Parameters of the equations in terms of those that a model holds."""
         lines = []
         for item, where in self.structure.slices[len(BASE) :]:
-            stated = _real(item.public_names)
+            stated = real_symbols(item.public_names)
             inner = item.to_internal(symbols(), _LENGTHS, stated)
             for symbol, value in zip(self.theta[where], inner, strict=True):
                 # A parameter that is stated as it is needs no line.
