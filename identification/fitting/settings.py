@@ -2,17 +2,16 @@
 
 from __future__ import annotations
 
-from dataclasses import asdict, dataclass, field
-from typing import Any
+from dataclasses import dataclass, field
 
 from identification.mechanisms.settings import MechanismSettings
 from identification.signals.filters import FilterSettings
 from identification.signals.noise import NoiseSettings
-from youbot_env.errors import InputError, check_settings
+from youbot_env.errors import InputError, Settings, check_settings
 
 
 @dataclass(frozen=True)
-class PredictabilitySettings:
+class PredictabilitySettings(Settings):
     """How it is tested whether anything is left that the motion predicts.
 
     Each field's ``metadata`` holds its unit and the reason, or the measurement, for its default.
@@ -117,7 +116,7 @@ class PredictabilitySettings:
 
 
 @dataclass(frozen=True)
-class FitSettings:
+class FitSettings(Settings):
     """What a fit, its intervals, the errors of a model and their noise floors depend on.
 
     Each field's ``metadata`` holds its unit and the reason, or the measurement, for its default.
@@ -379,7 +378,3 @@ class FitSettings:
                 raise InputError(f"fit settings: {name} must be below 1")
         if self.recursive_forgetting > 1.0:
             raise InputError("fit settings: recursive_forgetting must be at most 1")
-
-    def to_dict(self) -> dict[str, Any]:
-        """JSON form: the numbers in force by name."""
-        return asdict(self)
