@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import sys
+from dataclasses import replace
 from functools import partial
 from pathlib import Path
 from typing import Annotated, Any
@@ -62,6 +63,9 @@ def main(
             metavar="DIR", help="Keep each case here: logs, truth.json, trial.json, a folder each."
         ),
     ] = None,
+    limit: Annotated[
+        float, typer.Option(min=0.0, metavar="S", help="Give a case up after so long; 0: never.")
+    ] = 0.0,
     write: Annotated[
         Path | None,
         typer.Option(
@@ -88,7 +92,7 @@ def main(
     noise), two (two effects), unknown (something outside the catalogue), sweep (each effect at 1/16
     to 4 times its size). Each case is identified, and diagnosed from the published model, whose
     parameters are not the platform's. The same kind, index, seed, rate and noise make the same
-    case: `--first N --cases 1` runs one alone.
+    case: `--first N --cases 1` runs one alone. Cases that --resume finds are neither run nor kept.
     """
     out = common.console(json)
     if sizes:
@@ -98,7 +102,12 @@ def main(
     if write is not None:
         _write(specs, write, out)
         return
-    records = bench(specs, jobs=jobs, folder=resume, follow_up=follow_up, keep=keep)
+    records = bench(
+        specs,
+        jobs=jobs,
+        folder=resume,
+        options=Options(follow_up=follow_up, keep=keep, limit=limit),
+    )
     scores = score(records)
     show(out, scores, records)
     common.write_result(json, {**scores, "trials": records}, seed)
@@ -109,15 +118,14 @@ def bench(
     *,
     jobs: int = 1,
     folder: Path | None = None,
-    follow_up: bool = False,
-    keep: Path | None = None,
+    options: Options,
 ) -> list[Record]:
     """Identify and diagnose the cases, with a progress bar."""
     from identification.diagnosis.diagnose import diagnose
     from identification.fitting.identify import identify
 
     # The course of the estimates over time is not scored.
-    options = Options(partial(identify, recursive=False), follow_up, keep)
+    options = replace(options, identify=partial(identify, recursive=False))
     with common.progress(len(specs), "diagnosing") as advance:
         return run_trials(
             specs, diagnose, jobs=jobs, folder=folder, options=options, progress=advance

@@ -32,6 +32,7 @@ SCORE_WORDS = {
     "refused": "refused",
     "crashed": "crashed",
     "identify_failed": "refused by identify, or it crashed",
+    "warned": "with a warning of a library",
     "false_alarm": 'false alarms (anything but "adequate")',
     "in_set": "truth named first, or in its set of three",
     "alone": "truth named alone",
@@ -55,6 +56,9 @@ SCORE_WORDS = {
     "tie_resolved": "tie resolved by the proposed experiment",
 }
 
+NEVER = ("refused", "crashed", "identify_failed", "warned")
+"""What no case may be."""
+
 WANTED = {
     ("none", "false_alarm"): "< 2 %",
     ("none", "right"): ">= 99 %",
@@ -77,7 +81,7 @@ WANTED = {
         for kind in ("none", "noise", "one", "quarter", "double_noise", "two")
         for key in ("sizes_inside", "base_inside")
     },
-    **{(kind, key): "none" for kind in KIND_WORDS for key in ("refused", "crashed")},
+    **{(kind, key): "none" for kind in KIND_WORDS for key in NEVER},
     **{(kind, "tie_resolved"): "> 80 %" for kind in ("one", "quarter", "two")},
 }
 """Targets of the diagnosis."""

@@ -186,6 +186,11 @@ def crashed(record: Record) -> bool:
     return "error" in record and not refused(record)
 
 
+def warned(record: Record) -> bool | None:
+    """Whether a library warned of anything; None: it was not looked for."""
+    return bool(record["library_warnings"]) if "library_warnings" in record else None
+
+
 def identify_failed(record: Record) -> bool | None:
     """Whether `identify` refused the logs or crashed; None: it was not asked."""
     return "error" in record["identify"] if "identify" in record else None
@@ -357,6 +362,7 @@ def _of_every_kind(records: Sequence[Record]) -> dict[str, Any]:
         refused=refused,
         crashed=crashed,
         identify_failed=identify_failed,
+        warned=warned,
     )
     return {
         "cases": len(records),

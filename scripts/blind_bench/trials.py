@@ -2,10 +2,13 @@
 
 from __future__ import annotations
 
+import signal
 import tempfile
 import time
 import traceback
-from collections.abc import Callable, Iterable, Mapping, Sequence
+import warnings
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from dataclasses import dataclass
 from functools import partial
 from itertools import chain, zip_longest
@@ -35,8 +38,9 @@ Record = dict[str, Any]
 """What is kept of a trial, JSON-able: ``case``, ``found`` (the diagnosis's own JSON),
 ``carriers``, ``base`` and ``sizes`` (what the diagnosis states of the base parameters and of the
 effects), ``true_velocity_error``, ``seconds``; ``identify``, what `identify` says of the same logs;
-``after``, the diagnosis with the proposed experiment. Where something failed: ``error``, its
-``error_class`` and the line of code that raised it, ``raised_at``."""
+``after``, the diagnosis with the proposed experiment; ``library_warnings``, in words. Where
+something failed: ``error``, its ``error_class`` and the line of code that raised it, ``raised_at``.
+"""
 
 Diagnose = Callable[..., Any]
 """diagnose(model, logs, seed=...), whose result has ``to_dict`` as the design fixes it."""
@@ -54,11 +58,13 @@ class Options:
     identify : also identify the base model on the logs, or None
     follow_up : record the experiment that is proposed for a tie, and diagnose again
     keep : folder for the logs, truth.json and trial.json of each case, in a folder by its key
+    limit : time [s] after which each of the two is given up with a TimeoutError; 0: never
     """
 
     identify: Identify | None = None
     follow_up: bool = False
     keep: Path | None = None
+    limit: float = 0.0
 
 
 def true_model(case: Case) -> Model | None:
@@ -133,6 +139,37 @@ def failure(error: Exception) -> Record:
     }
 
 
+@contextmanager
+def within(limit: float) -> Iterator[None]:
+    """Raise TimeoutError in what runs longer than ``limit`` [s]; 0, or without signals: never."""
+    if not limit or not hasattr(signal, "setitimer"):
+        yield
+        return
+
+    def give_up(number: int, frame: object) -> None:
+        raise TimeoutError(f"no answer in {limit:g} s")
+
+    before = signal.signal(signal.SIGALRM, give_up)
+    signal.setitimer(signal.ITIMER_REAL, limit)
+    try:
+        yield
+    finally:
+        signal.setitimer(signal.ITIMER_REAL, 0.0)
+        signal.signal(signal.SIGALRM, before)
+
+
+@contextmanager
+def kept_warnings(record: Record) -> Iterator[None]:
+    """Keep what libraries warn of in a record, once each, instead of on the terminal."""
+    with warnings.catch_warnings(record=True) as caught:
+        warnings.simplefilter("always")
+        try:
+            yield
+        finally:
+            said = {f"{item.category.__name__}: {item.message}" for item in caught}
+            record["library_warnings"] = sorted(said)
+
+
 def run_trial(case: Case, diagnose: Diagnose, options: Options = Options()) -> Record:
     """Make a case's logs and have them diagnosed, starting from the published model.
 
@@ -148,10 +185,12 @@ def run_trial(case: Case, diagnose: Diagnose, options: Options = Options()) -> R
         folder = (options.keep or Path(scratch)) / case.key
         paths = write_case(folder, case)
         try:
-            logs = read_logs(paths)
-            if options.identify is not None:
-                record["identify"] = _identified(options.identify, logs, case.seed)
-            _diagnosed(record, case, logs, diagnose, options.follow_up)
+            with kept_warnings(record):
+                logs = read_logs(paths)
+                if options.identify is not None:
+                    record["identify"] = _identified(logs, case.seed, options)
+                with within(options.limit):
+                    _diagnosed(record, case, logs, diagnose, options.follow_up)
         except Exception as error:
             record |= failure(error)
         if options.keep is not None:
@@ -159,10 +198,12 @@ def run_trial(case: Case, diagnose: Diagnose, options: Options = Options()) -> R
     return record
 
 
-def _identified(identify: Identify, logs: Sequence[Log], seed: int) -> Record:
+def _identified(logs: Sequence[Log], seed: int, options: Options) -> Record:
+    assert options.identify is not None
     before = time.perf_counter()
     try:
-        found = {"base": stated_base(identify(logs, seed=seed).model)}
+        with within(options.limit):
+            found = {"base": stated_base(options.identify(logs, seed=seed).model)}
     except Exception as error:
         found = failure(error)
     return found | {"seconds": time.perf_counter() - before}

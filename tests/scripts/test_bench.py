@@ -373,6 +373,30 @@ def test_a_refusal_is_no_crash():
     assert table["right"]["count"] == table["wrongly_named"]["count"] == 0
 
 
+def test_a_case_without_an_end_is_given_up_and_its_time_counted():
+    def never(model: Model, logs: list, *, seed: int = 0) -> Answer:
+        while True:
+            time.sleep(0.01)
+
+    case = cases.draw_case("none", 0, 0, rate=50.0)
+    found = trials.run_trial(case, never, trials.Options(limit=0.7))
+    assert found["error"] == "TimeoutError: no answer in 0.7 s"
+    assert 0.0 < found["seconds"] < 3.0 and scores.crashed(found)
+    time.sleep(0.8)  # no alarm is left
+
+
+def test_what_libraries_warn_of_is_kept_once():
+    def warn(model: Model, logs: list, *, seed: int = 0) -> Answer:
+        for _ in range(3):
+            np.log(np.zeros(1))
+        return Answer()
+
+    found = trials.run_trial(cases.draw_case("none", 0, 0, rate=50.0), warn)
+    assert found["library_warnings"] == ["RuntimeWarning: divide by zero encountered in log"]
+    quiet = found | {"library_warnings": []}
+    assert scores.score([found, quiet])["kinds"]["none"]["warned"]["count"] == 1
+
+
 def test_a_kept_case_holds_its_logs_its_truth_and_its_trial(tmp_path: Path):
     spec = trials.plan(["none"], 1, 0, rates=[50.0], first=3)[0]
     assert spec.index == 3
