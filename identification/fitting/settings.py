@@ -72,6 +72,15 @@ class FitSettings:
             "reason": "squares over the least so far from which on a step has gone too far",
         },
     )
+    step_shares: tuple[float, ...] = field(
+        default=(1.0, 0.5, 0.25, 0.125, 0.03125),
+        metadata={
+            "unit": "share of a step",
+            "reason": "tried in turn until the squares fall: on the EMPS data full steps in the "
+            "knee of a friction beside a delay raised them from 288 to 361, half of one lowered "
+            "them",
+        },
+    )
     huber_threshold: float = field(
         default=1.345,
         metadata={

@@ -133,6 +133,32 @@ def test_every_planted_effect_comes_back(name: str):
     assert (np.abs(error[own]) < 4 * std[own] + 0.1 * size).all()
 
 
+@pytest.mark.parametrize(
+    ("missing", "fitted", "start"),
+    [
+        ("spring", ("thinning_friction", "torque_delay"), 0.3),
+        ("spring", ("thinning_friction",), 0.3),
+        ("asymmetric_coulomb_friction", ("stribeck_friction",), 3.0),
+    ],
+)
+def test_shapes_are_fitted_where_full_steps_overshoot(
+    missing: str, fitted: tuple[str, ...], start: float
+):
+    """Beside what no parameter explains a full Gauss-Newton step raises the squares."""
+    full, planted_theta = planted(STAGE, *fitted, missing)
+    log = log_of(full, planted_theta, rate=100.0, noise=0.01)
+    axis = Axis(full.geometry, ModelStructure(fitted, KIND))
+    shapes = np.array([bool(label.parameter.grid) for label in axis.labels])
+    first = np.where(axis.free, default_theta(axis), planted_theta[: len(axis.labels)])
+    first[shapes] *= start
+    found = fit(axis, [axis.samples(log)], first, free=axis.free | shapes)
+    residual, columns = found.rows[0].residual[:, 0], found.rows[0].columns[:, 0]
+    columns = columns / np.linalg.norm(columns, axis=0)
+    more = columns @ np.linalg.lstsq(columns, residual, rcond=None)[0]
+    # At the least squares no combination of columns explains anything of the residual.
+    assert np.linalg.norm(more) < 1e-3 * np.linalg.norm(residual)
+
+
 @pytest.mark.parametrize("name", EFFECTS)
 def test_columns_are_the_derivatives_of_the_force(name: str):
     axis, theta = planted(STAGE, name, turns=True)
