@@ -170,7 +170,7 @@ class _GaussNewton:
         arrived = _squares_of_step(here, step) < most
         known = None
         # The weights of a robust fit change from step to step, and its squares with them.
-        if not (self.linear or arrived or self.robust):
+        if self._is_inside(here.theta) and not (self.linear or arrived or self.robust):
             share = self._falling_share(here, step)
             if share is None:
                 return here, True
@@ -184,6 +184,12 @@ class _GaussNewton:
             known = [replace(r, residual=r.residual - r.columns @ step) for r in here.rows]
         # A robust fit goes on: its weights depend on the residual, also where the model is linear.
         return self.at(theta, bounded, known), arrived or (self.linear and not self.robust)
+
+    def _is_inside(self, theta: Array) -> bool:
+        """Whether theta (P,) is within bounds: from outside (no lag at all, say) a step goes in."""
+        lower, upper = self.mechanism.bounds
+        inside = (lower <= theta) & (theta <= upper)
+        return bool(inside[self.chosen].all())
 
     def _falling_share(self, here: _Iterate, step: Array) -> float | None:
         """The first share of a step that lowers the squares; None if no share does.

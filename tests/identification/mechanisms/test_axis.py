@@ -15,6 +15,8 @@ from identification.comparison import compare, write_predictions
 from identification.fitting.errors import SumsOfSquares, force_traces, velocity_traces
 from identification.fitting.identify import identify
 from identification.fitting.least_squares import fit
+from identification.fitting.regression import row_rate
+from identification.fitting.settings import FitSettings
 from identification.logs.log import AXIS, Log
 from identification.logs.reading import read_log, write_log
 from identification.mechanisms.axis import AXIS as KIND, Axis, default_theta, typical
@@ -157,6 +159,22 @@ def test_shapes_are_fitted_where_full_steps_overshoot(
     more = columns @ np.linalg.lstsq(columns, residual, rcond=None)[0]
     # At the least squares no combination of columns explains anything of the residual.
     assert np.linalg.norm(more) < 1e-3 * np.linalg.norm(residual)
+
+
+def test_a_fit_that_starts_beyond_a_bound_ends_within_all():
+    axis, theta = planted(STAGE, "actuator_lag")
+    theta[-1] = 0.0  # no lag, which is less than the least
+    samples = axis.samples(log_of(Axis(axis.geometry), theta[:-1], noise=0.005))
+    found = fit(axis, [samples], np.where(axis.free, default_theta(axis), theta))
+    lower, upper = axis.bounds
+    assert (lower <= found.theta).all()
+    assert (found.theta <= upper).all()
+
+
+def test_rows_are_as_fast_as_the_filter_of_the_axis():
+    scales = Scales(False, 0.1, 0.3, 54.0, 0.25, bandwidth=100.0)
+    assert row_rate(Axis(scales)) == 200.0
+    assert row_rate(Axis(replace(scales, bandwidth=10.0))) == FitSettings().row_rate
 
 
 @pytest.mark.parametrize("name", EFFECTS)
