@@ -38,6 +38,7 @@ from identification.mechanisms.axis_model import (
 from identification.mechanisms.registry import load_any_model, mechanism_of
 from identification.mechanisms.samples import cut
 from identification.mechanisms.settings import MechanismSettings
+from scripts.emps_to_log import official_model, read_run, relative_force_error
 from tests.identification.shared_data import DATA
 from youbot_env.errors import InputError
 from youbot_env.physics import inverse_dynamics as dynamics
@@ -407,30 +408,43 @@ def test_the_unit_of_an_axis_is_m_or_rad():
 # --- real measurements ------------------------------------------------------------------------
 
 
-@pytest.mark.skipif(not EMPS.exists(), reason="the EMPS data are not here")
-def test_emps_lacks_asymmetric_viscous_friction():
-    from scripts.emps_to_log import (
-        force_of_model,
-        log_of,
-        official_model,
-        read_run,
-        relative_force_error,
-    )
+needs_emps = pytest.mark.skipif(not EMPS.exists(), reason="the EMPS data are not here")
 
-    run = read_run(EMPS)
-    log = log_of(run, "emps")
-    official = relative_force_error(run, force_of_model(run, official_model()))
-    assert official == pytest.approx(0.0404, abs=3e-4)  # as published for this preprocessing
+
+def emps_errors(*sets: tuple[str, ...], **starts: float) -> list[float]:
+    """Official errors of models with some effects each, shape constants as they stand or given."""
+    log = read_run(EMPS)
     base = identify([log], start=base_axis_model([log], unit="m"))
-    errors = {}
-    for name in ("asymmetric_viscous_friction", "stribeck_friction", "spring"):
-        axis = base.mechanism.extended(name)
-        theta = axis.extend_theta(base.fit.theta, name, {})
-        found = identify([log], start=axis_model(axis, theta))
-        errors[name] = relative_force_error(run, force_of_model(run, found.model))
-    best = errors.pop("asymmetric_viscous_friction")
+    found = []
+    for effects in sets:
+        axis, theta = base.mechanism, base.fit.theta
+        for name in effects:
+            own = axis.catalogue[name].parameter_names
+            shapes = {key: value for key, value in starts.items() if key in own}
+            theta = axis.extend_theta(theta, name, shapes)
+            axis = axis.extended(name)
+        fitted = identify([log], start=axis_model(axis, theta))
+        found.append(relative_force_error(log, fitted.model))
+    return found
+
+
+@needs_emps
+def test_emps_lacks_asymmetric_viscous_friction():
+    official = relative_force_error(read_run(EMPS), official_model())
+    assert official == pytest.approx(0.0404, abs=3e-4)  # as published for this preprocessing
+    best, *others = emps_errors(
+        ("asymmetric_viscous_friction",), ("stribeck_friction",), ("spring",)
+    )
     assert best < 0.78 * official
-    assert min(errors.values()) > 0.95 * official
+    assert min(others) > 0.95 * official
+
+
+@needs_emps
+def test_emps_lacks_a_delay_and_friction_that_rises_from_standstill_too():
+    three = ("asymmetric_viscous_friction", "thinning_friction", "torque_delay")
+    *two, all_three = emps_errors(three[:2], (three[0], three[2]), three, knee=0.02)
+    assert min(two) > 0.027
+    assert all_three < 0.022  # only if delay counts in the official error as well
 
 
 def test_no_effect_acts_as_a_second_drive():
