@@ -124,22 +124,24 @@ def main() -> int:
     parser.add_argument("--model", help="also print the official error of this model file")
     args = parser.parse_args()
     from identification.logs.reading import log_name, write_log
-    from identification.mechanisms.registry import check_mechanism, load_any_model
+    from identification.mechanisms.registry import kind, kind_of, load_any_model
     from youbot_env.errors import InputError
 
     try:
         log = read_run(args.data, log_name(args.log))
         models = {"official": official_model()}
         if args.model:
-            models[args.model] = load_any_model(args.model)
-            check_mechanism(models[args.model], "axis")
+            models[args.model] = model = load_any_model(args.model)
+            if kind_of(model) is not kind("axis"):
+                raise InputError(f"{args.model}: not the model of an axis")
         write_log(args.log, log, decimals=9)
     except InputError as error:
         print(f"error: {error}", file=sys.stderr)
         return 2
     print(f"{args.log}: {len(log.time)} samples at {1 / log.dt:.0f} Hz, m, m/s, N")
     for name, model in models.items() if args.model else ():
-        print(f"relative force error of {name}: {relative_force_error(log, model):.2%}")
+        error = relative_force_error(log, model)
+        print(f"relative force error of {name}: {100 * error:.2f} %")
     return 0
 
 

@@ -7,6 +7,7 @@ the axis at hand (:class:`Scales`): a positioning stage and a wrist motor share 
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from typing import Any, NamedTuple
@@ -57,6 +58,15 @@ class Scales:
     travel: float
     bandwidth: float = FilterSettings.rate
 
+    @property
+    def cycle(self) -> float:
+        """Length in which a force along the travel repeats itself at the latest [m or rad].
+
+        A joint that turns on and on meets the same teeth and magnets again: two turns at most, for
+        an output that turns half as fast.
+        """
+        return min(self.travel, 4 * math.pi) if self.turns else self.travel
+
 
 class Unit(NamedTuple):
     """A unit's counterpart for an axis that turns, and what is typical for an axis."""
@@ -74,7 +84,7 @@ UNITS = {
     "N/m": Unit("N m/rad", lambda s: s.force / s.travel),
     "N s/m": Unit("N m s", lambda s: s.force / s.speed),
     "N s^2/m^2": Unit("N m s^2", lambda s: s.force / s.speed**2),
-    "m": Unit("rad", lambda s: s.travel),
+    "m": Unit("rad", lambda s: s.cycle),
     "m/s": Unit("rad/s", lambda s: s.speed),
 }
 

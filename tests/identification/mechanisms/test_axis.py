@@ -172,6 +172,17 @@ def test_a_fit_that_starts_beyond_a_bound_ends_within_all():
     assert (found.theta <= upper).all()
 
 
+def test_forces_along_the_angle_of_a_joint_that_turns_on_repeat_with_its_turns():
+    wrist, spindle = (Scales(True, 100.0, 25.0, 0.05, travel) for travel in (3.0, 4000.0))
+    grids = [
+        np.array(fitted_to(AXIS_CATALOGUE["cogging"], s).parameter("period").grid)
+        for s in (wrist, spindle)
+    ]
+    assert grids[0].max() == pytest.approx(3.0)
+    for turn_share in (1, 1 / 2, 1 / 3, 1 / 4, 1 / 6):
+        assert np.isclose(grids[1], 2 * np.pi * turn_share).any()
+
+
 def test_rows_are_as_fast_as_the_filter_of_the_axis():
     scales = Scales(False, 0.1, 0.3, 54.0, 0.25, bandwidth=100.0)
     assert row_rate(Axis(scales)) == 200.0
