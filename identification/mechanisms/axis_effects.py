@@ -49,6 +49,8 @@ class Scales:
 
     turns : whether the units are rad, rad/s, N m rather than m, m/s, N
     bandwidth : up to which forces are fitted [rad/s]: as far as the speed's noise allows
+    one_way : whether the axis only ever moves in one direction. Dry friction is then a constant
+        force like the offset: ``offset`` stands for both, and ``coulomb`` stays at zero
     """
 
     turns: bool
@@ -57,6 +59,7 @@ class Scales:
     force: float
     travel: float
     bandwidth: float = FilterSettings.rate
+    one_way: bool = False
 
     @property
     def cycle(self) -> float:
@@ -108,16 +111,21 @@ def _fitted(item: Effect, parameter: Parameter, scales: Scales) -> Parameter:
         )
     unit = UNITS[parameter.unit]
     typical = unit.typical(scales)
+    # What has a default is not identified.
+    held = 0.0 if scales.one_way and parameter.name == "coulomb" else parameter.default
     return replace(
         parameter,
         unit=unit.turning if scales.turns else parameter.unit,
-        default=None if parameter.default is None else parameter.default * typical,
+        default=None if held is None else held * typical,
         lower=parameter.lower * typical,
         upper=parameter.upper * typical,
         size=parameter.size * typical,
         grid=tuple(value * typical for value in parameter.grid),
     )
 
+
+BOTH_WAYS = frozenset({"asymmetric_viscous_friction", "asymmetric_coulomb_friction"})
+"""Effects that compare one direction with the other: one direction alone cannot show them."""
 
 AXIS_BASE = Registry()
 """The components of the base model of one axis."""

@@ -344,6 +344,49 @@ def test_motion_at_one_speed_is_refused_with_a_cure():
         identify([log], start=axis_model(axis, default_theta(axis)))
 
 
+def one_way_log(axis: Axis, theta: np.ndarray, way: float) -> Log:
+    """40 s of a speed that changes and never its sign; the effort is what that demands."""
+    time = np.arange(0, 40, 0.004)
+    wave, omega = 0.5 * axis.geometry.speed, 2 * np.pi * 0.4
+    speed = way * (3 * wave + wave * np.sin(omega * time))
+    acceleration = way * wave * omega * np.cos(omega * time)
+    position = np.cumsum(speed) * 0.004
+    at = Instant((speed,), (acceleration,), (position,), time=time)
+    effort = dynamics.acting_torque(np, axis.structure, axis.geometry, theta, at)[0]
+    effort = effort + 0.01 * effort.std() * np.random.default_rng(1).standard_normal(len(time))
+    return Log("drive", AXIS, time, speed[:, None], effort[:, None], position[:, None])
+
+
+@pytest.mark.parametrize("way", [1.0, -1.0])
+def test_motion_one_way_shows_dry_friction_and_offset_together(way: float, tmp_path: Path):
+    axis, theta = planted(STAGE)
+    log = one_way_log(axis, theta, way)
+    found = identify([log], start=base_axis_model([log], unit="m"))
+    together = STAGE["offset"] + way * STAGE["coulomb"]
+    offset = found.model.parameters["offset"]
+    assert found.model.values["coulomb"] == 0.0 and found.model.parameters["coulomb"].std is None
+    assert offset.std is not None and abs(offset.value - together) < 4 * offset.std
+    assert abs(found.model.values["inertia"] - STAGE["inertia"]) < 0.01 * STAGE["inertia"]
+    assert any("one way only" in line and f"{offset.value:.3g}" in line for line in found.warnings)
+    # What would compare the two ways is no candidate, also once the model has been in a file.
+    save_axis_model(tmp_path / "axis.json", found.model)
+    again = mechanism_of(load_any_model(tmp_path / "axis.json"))
+    assert "asymmetric_coulomb_friction" not in again.catalogue.names()
+    assert again.geometry == found.model.geometry and again.geometry.one_way
+    # Both ways together show all, and checks of one way say what is missing.
+    both = base_axis_model([log, one_way_log(axis, theta, -way)], unit="m")
+    assert not both.geometry.one_way
+    assert not base_axis_model([log], unit="m", every=True).geometry.one_way
+
+
+def test_a_stop_that_overshoots_is_no_way_back():
+    axis, theta = planted(STAGE)
+    log = one_way_log(axis, theta, 1.0)
+    velocity = log.velocity.copy()
+    velocity[5000:5050] = -0.01
+    assert typical([replace(log, velocity=velocity)], turns=False).one_way
+
+
 def test_a_platform_log_is_no_axis():
     axis, _ = planted(STAGE)
     log = Log("base", ("a", "b"), np.arange(9.0), np.ones((9, 2)), np.ones((9, 2)))
