@@ -334,8 +334,10 @@ def spring(xp, joint, stiffness):
             "m",
             default=0.25,
             lower=1e-3,
-            upper=2.0,
-            grid=tuple(1.0 / (0.5 * k) for k in range(2, 25)),
+            # What has not come again one and a half times is a bend along the travel, as a spring
+            # makes it, and no period.
+            upper=0.75,
+            grid=tuple(1.0 / (0.5 * k) for k in range(3, 25)),
         ),
     ],
     source="Cogging of magnets and the pitch of a screw or belt: a force periodic in the position",

@@ -12,6 +12,7 @@ import pytest
 from scipy.integrate import solve_ivp
 
 from identification.comparison import compare, write_predictions
+from identification.diagnosis.diagnose import diagnose
 from identification.fitting.errors import SumsOfSquares, force_traces, velocity_traces
 from identification.fitting.identify import identify
 from identification.fitting.least_squares import fit
@@ -178,9 +179,16 @@ def test_forces_along_the_angle_of_a_joint_that_turns_on_repeat_with_its_turns()
         np.array(fitted_to(AXIS_CATALOGUE["cogging"], s).parameter("period").grid)
         for s in (wrist, spindle)
     ]
-    assert grids[0].max() == pytest.approx(3.0)
+    assert grids[0].max() == pytest.approx(2.0)  # it comes one and a half times in the travel
     for turn_share in (1, 1 / 2, 1 / 3, 1 / 4, 1 / 6):
         assert np.isclose(grids[1], 2 * np.pi * turn_share).any()
+
+
+def test_a_spring_is_no_cogging():
+    axis, theta = planted(WRIST, "spring", turns=True, speed=1.5)
+    log = log_of(axis, theta, noise=0.003)
+    found = diagnose(base_axis_model([log]), [log], effects=["spring", "cogging"])
+    assert (found.verdict, found.missing, found.ambiguous_with) == ("effect", ("spring",), {})
 
 
 def test_rows_are_as_fast_as_the_filter_of_the_axis():
