@@ -37,18 +37,19 @@ from youbot_env.physics.mechanism import (
     ModelStructure,
     Site,
 )
+from youbot_env.physics.namespaces import N, Number
 
 Array = NDArray[np.float64]
 
 # --- physics ----------------------------------------------------------------------------------
 
 
-def _joint(points: EffectPoints) -> list[Joint]:
+def _joint(points: EffectPoints[Scales, Number]) -> list[Joint]:
     at = points.at
     return [Joint(at.twist[0], at.acceleration[0], at.pose[0], at.torque[0], at.time, points.base)]
 
 
-def _same(_: object, values: Sequence[Components]) -> Components:
+def _same(_: object, values: Sequence[N]) -> Components[N]:
     """Of one axis its joint's rate and torque are its own."""
     return tuple(values)
 
@@ -228,7 +229,7 @@ class Axis(Mechanism[Scales]):
     def __init__(
         self,
         scales: Scales,
-        structure: ModelStructure | None = None,
+        structure: ModelStructure[Scales] | None = None,
         settings: MechanismSettings = MechanismSettings(),
     ) -> None:
         super().__init__(scales, structure or ModelStructure((), AXIS), CONVENTIONS, settings)

@@ -520,7 +520,7 @@ def test_a_missing_matplotlib_is_one_clear_line(
     compared: Comparison, monkeypatch: pytest.MonkeyPatch, tmp_path: Path
 ):
     monkeypatch.setitem(sys.modules, "matplotlib", None)
-    with pytest.raises(InputError, match=r'pip install "youbot\[plots\]"') as caught:
+    with pytest.raises(InputError, match=r"pip install 'youbot\[plots\]'") as caught:
         figures.plot_comparison(compared, tmp_path / "plots")
     assert "\n" not in str(caught.value)
     assert not (tmp_path / "plots").exists()

@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 from dataclasses import replace
 from pathlib import Path
-from typing import Any
+from typing import Any, cast
 
 import numpy as np
 import pytest
@@ -43,7 +43,7 @@ from scripts.emps_to_log import official_model, read_run, relative_force_error
 from tests.identification.shared_data import DATA
 from youbot_env.errors import InputError
 from youbot_env.physics import inverse_dynamics as dynamics
-from youbot_env.physics.effect import ACTUATOR
+from youbot_env.physics.effect import ACTUATOR, BaseParameters
 from youbot_env.physics.mechanism import Instant, ModelStructure
 
 STAGE = {"inertia": 90.0, "viscous": 200.0, "coulomb": 20.0, "offset": -3.0}
@@ -84,13 +84,14 @@ def effort_at(axis: Axis, theta: np.ndarray, time: np.ndarray) -> np.ndarray:
     def acting(at: np.ndarray) -> np.ndarray:
         position, speed, acceleration = motion(at, axis.geometry.speed)
         instant = Instant((speed,), (acceleration,), (position,), time=at)
-        return dynamics.acting_torque(np, axis.structure, axis.geometry, theta, instant)[0]
+        found = dynamics.acting_torque(np, axis.structure, axis.geometry, theta, instant)
+        return np.asarray(found[0])
 
     if not axis.structure.has_actuator:
         return acting(time)
     rate = (acting(time + 1e-5) - acting(time - 1e-5)) / 2e-5
     at = Instant((0.0,), torque=(acting(time),), torque_rate=(rate,), time=time)
-    return dynamics.actuator_command(np, axis.structure, theta, at)[0]
+    return np.asarray(dynamics.actuator_command(np, axis.structure, theta, at)[0])
 
 
 def planted(
@@ -244,9 +245,9 @@ def test_friction_never_adds_energy(name: str):
     rng = np.random.default_rng(1)
     for _ in range(200):
         rate, position, force = rng.standard_normal(3) * (0.3, 0.3, 50.0)
-        base = Base(*theta[:5])
+        base = cast(BaseParameters, Base(*theta[:5]))
         joint = Joint(rate, 0.0, position, force, abs(position), base)
-        assert item.evaluate(np, joint, theta[where]) * rate >= 0
+        assert np.asarray(item.evaluate(np, joint, theta[where])) * rate >= 0
 
 
 @pytest.mark.parametrize("effects", [tuple(WRENCHES), ("actuator_lag",), ("torque_delay",)])
