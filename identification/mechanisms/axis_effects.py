@@ -7,6 +7,7 @@ the axis at hand (:class:`Scales`): a positioning stage and a wrist motor share 
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from typing import NamedTuple
@@ -58,6 +59,8 @@ class Scales:
 
     turns : whether the units are rad, rad/s, N m rather than m, m/s, N
     bandwidth : up to which forces are fitted [rad/s]: as far as the speed's noise allows
+    one_way : whether the axis only ever moves in one direction. Dry friction is then a constant
+        force like the offset: ``offset`` stands for both, and ``coulomb`` stays at zero
     """
 
     turns: bool
@@ -66,6 +69,16 @@ class Scales:
     force: float
     travel: float
     bandwidth: float = FilterSettings.rate
+    one_way: bool = False
+
+    @property
+    def cycle(self) -> float:
+        """Length in which a force along the travel repeats itself at the latest [m or rad].
+
+        A joint that turns on and on meets the same teeth and magnets again: two turns at most, for
+        an output that turns half as fast.
+        """
+        return min(self.travel, 4 * math.pi) if self.turns else self.travel
 
 
 class Unit(NamedTuple):
@@ -84,7 +97,7 @@ UNITS = {
     "N/m": Unit("N m/rad", lambda s: s.force / s.travel),
     "N s/m": Unit("N m s", lambda s: s.force / s.speed),
     "N s^2/m^2": Unit("N m s^2", lambda s: s.force / s.speed**2),
-    "m": Unit("rad", lambda s: s.travel),
+    "m": Unit("rad", lambda s: s.cycle),
     "m/s": Unit("rad/s", lambda s: s.speed),
 }
 
@@ -108,16 +121,21 @@ def _fitted(item: Effect, parameter: Parameter, scales: Scales) -> Parameter:
         )
     unit = UNITS[parameter.unit]
     typical = unit.typical(scales)
+    # What has a default is not identified.
+    held = 0.0 if scales.one_way and parameter.name == "coulomb" else parameter.default
     return replace(
         parameter,
         unit=unit.turning if scales.turns else parameter.unit,
-        default=None if parameter.default is None else parameter.default * typical,
+        default=None if held is None else held * typical,
         lower=parameter.lower * typical,
         upper=parameter.upper * typical,
         size=parameter.size * typical,
         grid=tuple(value * typical for value in parameter.grid),
     )
 
+
+BOTH_WAYS = frozenset({"asymmetric_viscous_friction", "asymmetric_coulomb_friction"})
+"""Effects that compare one direction with the other: one direction alone cannot show them."""
 
 AXIS_BASE = Registry()
 """The components of the base model of one axis."""
@@ -330,8 +348,10 @@ def spring(xp: Namespace, joint: Joint, stiffness: Number) -> Number:
             "m",
             default=0.25,
             lower=1e-3,
-            upper=2.0,
-            grid=tuple(1.0 / (0.5 * k) for k in range(2, 25)),
+            # What has not come again one and a half times is a bend along the travel, as a spring
+            # makes it, and no period.
+            upper=0.75,
+            grid=tuple(1.0 / (0.5 * k) for k in range(3, 25)),
         ),
     ],
     source="Cogging of magnets and the pitch of a screw or belt: a force periodic in the position",
