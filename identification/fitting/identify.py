@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
@@ -19,12 +19,14 @@ from identification.fitting.errors import (
 )
 from identification.fitting.estimate_history import EstimateHistory, recursive_course
 from identification.fitting.least_squares import Fit, fit
+from identification.fitting.misfit import NEXT_COMMAND, misfit_warning
 from identification.fitting.observability import (
     Observability,
     block_estimates,
     log_observability,
     refuse_blind,
 )
+from identification.fitting.physical_fit import within_limits
 from identification.fitting.regression import Regression, regression
 from identification.fitting.settings import FitSettings
 from identification.logs.log import Log
@@ -80,6 +82,8 @@ class Identification:
     course : the recursive estimator's estimates over time, or None
     settings : all numbers that the fit depends on
     warnings : plain sentences, the most serious first
+    misfit : the first of them, where the model lacks something: no interval is stated then
+    told_first : how many of them, from the first, are of the logs and the misfit
     """
 
     model: Any
@@ -92,6 +96,19 @@ class Identification:
     course: EstimateHistory | None = None
     warnings: tuple[str, ...] = field(default_factory=tuple)
     settings: FitSettings = field(default_factory=FitSettings)
+    misfit: str | None = None
+    told_first: int = 0
+
+    @property
+    def first_warnings(self) -> tuple[str, ...]:
+        """What makes all numbers doubtful: the misfit, and what is wrong with the logs."""
+        return self.warnings[: self.told_first]
+
+    def with_next_command(self, command: str) -> Identification:
+        """The same, with the command to type next in the place of its pattern."""
+        warnings = tuple(line.replace(NEXT_COMMAND, command) for line in self.warnings)
+        misfit = self.misfit and self.misfit.replace(NEXT_COMMAND, command)
+        return replace(self, warnings=warnings, misfit=misfit)
 
     def to_dict(self) -> dict[str, Any]:
         """JSON form: parameters with 95 % intervals, observability, errors, warnings."""
@@ -106,11 +123,15 @@ class Identification:
             "recursive": self._last_estimates(),
             "logs": [dict(log) for log in self.model.logs],
             "settings": self.settings.to_dict(),
+            "misfit": self.misfit,
             "warnings": list(self.warnings),
         }
 
     def _parameters(self) -> dict[str, Any]:
-        """Value, unit, standard deviation and interval of each parameter; None where unknown."""
+        """Value, unit, standard deviation and interval of each parameter; None where unknown.
+
+        Where the model lacks something no interval would hold, so none is stated.
+        """
         # Rounding can make the variance of an unseen direction slightly negative.
         variance = np.maximum(np.diag(self.model.covariance), 0.0)
         std = dict(zip(self.model.covariance_names, np.sqrt(variance), strict=True))
@@ -119,7 +140,9 @@ class Identification:
         found = {}
         for name, value in self.model.values.items():
             known = std.get(name)
-            interval = None if known is None else [value - reach * known, value + reach * known]
+            interval = None
+            if known is not None and self.misfit is None:
+                interval = [value - reach * known, value + reach * known]
             found[name] = {"value": value, "unit": units[name], "std": known, "interval": interval}
         return found
 
@@ -129,6 +152,10 @@ class Identification:
             return None
         names = [self.mechanism.parameter_names[k] for k in self.force.free]
         return dict(zip(names, self.course.theta[-1].tolist(), strict=True))
+
+
+def _without_deviations(model: AnyModel) -> AnyModel:
+    return model.with_values({})
 
 
 def _estimates(model: Any) -> dict[str, Any]:
@@ -166,6 +193,9 @@ def identify(
     settings : all numbers that the fit depends on
     seed : of the noise floor's random numbers
 
+    A model is returned whenever the logs show one. Where something is missing from it, it is fitted
+    within physical limits, and ``misfit`` says so.
+
     Raises
     ------
     InputError
@@ -187,28 +217,39 @@ def identify(
         settings=settings,
         progress=progress,
     )
-    final = _refined(mechanism, samples, force, settings, progress) if output_error else force
+    force = within_limits(mechanism, force, settings)
+    final, refused = force, []
+    if output_error:
+        final, refused = _refined(mechanism, samples, force, settings, progress)
     kind = kind_of(start)
+    errors = _errors(mechanism, final, samples, seed, output_error, settings)
+    misfit = misfit_warning(
+        errors["force_error"], errors["noise_floor"]["force_error"], settings=settings
+    )
     model = kind.fitted_model(
         mechanism,
         final,
         name=name,
         logs=tuple(log.reference for log in logs),
-        errors=_errors(mechanism, final, samples, seed, output_error, settings),
+        errors=errors,
         provenance=provenance,
     )
-    told = (line for log in logs for line in log.warnings)
+    doubts = [*([misfit] if misfit else []), *(line for log in logs for line in log.warnings)]
     return Identification(
         *(model, final, force, mechanism, samples),
         parts=_part_reports(mechanism, start.theta, samples, rows, settings),
         total=total,
         course=_course(mechanism, force, settings) if recursive else None,
         warnings=(
-            *told,
+            *doubts,
+            *refused,
             *_fit_warnings(mechanism, final),
-            *kind.warnings(model, settings.mechanism),
+            # Deviations that do not hold cannot tell what the logs show.
+            *kind.warnings(_without_deviations(model) if misfit else model, settings.mechanism),
         ),
         settings=settings,
+        misfit=misfit,
+        told_first=len(doubts),
     )
 
 
@@ -218,11 +259,16 @@ def _refined(
     force: Fit,
     settings: FitSettings,
     progress: Callable[[], None],
-) -> Fit:
+) -> tuple[Fit, list[str]]:
+    """The fit in free run; the fit on forces and a warning where that is no start for one."""
     # Imported here: it loads numba, which takes half a second and which a force fit does not need.
     from identification.fitting.output_error import refine
 
-    return refine(mechanism, samples, force, settings=settings, progress=progress)
+    try:
+        found = refine(mechanism, samples, force, settings=settings, progress=progress)
+    except InputError as error:
+        return force, [f"no fit in free run, the one on forces stands: {error}"]
+    return within_limits(mechanism, found, settings), []
 
 
 def _course(mechanism: Mechanism, force: Fit, settings: FitSettings) -> EstimateHistory:

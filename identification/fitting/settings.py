@@ -87,6 +87,24 @@ class FitSettings:
         },
     )
 
+    # Limits of what can be
+    limit_room: float = field(
+        default=1e-6,
+        metadata={
+            "unit": "parameters' sizes",
+            "reason": "a fit that is pulled beyond a limit stops as far within: above the rounding "
+            "of a model file",
+        },
+    )
+    limit_steps: int = field(
+        default=200,
+        metadata={"unit": "1", "reason": "a bound on time: some 20 are needed"},
+    )
+    limit_halvings: int = field(
+        default=60,
+        metadata={"unit": "1", "reason": "halve a way down to the rounding of a number"},
+    )
+
     # Covariance and intervals
     min_correlation_time: float = field(
         default=0.5,
@@ -218,6 +236,14 @@ class FitSettings:
     )
 
     # Force error and noise floor
+    max_error_over_floor: float = field(
+        default=1.25,
+        metadata={
+            "unit": "1",
+            "reason": "force error over its noise floor from which on the misfit is real, and no "
+            "interval holds; the same as of a diagnosis",
+        },
+    )
     max_floor_samples: int = field(
         default=30_000,
         metadata={
