@@ -180,6 +180,14 @@ class LogSettings:
         default=0.05,
         metadata={"unit": "share of the usual speed", "reason": "a speed beyond is motion"},
     )
+    max_resting_speed_share: float = field(
+        default=0.5,
+        metadata={
+            "unit": "share of the usual speed",
+            "reason": "a joint that is faster moves, whatever the noise: of coarse counts it may be "
+            "above all speeds",
+        },
+    )
     usual_speed_quantile: float = field(
         default=0.95,
         metadata={"unit": "1", "reason": "the speed that a log hardly exceeds"},
@@ -215,6 +223,28 @@ class LogSettings:
         default=0.01,
         metadata={"unit": "share of the samples", "reason": "more at an extreme are a limit"},
     )
+    saturated_runs: int = field(
+        default=3,
+        metadata={
+            "unit": "1",
+            "reason": "times that a limit is met, from as many other values; a step command or a "
+            "square wave is met once, or from one value",
+        },
+    )
+    max_limit_step: float = field(
+        default=0.25,
+        metadata={
+            "unit": "share of the channel's span",
+            "reason": "a limit is met from nearby, a commanded step by a jump",
+        },
+    )
+    min_limit_share: float = field(
+        default=0.5,
+        metadata={
+            "unit": "share of the channel's largest size",
+            "reason": "an extreme that is smaller is what holds a joint, not a limit of its drive",
+        },
+    )
     position_time: float = field(
         default=0.5,
         metadata={
@@ -244,6 +274,21 @@ class LogSettings:
         metadata={
             "unit": "net over gross power",
             "reason": "an effort that takes more has a wrong sign; sound logs give above 0.9",
+        },
+    )
+    power_time: float = field(
+        default=0.1,
+        metadata={
+            "unit": "s",
+            "reason": "means over it are fitted where a sign is judged: noise of the acceleration "
+            "would hide the inertia",
+        },
+    )
+    min_share_of_way: float = field(
+        default=0.1,
+        metadata={
+            "unit": "share of the time",
+            "reason": "a motion with less of one way is one-way: a load may drive it",
         },
     )
     max_slip: float = field(

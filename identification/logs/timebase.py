@@ -6,6 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from identification.logs.columns import Draft
+from identification.logs.findings import percent
 from identification.logs.settings import LogSettings
 
 
@@ -266,7 +267,7 @@ def resample(draft: Draft) -> None:
     grid = old[0] + step * np.arange(int((old[-1] - old[0]) / step + 1e-6) + 1)
     after = np.clip(np.searchsorted(old, grid, side="right"), 1, len(old) - 1)
     jitter = np.sqrt(np.mean((steps - step) ** 2)) / step
-    message = f"time steps vary by {100 * jitter:.2g} % (rms): interpolated to {1 / step:.6g} Hz"
+    message = f"time steps vary by {percent(jitter)} (rms): interpolated to {1 / step:.6g} Hz"
     at = int(np.argmax(np.abs(steps - step))) + 1
     draft.report("repaired", message, "log at a constant rate", at, "time")
     draft.data = interpolate_at(grid, old, draft.data)

@@ -9,7 +9,7 @@ from itertools import product
 import numpy as np
 from numpy.typing import NDArray
 
-from identification.logs.findings import Finding
+from identification.logs.findings import Finding, percent
 from identification.logs.log import Log
 from identification.logs.settings import LogSettings
 from identification.signals.filters import integral_of
@@ -60,7 +60,7 @@ def _identity(log: Log, limits: CheckLimits) -> Iterator[Finding]:
     noise = float(np.sqrt(np.mean(log.speed_noise**2)))
     along = float(np.sqrt(np.mean((log.velocity @ NO_SLIP) ** 2)))
     measured = (
-        f"phi_1' + phi_2' - phi_3' - phi_4' is {100 * ratio:.2g} % of the wheel speeds "
+        f"phi_1' + phi_2' - phi_3' - phi_4' is {percent(ratio)} of the wheel speeds "
         f"({2 * along:.2g} rad/s rms; noise alone makes {2 * noise:.2g})"
     )
     if ratio < settings.max_slip or along < settings.slip_noise_deviations * noise:

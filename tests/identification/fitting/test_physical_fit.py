@@ -53,7 +53,7 @@ def reloaded(result: Identification) -> dict[str, float]:
 def test_there_is_a_model_that_loads_again(case: str):
     result = identify([CASES[case]()], recursive=False)
     assert reloaded(result) == result.model.values
-    assert result.misfit == result.warnings[0]
+    assert result.misfit and result.misfit == result.warnings[0]
     assert "times the noise floor" in result.misfit and "youbot diagnose" in result.misfit
     entries = result.to_dict()["parameters"].values()
     assert all(entry["interval"] is None and entry["std"] is not None for entry in entries)
