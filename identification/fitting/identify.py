@@ -25,6 +25,7 @@ from identification.fitting.observability import (
     block_estimates,
     log_observability,
     refuse_blind,
+    told_apart_at_rest,
 )
 from identification.fitting.physical_fit import within_limits
 from identification.fitting.regression import Regression, regression
@@ -84,6 +85,7 @@ class Identification:
     warnings : plain sentences, the most serious first
     misfit : the first of them, where the model lacks something: no interval is stated then
     told_first : how many of them, from the first, are of the logs and the misfit
+    at_rest : parameters that only standstill tells apart: no interval is stated of these
     """
 
     model: Any
@@ -98,6 +100,7 @@ class Identification:
     settings: FitSettings = field(default_factory=FitSettings)
     misfit: str | None = None
     told_first: int = 0
+    at_rest: tuple[str, ...] = ()
 
     @property
     def first_warnings(self) -> tuple[str, ...]:
@@ -141,7 +144,7 @@ class Identification:
         for name, value in self.model.values.items():
             known = std.get(name)
             interval = None
-            if known is not None and self.misfit is None:
+            if known is not None and self.misfit is None and name not in self.at_rest:
                 interval = [value - reach * known, value + reach * known]
             found[name] = {"value": value, "unit": units[name], "std": known, "interval": interval}
         return found
@@ -210,6 +213,7 @@ def identify(
     rows = [regression(mechanism, start.theta, item, free, settings) for item in samples]
     total = log_observability(mechanism, rows, settings)
     refuse_blind(mechanism, total, settings)
+    moved = told_apart_at_rest(mechanism, samples, rows, total, settings)
     force = fit(
         *(mechanism, samples, start.theta),
         first=rows,
@@ -242,6 +246,7 @@ def identify(
         course=_course(mechanism, force, settings) if recursive else None,
         warnings=(
             *doubts,
+            *_rest_warnings(mechanism, moved, settings),
             *refused,
             *_fit_warnings(mechanism, final),
             # Deviations that do not hold cannot tell what the logs show.
@@ -250,7 +255,28 @@ def identify(
         settings=settings,
         misfit=misfit,
         told_first=len(doubts),
+        at_rest=_hidden(moved, settings),
     )
+
+
+def _hidden(moved: Observability | None, settings: FitSettings) -> tuple[str, ...]:
+    """Names of the parameters in the directions that motion alone does not show."""
+    if moved is None:
+        return ()
+    large = np.abs(moved.blind).max(axis=0) > settings.min_direction_share
+    return tuple(name for name, hidden in zip(moved.names, large, strict=True) if hidden)
+
+
+def _rest_warnings(
+    mechanism: Mechanism, moved: Observability | None, settings: FitSettings
+) -> list[str]:
+    if moved is None:
+        return []
+    return [
+        f"{' and '.join(_hidden(moved, settings))} are told apart by standstill alone, where "
+        "friction may hold anything: no interval is stated of them; "
+        f"{mechanism.advice(moved.blind[0])}"
+    ]
 
 
 def _refined(

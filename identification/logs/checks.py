@@ -194,13 +194,12 @@ def _saturation(log: Log, limits: CheckLimits) -> Iterator[Finding]:
     stands still is met once at each stop.
     """
     settings = limits.settings
-    moves = moving(log, settings)
-    joint_of = dict(enumerate(moves.T))
+    moves = moving(log.velocity, log.speed_noise, settings)
     for k, (column, signal) in enumerate(_channels(log, "effort", "command")):
         span = float(np.ptp(signal))
         size = float(np.abs(signal).max())
         for extreme in (signal.min(), signal.max()):
-            held = (signal == extreme) & joint_of[k % moves.shape[1]]
+            held = (signal == extreme) & moves[:, k % len(log.joints)]
             long = held.sum() >= settings.saturated_samples
             long = long and held.mean() > settings.max_saturated_share
             # Zero is the value of a channel at rest, and so may be what is small beside the rest.
@@ -250,17 +249,26 @@ def _power(log: Log, limits: CheckLimits) -> Iterator[Finding]:
     yield _at(log, "warning", message, cure)
 
 
-def moving(log: Log, settings: LogSettings = LogSettings()) -> NDArray[np.bool_]:
-    """(n, k) whether each joint moves: faster than noise and than a small share of its usual speed.
-
-    Counted speeds are zero or a step or more; their noise is about the size of a step.
-    """
-    speed = np.abs(log.velocity)
-    usual = np.quantile(
-        thinned(speed, settings.noise.max_samples), settings.usual_speed_quantile, 0
-    )
-    noise = settings.moving_noise_deviations * log.speed_noise
-    return speed > np.maximum(np.minimum(noise, 0.5 * usual), settings.moving_speed_share * usual)
+def moving(
+    speed: NDArray[np.float64],
+    noise: NDArray[np.float64],
+    settings: LogSettings = LogSettings(),
+) -> NDArray[np.bool_]:
+    """(n, k) whether joints move: faster than their noise (k,) and a small share of their speed."""
+    size = np.abs(speed)
+    share = settings.moving_speed_share
+    usual = np.zeros(size.shape[1])
+    for k, channel in enumerate(size.T):
+        # Of the time in which it may move: a joint that hardly ever does has a usual speed too.
+        some = channel[channel > share * channel.max()]
+        if some.size:
+            usual[k] = np.quantile(
+                thinned(some, settings.noise.max_samples), settings.usual_speed_quantile
+            )
+    # Of coarse counts the noise may be above all speeds.
+    most = settings.max_resting_speed_share * usual
+    by_noise = np.minimum(settings.moving_noise_deviations * noise, most)
+    return size > np.maximum(by_noise, share * usual)
 
 
 def dissipated_share(log: Log, settings: LogSettings = LogSettings()) -> NDArray[np.float64]:

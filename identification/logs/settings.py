@@ -184,8 +184,8 @@ class LogSettings:
         default=0.5,
         metadata={
             "unit": "share of the usual speed",
-            "reason": "a joint that is faster moves, whatever the noise: of coarse counts it may be "
-            "above all speeds",
+            "reason": "a joint that is faster moves, whatever the noise: that of coarse counts may "
+            "be above all speeds",
         },
     )
     usual_speed_quantile: float = field(
