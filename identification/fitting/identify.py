@@ -212,7 +212,15 @@ def identify(
     free = np.flatnonzero(mechanism.free)
     rows = [regression(mechanism, start.theta, item, free, settings) for item in samples]
     total = log_observability(mechanism, rows, settings)
-    refuse_blind(mechanism, total, settings)
+    doubt = _doubt_of_unit(mechanism, start.theta, rows, settings)
+    try:
+        refuse_blind(mechanism, total, settings)
+    except InputError:
+        if not doubt:
+            raise
+        # A wrong unit makes what is there too small to see: no motion is missing.
+        unseen = total.describe_blind(settings.min_direction_share)[0]
+        raise InputError(f"{doubt}; as they stand these logs cannot show {unseen}") from None
     moved = told_apart_at_rest(mechanism, samples, rows, total, settings)
     force = fit(
         *(mechanism, samples, start.theta),
@@ -238,7 +246,8 @@ def identify(
         errors=errors,
         provenance=provenance,
     )
-    doubts = [*([misfit] if misfit else []), *(line for log in logs for line in log.warnings)]
+    doubts = [line for line in (doubt, misfit) if line]
+    doubts += [line for log in logs for line in log.warnings]
     return Identification(
         *(model, final, force, mechanism, samples),
         parts=_part_reports(mechanism, start.theta, samples, rows, settings),
@@ -257,6 +266,19 @@ def identify(
         told_first=len(doubts),
         at_rest=_hidden(moved, settings),
     )
+
+
+def _doubt_of_unit(
+    mechanism: Mechanism, theta: Array, rows: Sequence[Regression], settings: FitSettings
+) -> str:
+    """What the least-norm parameters of the rows at theta (P,) say of a wrong unit."""
+    free = np.flatnonzero(mechanism.free)
+    scale = mechanism.scale[free]
+    columns = np.concatenate([r.columns.reshape(-1, len(free)) for r in rows]) / scale
+    residual = np.concatenate([r.residual.ravel() for r in rows])
+    found, rounding = theta.copy(), settings.min_singular_value_share
+    found[free] += np.linalg.lstsq(columns, residual, rcond=rounding)[0] / scale
+    return mechanism.conventions.doubt_of_unit(mechanism.geometry, found, mechanism.settings)
 
 
 def _hidden(moved: Observability | None, settings: FitSettings) -> tuple[str, ...]:

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from identification.fitting.gauge import gauge_groups
 from identification.fitting.regression import Indices, Regression, covariance_of
 from identification.fitting.settings import FitSettings
-from identification.logs.checks import moving
+from identification.logs.logger_checks import moving
 from identification.mechanisms.mechanism import Mechanism
 from identification.mechanisms.samples import Samples
 from identification.signals.noise import white_noise

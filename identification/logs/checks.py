@@ -15,6 +15,15 @@ from identification.logs import wheel_checks
 from identification.logs.columns import joint_columns
 from identification.logs.findings import Finding, Level, percent
 from identification.logs.log import Log
+from identification.logs.logger_checks import (
+    counted_speeds,
+    counted_step,
+    effort_order,
+    foreign_drive,
+    moving,
+    stale_channels,
+    unsigned_efforts,
+)
 from identification.logs.settings import LogSettings
 from identification.logs.timebase import runs_of
 from identification.logs.wheel_checks import CheckLimits, power_share
@@ -64,7 +73,7 @@ def check(log: Log, limits: CheckLimits) -> list[Finding]:
     There are three stages. A stage is left out if an earlier one has found an error, because its
     checks assume that the earlier ones passed.
     """
-    wheels = wheel_checks.CHECKS if log.joints == WHEELS else ()
+    wheels = (*wheel_checks.CHECKS, effort_order) if log.joints == WHEELS else ()
     findings: list[Finding] = []
     # Wheels before joints: with columns swapped or of a wrong sign the power of a joint means
     # nothing.
@@ -106,8 +115,10 @@ def _motion(log: Log, limits: CheckLimits) -> Iterator[Finding]:
     cure = "record a motion that excites all wheels, for instance with youbot record"
     by_noise = settings.moving_noise_deviations * noise
     # 1e-9: without noise and motion both other limits are zero, and rounding would count as motion.
-    moving = speed > max(by_noise, settings.moving_speed_share * usual, 1e-9)
-    seconds = float(moving.sum()) * log.dt
+    above = speed > max(by_noise, settings.moving_speed_share * usual, 1e-9)
+    seconds = float(above.sum()) * log.dt
+    if seconds == 0 and counted_step(log.velocity, settings):
+        return  # coarse counts look like noise: told by `counted_speeds`
     if seconds == 0:
         yield _at(log, "error", "nothing moves", cure)
     elif seconds < least <= log.duration:
@@ -249,28 +260,6 @@ def _power(log: Log, limits: CheckLimits) -> Iterator[Finding]:
     yield _at(log, "warning", message, cure)
 
 
-def moving(
-    speed: NDArray[np.float64],
-    noise: NDArray[np.float64],
-    settings: LogSettings = LogSettings(),
-) -> NDArray[np.bool_]:
-    """(n, k) whether joints move: faster than their noise (k,) and a small share of their speed."""
-    size = np.abs(speed)
-    share = settings.moving_speed_share
-    usual = np.zeros(size.shape[1])
-    for k, channel in enumerate(size.T):
-        # Of the time in which it may move: a joint that hardly ever does has a usual speed too.
-        some = channel[channel > share * channel.max()]
-        if some.size:
-            usual[k] = np.quantile(
-                thinned(some, settings.noise.max_samples), settings.usual_speed_quantile
-            )
-    # Of coarse counts the noise may be above all speeds.
-    most = settings.max_resting_speed_share * usual
-    by_noise = np.minimum(settings.moving_noise_deviations * noise, most)
-    return size > np.maximum(by_noise, share * usual)
-
-
 def dissipated_share(log: Log, settings: LogSettings = LogSettings()) -> NDArray[np.float64]:
     """Power (k,) of each joint's friction over its gross power, from -1 to 1 or so.
 
@@ -329,6 +318,9 @@ _SENSORS = (
     _dead_channels,
     _frozen_channels,
     _stale_rows,
+    stale_channels,
+    counted_speeds,
+    unsigned_efforts,
     _saturation,
 )
-_JOINTS = (_power, _position)
+_JOINTS = (_power, _position, foreign_drive)

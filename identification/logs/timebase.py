@@ -113,6 +113,7 @@ def check_time(draft: Draft) -> bool:
         cure = f"record at least {draft.settings.min_rows} rows of motion"
         raise draft.fault(f"has only {len(draft.time)} row(s)", cure)
     _check_order(draft)
+    _check_bursts(draft)
     step = nominal_step(draft.time)
     _check_step(draft, step)
     _check_gaps(draft, step)
@@ -196,6 +197,23 @@ def _check_step(draft: Draft, step: float) -> None:
             raise draft.fault(message, cure, 1, "time")
     cure = "record faster; time is in seconds"
     raise draft.fault(f"{1 / step:.4g} Hz is below {1 / settings.max_step:g} Hz", cure, 1, "time")
+
+
+def _check_bursts(draft: Draft) -> None:
+    """Refuse times of arrival: rows in bursts, between which nothing comes."""
+    steps, settings = np.diff(draft.time), draft.settings
+    short = float(np.quantile(steps, settings.burst_quantile))
+    pauses = steps > settings.min_burst_pause * short
+    share = float(pauses.mean())
+    if not settings.min_burst_share < share <= settings.max_burst_share:
+        return
+    rows, period = 1 / share, float(np.mean(steps)) / share
+    message = (
+        f"times of arrival, in bursts of some {rows:.2g} rows every {period:.3g} s, not of "
+        "measurement"
+    )
+    cure = "use the message's own stamp (header.stamp), or the sample time times the row's number"
+    raise draft.fault(message, cure, int(np.argmax(pauses)) + 1, "time")
 
 
 def _check_gaps(draft: Draft, step: float) -> None:

@@ -105,6 +105,19 @@ def _least_mass(geometry: Geometry, settings: MechanismSettings) -> float:
     return max(settings.min_platform_mass_share * 4 * geometry.m1, settings.min_platform_mass)
 
 
+def _doubt_of_unit(geometry: Geometry, theta: Array, settings: MechanismSettings) -> str:
+    """A mass that no such platform has, which speeds in turns/s would make of an ordinary one."""
+    # What a wheel feels of the mass: shown even where m0 and I1 are not told apart.
+    felt = float(theta[0] + 4 * theta[4] / geometry.R**2)
+    if felt < settings.max_platform_mass:
+        return ""
+    turn = 2 * np.pi
+    return (
+        f"the logs show a mass of {felt:.0f} kg: are velocity_* in turns/s? multiplied by "
+        f"{turn:.5f} to rad/s they show {felt / turn:.0f} kg"
+    )
+
+
 BASE = mecanum_structure()
 
 CONVENTIONS: Conventions[Geometry] = Conventions(
@@ -122,6 +135,7 @@ CONVENTIONS: Conventions[Geometry] = Conventions(
     motions=_motions,
     limits=_limits,
     inside=_inside,
+    doubt_of_unit=_doubt_of_unit,
     motion_that_shows=motion_that_shows,
 )
 """Of the mecanum platform."""

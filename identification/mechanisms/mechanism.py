@@ -103,6 +103,10 @@ def _no_limits(known: object, theta: Array, settings: MechanismSettings) -> dict
     return {}
 
 
+def _no_doubt(known: object, theta: Array, settings: MechanismSettings) -> str:
+    return ""
+
+
 def _as_it_is(known: object, theta: Array, settings: MechanismSettings) -> Array:
     return theta
 
@@ -133,6 +137,7 @@ class Conventions(Generic[Known]):
         the bounds that they declare, by the name of the parameter that is at its limit: negative
         where they cannot be; of numbers of one size
     inside(known, theta, settings) : base parameters near theta that are within these limits
+    doubt_of_unit(known, theta, settings) : what parameters (P,) say of a wrong unit; "" if nothing
     motion_that_shows(known, direction) : name of the motion that does, where motions have names
     """
 
@@ -151,6 +156,7 @@ class Conventions(Generic[Known]):
     motions: Callable[[Known, int], Sequence[Experiment]] = _nothing
     limits: Callable[[Known, Array, MechanismSettings], Mapping[str, float]] = _no_limits
     inside: Callable[[Known, Array, MechanismSettings], Array] = _as_it_is
+    doubt_of_unit: Callable[[Known, Array, MechanismSettings], str] = _no_doubt
     motion_that_shows: Callable[[Known, Array], str] | None = None
 
 

@@ -148,6 +148,14 @@ class MechanismSettings:
         default=0.01,
         metadata={"unit": "kg", "reason": "the same where the geometry says that wheels weigh 0"},
     )
+    max_platform_mass: float = field(
+        default=200.0,
+        metadata={
+            "unit": "kg",
+            "reason": "with what the wheels add; beyond, speeds are in turns/s (35 kg would show "
+            "290), or torques in another unit",
+        },
+    )
     min_axis_inertia_share: float = field(
         default=1e-3,
         metadata={
