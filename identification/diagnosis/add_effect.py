@@ -120,7 +120,7 @@ def add_effect(
         model=new,
         before=before,
         after=after,
-        noise_floor=data.floor(fitted),
+        noise_floor=data.floor(fitted).to_dict(),
         p_value=p_value,
         worthwhile=not reasons,
         reasons=tuple(reasons),

@@ -14,26 +14,29 @@ NEXT_COMMAND = "youbot diagnose MODEL LOG..."
 """What to do about a misfit; a command puts in the names that it knows."""
 
 
-def misfit(force_error: float, floor: float, settings: FitSettings = FitSettings()) -> float | None:
-    """Force error over its noise floor, where the misfit is real; else None."""
-    if not (math.isfinite(force_error) and math.isfinite(floor)) or floor <= 0:
-        return None
-    ratio = force_error / floor
-    return ratio if ratio > settings.max_error_over_floor else None
+def misfit(force_error: float, floor: float, settings: FitSettings = FitSettings()) -> bool:
+    """Whether more of a force error's squares is above its noise floor than noise may leave."""
+    if not (math.isfinite(force_error) and math.isfinite(floor)) or force_error <= 0:
+        return False
+    above = 1.0 - (floor / force_error) ** 2
+    return above > settings.predictability.max_noise_share
 
 
 def misfit_warning(
     force_error: float,
     floor: float,
     *,
+    real: bool | None = None,
     next_command: str = NEXT_COMMAND,
     settings: FitSettings = FitSettings(),
 ) -> str | None:
-    """The sentence that a misfit deserves; None where what is left may be noise."""
-    ratio = misfit(force_error, floor, settings)
-    if ratio is None:
+    """The sentence that a misfit deserves; None where what is left may be noise.
+
+    ``real``: whether the residual of the fit itself can be predicted, where that is known.
+    """
+    if not (misfit(force_error, floor, settings) if real is None else real):
         return None
     return (
-        f"the force error is {ratio:.3g} times the noise floor: the model lacks something, so no "
-        f"95 % interval is stated; next: {next_command}"
+        f"the force error is {force_error / max(floor, 1e-300):.3g} times the noise floor: the "
+        f"model lacks something, so no 95 % interval is stated; next: {next_command}"
     )

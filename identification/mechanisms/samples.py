@@ -303,7 +303,8 @@ class DemandedForce:
         Base parameters that nothing else refers to enter linearly, so theirs is the function on a
         unit vector; others take a difference over a small part of their catalogue size.
         """
-        return np.stack([self._column(int(i)) for i in indices])
+        found = [self._column(int(i)) for i in indices]
+        return np.stack(found) if found else np.zeros((0, *self.force.shape))
 
     def _column(self, index: int) -> Array:
         structure = self.structure

@@ -40,7 +40,7 @@ def verdict(error: float, floor: float) -> str:
 
     left = f"The model leaves {percent(error)} of the forces unexplained"
     noise = f"measurement noise alone would leave {percent(floor)}"
-    if misfit(error, floor) is None:
+    if not misfit(error, floor):
         return f"{left}; {noise}: it fits."
     return (
         f"{left}; {noise}: it does not fit. `youbot diagnose` names what is missing, or says that "
@@ -98,7 +98,7 @@ def of_model(model: Any) -> dict[str, dict[str, Any]]:
 
     floor = model.errors.get("noise_floor")
     numbers = (model.errors.get("force_error"), floor and floor.get("force_error"))
-    holds = None in numbers or misfit(*numbers) is None
+    holds = None in numbers or not misfit(*numbers)
     entries = dict(model.parameters) | {
         f"{effect}.{name}": entry
         for effect, inner in model.effects.items()

@@ -19,7 +19,7 @@ HOMES = ("settings.py", "style.py")
 """Files that may hold numbers: settings, and what figures look like."""
 
 NO_SETTING = {
-    "diagnosis": {"MAX_THREADS": "threads by default; no result depends on it"},
+    "threads": {"MAX_THREADS": "threads by default; no result depends on it"},
     "logs": {
         "_UNITS": "units that a time column is recognised in",
         "UNIT_FACTORS": "units of wheel speeds",
