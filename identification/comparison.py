@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import os
 from collections.abc import Callable, Sequence
-from dataclasses import asdict, dataclass, field, replace
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
@@ -32,7 +32,7 @@ from identification.mechanisms.samples import Samples
 from identification.residual_map.residual_map import residual_map
 from identification.residual_map.settings import ResidualMapSettings
 from identification.residual_map.shares import ResidualMap
-from youbot_env.errors import InputError, check_settings
+from youbot_env.errors import InputError, Settings, check_settings
 from youbot_env.files import write_atomically
 from youbot_env.physics.geometry import Geometry
 
@@ -40,7 +40,7 @@ Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True)
-class ComparisonSettings:
+class ComparisonSettings(Settings):
     """What a comparison depends on, beside the model.
 
     Each field's ``metadata`` holds its unit and the reason for its default.
@@ -67,10 +67,6 @@ class ComparisonSettings:
 
     def __post_init__(self) -> None:
         check_settings(self, "comparison settings", positive=True)
-
-    def to_dict(self) -> dict[str, Any]:
-        """JSON form: the numbers in force by name."""
-        return asdict(self)
 
 
 @dataclass(frozen=True)

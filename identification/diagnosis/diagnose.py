@@ -110,7 +110,7 @@ def diagnose(
         warnings=tuple(
             warnings_of(logs, given, steps[0], unphysical, chosen.out_of_time, settings)
         ),
-        sentences=tuple(sentences_of(sized, steps, verdict, ties, floor)),
+        sentences=tuple(sentences_of(sized, steps, verdict, ties, floor, maps[-1])),
         candidates=candidate_rows(chosen.first, steps[0], sized),
         unphysical=unphysical,
         settings=settings,

@@ -171,8 +171,12 @@ def sentences_of(
     verdict: str,
     ties: Mapping[str, Sequence[str]],
     floor: Mapping[str, float],
+    remaining: ResidualMap,
 ) -> list[str]:
-    """The verdict in words; the effects have the sizes that they have in ``model``."""
+    """The verdict in words; the effects have the sizes that they have in ``model``.
+
+    ``remaining``: what the last step's residual depends on.
+    """
     found = []
     for step in steps[1:]:
         assert step.effect is not None
@@ -184,15 +188,43 @@ def sentences_of(
     last, level = steps[-1].force_error, floor["force_error"]
     if verdict == "adequate":
         found.append(
-            f"the model is adequate: what it leaves ({last:.2%}) is noise (floor {level:.2%})"
+            f"the model is adequate: of the {last:.2%} that it leaves, the motion predicts nothing "
+            "on stretches that were held out"
         )
     elif verdict == "unknown":
-        part = "explains a part, but something" if len(steps) > 1 else "something"
-        found.append(
-            f"{part} is missing that no effect of the catalogue explains: {last:.2%} remains "
-            f"where noise would leave {level:.2%}"
-        )
+        found += _of_the_unknown(steps, level, remaining)
     return found
+
+
+def _of_the_unknown(steps: Sequence[Step], level: float, remaining: ResidualMap) -> list[str]:
+    """How much is explained, how much is not, and on what the rest depends."""
+    last, share = steps[-1].force_error, explained_share(steps)
+    left = (
+        f"a force error of {last:.2%} remains where noise would leave {level:.2%}, and the motion "
+        f"predicts {steps[-1].predictable.share:.0%} of its squares"
+    )
+    if len(steps) > 1 and share is not None:
+        names = " and ".join(step.effect.replace("_", " ") for step in steps[1:] if step.effect)
+        verb = "take" if len(steps) > 2 else "takes"
+        found = [
+            f"{names} {verb} {share:.0%} of what could be explained; something more is missing: "
+            f"{left}"
+        ]
+    else:
+        found = [
+            f"something is missing that no effect of the catalogue explains well enough: {left}"
+        ]
+    if remaining.leading:
+        shown = [item for item in remaining.shares if item.share > 0][:SHOWN_VARIABLES]
+        parts = ", ".join(f"{item.variable} ({item.share:.0%})" for item in shown)
+        found.append(f"what remains depends on {parts}")
+    else:
+        found.append("what remains depends on no single variable more than chance would have it")
+    return found
+
+
+SHOWN_VARIABLES = 3
+"""Variables that a sentence names."""
 
 
 def describe_in(model: Any, effect: Any) -> str:

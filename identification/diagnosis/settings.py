@@ -2,16 +2,15 @@
 
 from __future__ import annotations
 
-from dataclasses import asdict, dataclass, field, replace
-from typing import Any
+from dataclasses import dataclass, field, replace
 
 from identification.fitting.settings import FitSettings
 from identification.residual_map.settings import ResidualMapSettings
-from youbot_env.errors import check_settings
+from youbot_env.errors import Settings, check_settings
 
 
 @dataclass(frozen=True)
-class DiagnosisSettings:
+class DiagnosisSettings(Settings):
     """What a verdict depends on.
 
     Each field's ``metadata`` holds its unit and the reason for its default.
@@ -267,7 +266,3 @@ class DiagnosisSettings:
     def rows(self) -> FitSettings:
         """Those of the rows on which effects are chosen."""
         return replace(self.fit, row_rate=self.row_rate)
-
-    def to_dict(self) -> dict[str, Any]:
-        """JSON form: the numbers in force by name."""
-        return asdict(self)

@@ -185,7 +185,9 @@ def _predict_fold(
         random_state=seed,
         n_jobs=1,
     )
-    trees.fit(features[~held], residual[~held])
+    known = residual[~held]
+    # Of one axis a vector: scikit-learn warns of a matrix with one column.
+    trees.fit(features[~held], known[:, 0] if known.shape[1] == 1 else known)
     return trees.predict(features[held]).reshape(-1, residual.shape[1])
 
 

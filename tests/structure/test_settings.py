@@ -122,6 +122,7 @@ def test_every_class_of_settings_is_on_the_page():
         for node in ast.parse(path.read_text("utf-8")).body
         if isinstance(node, ast.ClassDef) and node.name.endswith("Settings")
     }
+    found.remove("Settings")  # the base of some
     assert found == {made.__name__ for made in SETTINGS if made.__name__.endswith("Settings")}
 
 

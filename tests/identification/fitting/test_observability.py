@@ -172,7 +172,7 @@ class TestStandstill:
     @pytest.mark.parametrize("counts", [0.0, 0.02])
     def test_noise_and_counts_at_rest_are_no_evidence_of_friction(self, counts: float):
         log = self.log(counts=counts)
-        model = base_axis_model([log])
+        model = base_axis_model([log], every=True)
         shown = log_shows(log, mechanism_of(model), model.theta)
         assert shown.total.rank == 3 and shown.total.describe_blind() == ["x3 - x4"]
         result = identify([log], start=model, recursive=False)
@@ -183,7 +183,7 @@ class TestStandstill:
 
     def test_with_a_motion_both_ways_they_are_shown(self):
         log = self.log(way_back=True)
-        model = base_axis_model([log])
+        model = base_axis_model([log], every=True)
         assert log_shows(log, mechanism_of(model), model.theta).total.rank == 4
         assert identify([log], start=model, recursive=False).at_rest == ()
 

@@ -111,6 +111,8 @@ def test_a_search_can_begin_wherever_a_fit_has_ended(m1: float, seed: int):
 def test_an_axis_without_inertia_has_a_model_too():
     log = log_of(*planted(STAGE))
     still = replace(log, effort=-log.effort)
-    result = identify([still], start=base_axis_model([still], unit="m"), recursive=False)
+    result = identify(
+        [still], start=base_axis_model([still], unit="m", every=True), recursive=False
+    )
     assert axis_from_dict(axis_to_dict(result.model), "written").values["inertia"] > 0
     assert result.misfit
