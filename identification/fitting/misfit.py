@@ -36,7 +36,7 @@ def misfit_warning(
     """
     if not (misfit(force_error, floor, settings) if real is None else real):
         return None
-    return (
-        f"the force error is {force_error / max(floor, 1e-300):.3g} times the noise floor: the "
-        f"model lacks something, so no 95 % interval is stated; next: {next_command}"
-    )
+    size = f"the force error is {force_error / max(floor, 1e-300):.3g} times the noise floor"
+    if not misfit(force_error, floor, settings):
+        size = "the motion predicts a part of what the model leaves, small beside the noise"
+    return f"{size}: the model lacks something, so no 95 % interval is stated; next: {next_command}"
