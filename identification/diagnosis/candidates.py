@@ -28,6 +28,7 @@ from identification.fitting.cross_validation import block_sums, cross_validate, 
 from identification.fitting.least_squares import Fit
 from identification.fitting.noise_bias import final_fit, joint_fit
 from identification.fitting.observability import log_observability, refuse_blind
+from identification.fitting.physical_fit import within_limits
 from identification.fitting.regression import Indices, filtered_residual, filtered_rows
 from identification.mechanisms.mechanism import Mechanism
 from identification.mechanisms.samples import DemandedForce, Samples
@@ -57,9 +58,13 @@ def fit_base(data: LoggedData, mechanism: Mechanism, start: Array) -> FittedStru
 
 
 def fit_without_noise_bias(data: LoggedData, fitted: FittedStructure) -> Fit:
-    """The last fit of a structure, corrected for noise on the speeds: see :func:`final_fit`."""
-    settings = data.settings.fit
-    return final_fit(fitted.mechanism, data.samples, data.noise, fitted.theta, data.seed, settings)
+    """The last fit of a structure, corrected for noise on the speeds: see :func:`final_fit`.
+
+    It is within the limits of what can be, so that there is a model of it.
+    """
+    settings, mechanism = data.settings.fit, fitted.mechanism
+    found = final_fit(mechanism, data.samples, data.noise, fitted.theta, data.seed, settings)
+    return within_limits(mechanism, found, settings)
 
 
 def try_candidate(base: FittedStructure, name: str) -> Candidate:
