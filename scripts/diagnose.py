@@ -90,7 +90,7 @@ def main(
         title = f"What is missing from the model: {given.model.name}"
         write_page(report, title, _page(result, found, given), seed)
         out.print(f"report written to {report}", soft_wrap=True)
-    if output:  # last: it raises if there is no physical model, and all other results are kept
+    if output:
         save_any_model(output, result.model)
         out.print(f"model written to {output}", soft_wrap=True)
 
@@ -134,9 +134,8 @@ def _page(result: Diagnosis, found: dict[str, Any], given: Inputs) -> Iterator[P
     figures = figures_of_diagnosis(result, given.model)
     drawn = {picture.name: picture for picture in pictures(figures)}
     yield drawn["errors"]
-    if result.fitted_model is not None:
-        model = result_tables.of_model(result.model)
-        yield result_tables.parameters(model, "Refitted parameters")
+    model = result_tables.of_model(result.model)
+    yield result_tables.parameters(model, "Refitted parameters")
     yield result_tables.candidates(found)
     titles = {
         "residual": "What the residual of the refitted model depends on",

@@ -37,7 +37,7 @@ from identification.diagnosis.structures import (
     Ranking,
     Step,
 )
-from identification.fitting.least_squares import Fit, fit
+from identification.fitting.least_squares import Fit
 from identification.logs.log import Log
 from identification.mechanisms.mechanism import Mechanism
 from identification.mechanisms.registry import AnyModel, kind_of, mechanism_of
@@ -91,9 +91,7 @@ def diagnose(
     verdict = verdict_of(unexplained, bool(ties), bool(accepted))
     final, maps = _final_fit_and_maps(data, steps)
     given = data.given_errors(mechanism, model.theta)
-    fitted_model, unphysical = _model(steps[-1], final, model, logs, floor)
-    # Sentences and table need sizes of the effects, also if no physical model was found.
-    sized = _at_given_base(steps[-1], model, data) if fitted_model is None else fitted_model
+    fitted_model = _model(steps[-1], final, model, logs, floor)
     return Diagnosis(
         verdict=verdict,
         missing=tuple(accepted),
@@ -101,19 +99,16 @@ def diagnose(
         partial=tuple(accepted) if unexplained else (),
         steps=steps,
         rankings=chosen.rankings,
-        fitted_model=fitted_model,
+        model=fitted_model,
         mechanism=steps[-1].fitted.mechanism,
         samples=tuple(data.samples),
         given_model=given,
         noise_floor=floor,
         maps=tuple(maps),
         next_experiment=_next_experiment(mechanism, steps, chosen.rankings, ties, seed),
-        warnings=tuple(
-            warnings_of(logs, given, steps[0], unphysical, chosen.out_of_time, settings)
-        ),
-        sentences=tuple(sentences_of(sized, steps, verdict, ties, floor, maps[-1])),
-        candidates=candidate_rows(chosen.first, steps[0], sized),
-        unphysical=unphysical,
+        warnings=tuple(warnings_of(logs, given, steps[0], chosen.out_of_time, settings)),
+        sentences=tuple(sentences_of(fitted_model, steps, verdict, ties, floor, maps[-1])),
+        candidates=candidate_rows(chosen.first, steps[0], fitted_model),
         settings=settings,
     )
 
@@ -392,31 +387,16 @@ def _final_fit_and_maps(data: LoggedData, steps: Sequence[Step]) -> tuple[Fit, l
 
 def _model(
     step: Step, final: Fit, model: AnyModel, logs: Sequence[Log], floor: dict[str, float]
-) -> tuple[Any | None, str]:
-    """The model of the last step's final fit; None and the reason if it is not physical."""
-    try:
-        found = kind_of(model).fitted_model(
-            step.fitted.mechanism,
-            final,
-            name=model.name,
-            logs=tuple(log.reference for log in logs),
-            errors={**step.errors, "held_out": True, "noise_floor": floor},
-            provenance={"command": "diagnose"},
-        )
-    except InputError as error:
-        return None, str(error).removeprefix(f"model {model.name}: ")
-    return found, ""
-
-
-def _at_given_base(step: Step, model: AnyModel, data: LoggedData) -> Any:
-    """The accepted effects fitted with the given model's parameters held fixed."""
-    if not step.effect:
-        return model
-    mechanism, known = step.fitted.mechanism, len(model.theta)
-    start = np.concatenate([model.theta, step.fitted.theta[known:]])
-    free = mechanism.free & (np.arange(len(start)) >= known)
-    found = fit(mechanism, data.samples, start, free=free, settings=data.settings.fit)
-    return kind_of(model).fitted_model(mechanism, found, name=model.name)
+) -> Any:
+    """The model of the last step's final fit."""
+    return kind_of(model).fitted_model(
+        step.fitted.mechanism,
+        final,
+        name=model.name,
+        logs=tuple(log.reference for log in logs),
+        errors={**step.errors, "held_out": True, "noise_floor": floor},
+        provenance={"command": "diagnose"},
+    )
 
 
 def _next_experiment(

@@ -15,7 +15,6 @@ from identification.logs.log import Log
 from identification.mechanisms.mechanism import Mechanism
 from identification.mechanisms.samples import Samples
 from identification.residual_map.shares import ResidualMap
-from youbot_env.errors import InputError
 
 
 @dataclass(frozen=True)
@@ -30,8 +29,7 @@ class Diagnosis:
     partial : accepted effects, if they explain only a part and something unknown remains
     steps : held-out errors as they fall; the first is the refitted base
     rankings : all candidates, on top of each step
-    fitted_model : the refitted model with the accepted effects; None where its parameters are not
-        physical, and ``unphysical`` says why
+    model : refitted, with the accepted effects
     maps : what the residual depends on, before and after the accepted effects
     sentences : the verdict in words
     settings : all numbers that the verdict depends on
@@ -43,7 +41,7 @@ class Diagnosis:
     partial: tuple[str, ...]
     steps: tuple[Step, ...]
     rankings: tuple[Ranking, ...]
-    fitted_model: Any | None
+    model: Any
     mechanism: Mechanism
     samples: tuple[Samples, ...]
     given_model: dict[str, float]
@@ -53,24 +51,7 @@ class Diagnosis:
     warnings: tuple[str, ...]
     sentences: tuple[str, ...] = ()
     candidates: list[dict[str, Any]] = field(default_factory=list)
-    unphysical: str = ""
     settings: DiagnosisSettings = field(default_factory=DiagnosisSettings)
-
-    @property
-    def model(self) -> Any:
-        """The refitted model with the accepted effects.
-
-        Raises
-        ------
-        InputError
-            If the logs do not show its parameters: what the fit found is not physical.
-        """
-        if self.fitted_model is None:
-            raise InputError(
-                f"no model: these logs do not show the base parameters ({self.unphysical}); "
-                "`youbot doctor` names the motions that would"
-            )
-        return self.fitted_model
 
     @property
     def where(self) -> list[dict[str, Any]]:
@@ -249,7 +230,6 @@ def warnings_of(
     logs: Sequence[Log],
     given: Mapping[str, float],
     refitted: Step,
-    unphysical: str,
     out_of_time: bool,
     settings: DiagnosisSettings,
 ) -> list[str]:
@@ -258,7 +238,6 @@ def warnings_of(
     Parameters
     ----------
     given, refitted : errors of the model as it was given, and refitted
-    unphysical : why there is no refitted model; empty if there is one
     out_of_time : whether the search ended before it had come to its own end
     """
     found = [line for log in logs for line in log.warnings]
@@ -271,11 +250,6 @@ def warnings_of(
         found.append(
             f"the search was ended after {settings.max_search_time:.0f} s with what it had found: "
             "give fewer or shorter logs for all of it"
-        )
-    if unphysical:
-        found.append(
-            f"these logs do not show the base parameters ({unphysical}): there is no model to "
-            "write, and sizes are those beside the given model's parameters"
         )
     return found
 

@@ -19,6 +19,7 @@ HOMES = ("settings.py", "style.py")
 """Files that may hold numbers: settings, and what figures look like."""
 
 NO_SETTING = {
+    "diagnosis": {"SHOWN_VARIABLES": "variables that a sentence names"},
     "threads": {"MAX_THREADS": "threads by default; no result depends on it"},
     "logs": {
         "_UNITS": "units that a time column is recognised in",
