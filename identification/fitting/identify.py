@@ -18,6 +18,7 @@ from identification.fitting.errors import (
     velocity_traces,
 )
 from identification.fitting.estimate_history import EstimateHistory, recursive_course
+from identification.fitting.final_fit import coarse_speed_warnings, without_noise_bias
 from identification.fitting.least_squares import Fit, fit
 from identification.fitting.observability import (
     Observability,
@@ -187,7 +188,14 @@ def identify(
         settings=settings,
         progress=progress,
     )
-    final = _refined(mechanism, samples, force, settings, progress) if output_error else force
+    if output_error:
+        final = _refined(mechanism, samples, force, settings, progress)
+    elif robust:
+        final = force  # simulation and extrapolation would give the outliers their weight back
+    else:
+        noise = [NoiseLevel.of(item, settings) for item in samples]
+        args = (mechanism, samples, noise, force, seed, settings, progress)
+        final = without_noise_bias(*args)
     kind = kind_of(start)
     model = kind.fitted_model(
         mechanism,
@@ -205,6 +213,7 @@ def identify(
         course=_course(mechanism, force, settings) if recursive else None,
         warnings=(
             *told,
+            *coarse_speed_warnings(samples, final),
             *_fit_warnings(mechanism, final),
             *kind.warnings(model, settings.mechanism),
         ),

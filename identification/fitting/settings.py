@@ -116,6 +116,19 @@ class FitSettings:
             "reason": "rounding: directions with less information have no covariance",
         },
     )
+    stretch_time: float = field(
+        default=20.0,
+        metadata={
+            "unit": "s",
+            "reason": "of the stretches whose scores' spread bounds a variance from below: four "
+            "periods of a calibration motion. It raises standard deviations by 3 % where the model "
+            "is true, by 70 % where a tilt and a dry friction are missing or rollers are real",
+        },
+    )
+    min_stretches: int = field(
+        default=8,
+        metadata={"unit": "1", "reason": "fewer tell a spread to a quarter of it only"},
+    )
     interval_deviations: float = field(
         default=1.96,
         metadata={
@@ -185,6 +198,15 @@ class FitSettings:
         metadata={"unit": "1", "reason": "tell the scatter's size to a quarter of it"},
     )
 
+    max_noise_shift: float = field(
+        default=1.0,
+        metadata={
+            "unit": "standard deviations",
+            "reason": "by which noise on the speeds may bias a force fit. Beyond, the free run is "
+            "fitted: simulation and extrapolation left 3 to 7 where the bias was 7 to 11",
+        },
+    )
+
     # Output error
     output_error_max_steps: int = field(
         default=12,
@@ -195,6 +217,14 @@ class FitSettings:
         metadata={
             "unit": "share of the squares",
             "reason": "the search stops when a step lowers the squares by less",
+        },
+    )
+    output_error_max_old_columns_fall: float = field(
+        default=0.01,
+        metadata={
+            "unit": "share of the squares",
+            "reason": "a step that lowers the squares by less keeps the columns of the last one: "
+            "they lead to within a tenth of a standard deviation in less than half the time",
         },
     )
     output_error_step_shares: tuple[float, ...] = field(
