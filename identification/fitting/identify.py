@@ -23,6 +23,7 @@ from identification.fitting.least_squares import Fit, fit
 from identification.fitting.observability import (
     Observability,
     block_estimates,
+    combinations,
     log_observability,
     refuse_blind,
 )
@@ -98,6 +99,7 @@ class Identification:
         """JSON form: parameters with 95 % intervals, observability, errors, warnings."""
         cutoff = self.settings.min_direction_share
         return {
+            "combinations": self._combinations(),
             "parameters": self._parameters(),
             "errors": dict(self.model.errors),
             "observability": {
@@ -123,6 +125,21 @@ class Identification:
             interval = None if known is None else [value - reach * known, value + reach * known]
             found[name] = {"value": value, "unit": units[name], "std": known, "interval": interval}
         return found
+
+    def _combinations(self) -> dict[str, Any]:
+        """The same of sums that are known better than their members."""
+        reach = self.settings.interval_deviations
+        return {
+            name: {
+                "value": value,
+                "unit": unit,
+                "std": std,
+                "interval": [value - reach * std, value + reach * std],
+            }
+            for name, (value, std, unit) in combinations(
+                self.mechanism, self.fit, self.settings
+            ).items()
+        }
 
     def _last_estimates(self) -> dict[str, float] | None:
         """The recursive estimator's last estimates, by name."""

@@ -176,6 +176,22 @@ class FitSettings:
         },
     )
 
+    max_separate_share: float = field(
+        default=0.05,
+        metadata={
+            "unit": "standard deviation over value",
+            "reason": "beyond, a parameter counts as not separated from its fellows: I1 has 0.02 "
+            "on good logs of a platform, 0.2 where rollers are real",
+        },
+    )
+    min_combination_gain: float = field(
+        default=3.0,
+        metadata={
+            "unit": "1",
+            "reason": "relative deviation of a member over that of a sum that is worth telling",
+        },
+    )
+
     # Bias by noise on the speeds
     max_shape_square_ratio: float = field(
         default=1.001,
@@ -199,11 +215,11 @@ class FitSettings:
     )
 
     max_noise_shift: float = field(
-        default=1.0,
+        default=6.0,
         metadata={
             "unit": "standard deviations",
             "reason": "by which noise on the speeds may bias a force fit. Beyond, the free run is "
-            "fitted: simulation and extrapolation left 3 to 7 where the bias was 7 to 11",
+            "fitted: simulation and extrapolation left 0.7 of 5.6, but 7 of 11",
         },
     )
 

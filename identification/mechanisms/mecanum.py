@@ -80,6 +80,15 @@ def _fault_of_fit(geometry: Geometry, values: Mapping[str, float]) -> str:
     )
 
 
+def _combinations(geometry: Geometry) -> dict[str, dict[str, float]]:
+    """What resists when all wheels speed up: the wheels' spin is added to mass and yaw inertia."""
+    spin = 4 / geometry.R**2
+    return {
+        "m0 + 4 I1/R^2": {"m0": 1.0, "I1": spin},
+        "I0 + 4 I1 L^2/R^2": {"I0": 1.0, "I1": spin * geometry.L**2},
+    }
+
+
 BASE = mecanum_structure()
 
 CONVENTIONS: Conventions[Geometry] = Conventions(
@@ -96,6 +105,7 @@ CONVENTIONS: Conventions[Geometry] = Conventions(
     parts=parts_of,
     motions=_motions,
     fault_of_fit=_fault_of_fit,
+    combinations=_combinations,
     motion_that_shows=motion_that_shows,
 )
 """Of the mecanum platform."""

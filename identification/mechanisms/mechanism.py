@@ -104,6 +104,10 @@ def _no_fault(known: object, values: object) -> str:
     return ""
 
 
+def _no_combinations(known: object) -> dict[str, dict[str, float]]:
+    return {}
+
+
 def _usual_rate(known: object) -> float:
     return FilterSettings.rate
 
@@ -128,6 +132,8 @@ class Conventions(Generic[Known]):
     motions(known, seed) : motions that could be recorded next
     fault_of_fit(known, values) : why base parameters that were fitted cannot be, and what to do;
         "" if they can
+    combinations(known) : sums of base parameters that a motion shows better than their members: by
+        how people write them, each member's factor
     motion_that_shows(known, direction) : name of the motion that does, where motions have names
     """
 
@@ -145,6 +151,7 @@ class Conventions(Generic[Known]):
     parts: Callable[[Samples, MechanismSettings], list[Part]] = _whole
     motions: Callable[[Known, int], Sequence[Experiment]] = _nothing
     fault_of_fit: Callable[[Known, Mapping[str, float]], str] = _no_fault
+    combinations: Callable[[Known], Mapping[str, Mapping[str, float]]] = _no_combinations
     motion_that_shows: Callable[[Known, Array], str] | None = None
 
 

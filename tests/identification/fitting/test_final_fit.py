@@ -10,6 +10,7 @@ import pytest
 from identification.fitting.errors import NoiseLevel
 from identification.fitting.final_fit import coarse_speed_warnings, final_fit, without_noise_bias
 from identification.fitting.least_squares import Fit, fit
+from identification.fitting.observability import combinations
 from identification.fitting.settings import FitSettings
 from identification.mechanisms.mecanum import Mecanum
 from tests.identification.recordings import counted, recording
@@ -103,3 +104,21 @@ def test_intervals_hardly_widen_where_the_model_is_true():
     plain = fit(mechanism, samples, PAPER.theta, settings=FitSettings(min_stretches=1000))
     widened = last(mechanism, samples, PAPER.theta)
     assert (widened.std / plain.std).mean() < 1.3
+
+
+def test_sums_are_told_where_their_members_do_not_separate():
+    mechanism = Mecanum(PAPER.geometry)
+    found = fit(mechanism, [mechanism.samples(recording())], PAPER.theta)
+    assert combinations(mechanism, found) == {}, "all parameters are well known"
+    names = [mechanism.parameter_names[k] for k in found.free]
+    mass, spin = names.index("m0"), names.index("I1")
+    factor = 4 / PAPER.geometry.R**2
+    apart = np.zeros(len(names))
+    apart[mass], apart[spin] = 2.0, -2.0 / factor
+    told = combinations(
+        mechanism, replace(found, covariance=found.covariance + np.outer(apart, apart))
+    )
+    assert list(told) == ["m0 + 4 I1/R^2"]
+    value, std, unit = told["m0 + 4 I1/R^2"]
+    assert value == pytest.approx(found.theta[mass] + factor * found.theta[spin])
+    assert std < 0.3 and unit == "kg"
