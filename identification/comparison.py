@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import os
 from collections.abc import Callable, Sequence
-from dataclasses import asdict, dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
@@ -15,11 +15,12 @@ from identification.fitting.errors import (
     SumsOfSquares,
     Traces,
     add_up,
-    force_floor,
     force_traces,
-    velocity_floor,
     velocity_traces,
 )
+from identification.fitting.least_squares import fit as fit_model
+from identification.fitting.predictability import NoiseFloor, noise_floor, predictability
+from identification.fitting.regression import regression
 from identification.fitting.settings import FitSettings
 from identification.logs.columns import joint_columns
 from identification.logs.log import Log
@@ -30,7 +31,7 @@ from identification.mechanisms.samples import Samples
 from identification.residual_map.residual_map import residual_map
 from identification.residual_map.settings import ResidualMapSettings
 from identification.residual_map.shares import ResidualMap
-from youbot_env.errors import InputError, check_settings
+from youbot_env.errors import InputError, Settings, check_settings
 from youbot_env.files import write_atomically
 from youbot_env.physics.geometry import Geometry
 
@@ -38,7 +39,7 @@ Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True)
-class ComparisonSettings:
+class ComparisonSettings(Settings):
     """What a comparison depends on, beside the model.
 
     Each field's ``metadata`` holds its unit and the reason for its default.
@@ -66,10 +67,6 @@ class ComparisonSettings:
     def __post_init__(self) -> None:
         check_settings(self, "comparison settings", positive=True)
 
-    def to_dict(self) -> dict[str, Any]:
-        """JSON form: the numbers in force by name."""
-        return asdict(self)
-
 
 @dataclass(frozen=True)
 class LogComparison:
@@ -90,11 +87,13 @@ class LogComparison:
 class Comparison:
     """Result of :func:`compare`; model: as given, a Model or an AxisModel.
 
-    where: which variables the residual depends on; settings: all numbers that this depends on.
+    floor: what noise leaves, of all logs; where: which variables the residual depends on;
+    settings: all numbers that this depends on.
     """
 
     model: Any
     logs: tuple[LogComparison, ...]
+    floor: NoiseFloor
     where: ResidualMap = field(default_factory=lambda: ResidualMap(()))
     settings: ComparisonSettings = field(default_factory=ComparisonSettings)
 
@@ -117,6 +116,9 @@ class Comparison:
             "noise_floor": {
                 "force_error": add_up(item.force_floor for item in counted).ratio,
                 "velocity_error": add_up(item.velocity_floor for item in counted).ratio,
+                "force_error_std": self.floor.relative_std
+                * add_up(item.force_floor for item in counted).ratio,
+                "correlation_time": self.floor.correlation_time,
             },
             "where": self.where.to_list(),
             "stretches": self.worst(),
@@ -204,13 +206,13 @@ def compare(
     if not logs:
         raise InputError("no log given: compare needs at least one")
     mechanism = mechanism_of(model, geometry, settings.fit.mechanism)
-    seen = {log.get("sha256") for log in model.logs}
-    found = []
     samples = [mechanism.samples(log) for log in logs]
+    force, velocity = [], []
     for log, item in zip(logs, samples, strict=True):
-        known = log.sha256 in seen
-        found.append(_compare_one(mechanism, model.theta, log, item, known, seed, settings.fit))
+        velocity.append(_free_run(mechanism, model.theta, log, item))
+        force.append(force_traces(mechanism, model.theta, item, settings.fit))
         progress()
+    floor = _noise_floor(mechanism, model.theta, samples, force, velocity, seed, settings.fit)
     where = residual_map(
         *(mechanism, model.theta, samples),
         seed=seed,
@@ -218,35 +220,65 @@ def compare(
         fit=settings.fit,
     )
     progress()
-    return Comparison(model, tuple(found), where, settings)
+    seen = {log.get("sha256") for log in model.logs}
+    found = [
+        LogComparison(
+            log=log,
+            axes=mechanism.axes,
+            # A log made in memory has no hash; two empty hashes are no sign of the same log.
+            seen_in_fit=bool(log.sha256) and log.sha256 in seen,
+            force=force[k],
+            velocity=velocity[k],
+            force_floor=floor.force[k],
+            velocity_floor=floor.velocity[k],
+            joint_speed=mechanism.joint_speed(velocity[k].predicted),
+            slip=slip_of(log),
+        )
+        for k, log in enumerate(logs)
+    ]
+    return Comparison(model, tuple(found), floor, where, settings)
 
 
-def _compare_one(
-    mechanism: Mechanism,
-    theta: Array,
-    log: Log,
-    samples: Samples,
-    seen: bool,
-    seed: int,
-    fit: FitSettings,
-) -> LogComparison:
-    noise = NoiseLevel.of(samples, fit)
+def _free_run(mechanism: Mechanism, theta: Array, log: Log, samples: Samples) -> Traces:
     velocity = velocity_traces(mechanism, theta, samples)
     if not np.isfinite(velocity.predicted).all():
         raise InputError(f"{log.source or log.name}: the model's free run diverges on this log")
-    force = force_traces(mechanism, theta, samples, fit)
-    return LogComparison(
-        log=log,
-        axes=mechanism.axes,
-        # A log made in memory has no hash; two empty hashes are no sign of the same log.
-        seen_in_fit=bool(log.sha256) and seen,
-        force=force,
-        velocity=velocity,
-        force_floor=force_floor(mechanism, theta, samples, force, noise, seed, fit),
-        velocity_floor=velocity_floor(mechanism, theta, samples, velocity, noise, seed),
-        joint_speed=mechanism.joint_speed(velocity.predicted),
-        slip=slip_of(log),
+    return velocity
+
+
+def _noise_floor(
+    mechanism: Mechanism,
+    theta: Array,
+    samples: Sequence[Samples],
+    force: Sequence[Traces],
+    velocity: Sequence[Traces],
+    seed: int,
+    settings: FitSettings,
+) -> NoiseFloor:
+    """What noise leaves: taken from the same structure, fitted to these logs.
+
+    The given parameters' own residual is no measure of the noise: what they miss may be large.
+    """
+    free = np.flatnonzero(mechanism.free)
+    rows = [regression(mechanism, theta, item, free, settings) for item in samples]
+    traces = list(force)
+    if sum(len(row.residual) for row in rows) >= settings.min_rows_per_parameter * len(free):
+        fitted = fit_model(mechanism, samples, theta, first=rows, settings=settings)
+        rows = list(fitted.rows)
+        traces = [force_traces(mechanism, fitted.theta, item, settings) for item in samples]
+    found = predictability(mechanism, rows, samples, seed, settings)
+    noise = [NoiseLevel.of(item, settings) for item in samples]
+    floor = noise_floor(
+        *(mechanism, theta, samples, rows, found, traces), velocity, noise, seed, settings
     )
+    # On a log of its own the given model may do better than one that is fitted to all.
+    least = [_no_more_than(part, trace) for part, trace in zip(floor.force, force, strict=True)]
+    return replace(floor, force=tuple(least))
+
+
+def _no_more_than(floor: SumsOfSquares, traces: Traces) -> SumsOfSquares:
+    own = SumsOfSquares.of(traces)
+    return SumsOfSquares(np.minimum(floor.residual, own.residual), own.measured)
 
 
 def write_predictions(path: str | os.PathLike[str], item: LogComparison) -> None:

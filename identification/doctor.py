@@ -151,7 +151,7 @@ def examine_log(
     """
     try:
         log = read_log(path, kind.joints, geometry=geometry)
-        start = kind.start([log], unit)
+        start = (kind.whole or kind.start)([log], unit)
     except LogError as error:
         return LogExamination(error.findings)
     except InputError as error:

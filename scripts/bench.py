@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import sys
+from dataclasses import replace
+from functools import partial
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -13,7 +15,7 @@ from youbot_scripts.blind_bench.cases import KINDS, write_case
 from youbot_scripts.blind_bench.effect_sizes import force_ratio, size_table, sizings
 from youbot_scripts.blind_bench.report import show, show_sizes
 from youbot_scripts.blind_bench.scores import score
-from youbot_scripts.blind_bench.trials import Record, Spec, plan, run_trials
+from youbot_scripts.blind_bench.trials import Options, Record, Spec, plan, run_trials
 from youbot_scripts.cli import run_script
 from youbot_scripts.shared import options as common
 from youbot_scripts.shared.results_folder import spread
@@ -21,6 +23,8 @@ from youbot_scripts.shared.results_folder import spread
 EXAMPLES = (
     "youbot bench --cases 200 --kinds none --resume bench/",
     "youbot bench --cases 60 --kinds one,quarter,two,unknown --jobs 2 --resume bench/",
+    "youbot bench --cases 30 --kinds noise,counts,double_noise --jobs 2 --resume bench/",
+    "youbot bench --kinds noise --first 7 --cases 1 --jobs 1 --keep cases/",
     "youbot bench --cases 105 --kinds sweep",
     "youbot bench --cases 3 --kinds floor_tilt --write cases/",
     "youbot bench --sizes --cases 2",
@@ -33,7 +37,7 @@ def main(
     cases: Annotated[int, typer.Option(min=1, metavar="N", help="Cases of each kind.")] = 15,
     kinds: Annotated[
         str,
-        typer.Option(metavar="A,B,...", help=f"Of {', '.join(KINDS)}, or effects by name."),
+        typer.Option(metavar="A,B,...", help=f"Of {', '.join(KINDS)}, or an effect or noise."),
     ] = DEFAULT_KINDS,
     rates: Annotated[
         str,
@@ -50,6 +54,18 @@ def main(
         Path | None,
         typer.Option(metavar="DIR", help="Keep each trial here, and do not do again those here."),
     ] = None,
+    first: Annotated[
+        int, typer.Option(min=0, metavar="N", help="Index of each kind's first case.")
+    ] = 0,
+    keep: Annotated[
+        Path | None,
+        typer.Option(
+            metavar="DIR", help="Keep each case here: logs, truth.json, trial.json, a folder each."
+        ),
+    ] = None,
+    limit: Annotated[
+        float, typer.Option(min=0.0, metavar="S", help="Give a case up after so long; 0: never.")
+    ] = 0.0,
     write: Annotated[
         Path | None,
         typer.Option(
@@ -70,34 +86,50 @@ def main(
 
     Cases come from a simulator of its own, which shares no line with the models that are fitted;
     they look like logs of the stock loop on the calibration motions and two multisines. Kinds:
-    none (nothing planted), one (an effect of about catalogue size), quarter (a quarter of it under
-    twice the noise), two (two effects), unknown (something outside the catalogue), sweep (each
-    effect at 1/16 to 4 times its size). Each case is diagnosed from the published model, whose
-    parameters are not the platform's.
+    none (nothing planted), noise (nothing, under noise that is not white), counts (speeds from
+    encoder counts, with Coulomb friction in every other case), one (an effect of about catalogue
+    size), quarter (a quarter of it under twice the noise), double_noise (its size under twice the
+    noise), two (two effects), unknown (something outside the catalogue), sweep (each effect at 1/16
+    to 4 times its size). Each case is identified, and diagnosed from the published model, whose
+    parameters are not the platform's. The same kind, index, seed, rate and noise make the same
+    case: `--first N --cases 1` runs one alone. Cases that --resume finds are neither run nor kept.
     """
     out = common.console(json)
     if sizes:
         _measure_sizes(out, cases, seed, jobs, json)
         return
-    specs = plan(_words(kinds), cases, seed, _rates(rates), noise)
+    specs = plan(_words(kinds), cases, seed, _rates(rates), noise, first)
     if write is not None:
         _write(specs, write, out)
         return
-    records = bench(specs, jobs=jobs, folder=resume, follow_up=follow_up)
+    records = bench(
+        specs,
+        jobs=jobs,
+        folder=resume,
+        options=Options(follow_up=follow_up, keep=keep, limit=limit),
+    )
     scores = score(records)
     show(out, scores, records)
     common.write_result(json, {**scores, "trials": records}, seed)
 
 
 def bench(
-    specs: list[Spec], *, jobs: int = 1, folder: Path | None = None, follow_up: bool = False
+    specs: list[Spec],
+    *,
+    jobs: int = 1,
+    folder: Path | None = None,
+    options: Options,
 ) -> list[Record]:
-    """Diagnose the cases, with a progress bar."""
+    """Identify and diagnose the cases, with a progress bar."""
     from identification.diagnosis.diagnose import diagnose
+    from identification.fitting.identify import identify
 
-    options = {"jobs": jobs, "folder": folder, "follow_up": follow_up}
+    # The course of the estimates over time is not scored.
+    options = replace(options, identify=partial(identify, recursive=False))
     with common.progress(len(specs), "diagnosing") as advance:
-        return run_trials(specs, diagnose, progress=advance, **options)
+        return run_trials(
+            specs, diagnose, jobs=jobs, folder=folder, options=options, progress=advance
+        )
 
 
 def _words(text: str) -> list[str]:

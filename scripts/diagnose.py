@@ -94,7 +94,13 @@ def main(
 
 def _print(out: Console, found: dict[str, Any]) -> None:
     show(out, [result_tables.steps(found), result_tables.candidates(found, SHOWN_CANDIDATES)])
-    show(out, result_tables.leading_variables(found["where"]))
+    # What remains after the effects found, where there are any: the rest is explained.
+    accepted = bool(found["missing"])
+    title = "What remains, by variable" if accepted else "Residual by variable"
+    show(
+        out,
+        result_tables.leading_variables(found["remaining" if accepted else "where"], title=title),
+    )
     out.print(f"Verdict: {found['verdict']}", style="bold")
     for sentence in found["words"]:
         out.print(f"- {sentence}")

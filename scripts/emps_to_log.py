@@ -15,7 +15,6 @@ from __future__ import annotations
 
 import argparse
 import sys
-from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -24,6 +23,7 @@ from numpy.typing import NDArray
 
 if TYPE_CHECKING:
     from identification.logs.log import Log
+    from identification.mechanisms.registry import AnyModel
 
 Array = NDArray[np.float64]
 
@@ -43,38 +43,10 @@ OFFICIAL = {"inertia": 95.1089, "viscous": 203.5034, "coulomb": 20.3935, "offset
 """The authors' parameters [kg, N s/m, N, N]."""
 
 
-@dataclass(frozen=True)
-class Run:
-    """One run of the EMPS: time (N,) [s], position (N,) [m] as measured, force (N,) [N]."""
+def read_run(path: str | Path, name: str = "emps") -> Log:
+    """A run from the authors' file as the log of one axis: m, m/s, N.
 
-    time: Array
-    position: Array
-    force: Array
-
-    @property
-    def dt(self) -> float:
-        """Sample time [s]."""
-        return float((self.time[-1] - self.time[0]) / (len(self.time) - 1))
-
-    @property
-    def inside(self) -> slice:
-        """The samples that are not at an edge."""
-        edge = round(EDGE / self.dt)
-        return slice(edge, len(self.time) - edge)
-
-    def motion(self) -> tuple[Array, Array, Array]:
-        """Position, speed and acceleration (N,): filtered without delay, central differences."""
-        from scipy.signal import butter, filtfilt
-
-        # SciPy's frequency is relative to half the sample rate.
-        coefficients: Any = butter(4, 2 * CUTOFF * self.dt)
-        position = filtfilt(coefficients[0], coefficients[1], self.position)
-        speed = np.gradient(position, self.dt)
-        return position, speed, np.gradient(speed, self.dt)
-
-
-def read_run(path: str | Path) -> Run:
-    """A run from the authors' file.
+    Their preprocessing: the position is filtered without delay, its speed by central differences.
 
     Raises
     ------
@@ -82,65 +54,58 @@ def read_run(path: str | Path) -> Run:
         If it is not a MATLAB file with the fields t, qm and vir.
     """
     from scipy.io import loadmat
+    from scipy.signal import butter, filtfilt
 
+    from identification.logs.log import AXIS, Log
     from youbot_env.errors import InputError
 
     try:
         data: dict[str, Any] = loadmat(path)
     except (OSError, ValueError, NotImplementedError) as error:
         raise InputError(f"{path}: cannot be read as a MATLAB file: {error}") from None
-    for name in ("t", "qm", "vir"):
-        if name not in data:
-            raise InputError(f"{path}: {name!r} is missing; is it DATA_EMPS.mat?")
+    for field in ("t", "qm", "vir"):
+        if field not in data:
+            raise InputError(f"{path}: {field!r} is missing; is it DATA_EMPS.mat?")
     gain = float(data["gtau"].squeeze()) if "gtau" in data else DRIVE_GAIN
-    time, position, voltage = (data[name].ravel().astype(float) for name in ("t", "qm", "vir"))
-    return Run(time, position, gain * voltage)
+    time, position, voltage = (data[field].ravel().astype(float) for field in ("t", "qm", "vir"))
+    dt = (time[-1] - time[0]) / (len(time) - 1)
+    # SciPy's frequency is relative to half the sample rate.
+    coefficients: Any = butter(4, 2 * CUTOFF * dt)
+    position = filtfilt(coefficients[0], coefficients[1], position)
+    edge = round(EDGE / dt)
+    inside = slice(edge, len(time) - edge)
+    channels = (np.gradient(position, dt), gain * voltage, position)
+    return Log(name, AXIS, time[inside], *(values[inside, None] for values in channels))
 
 
-def log_of(run: Run, name: str) -> Log:
-    """The run as a log of one axis: m, m/s, N."""
-    from identification.logs.log import AXIS, Log
+def force_of_model(log: Log, model: AnyModel) -> Array:
+    """(N,) effort [N] that a model of the axis demands for a log's motion, at its samples.
 
-    position, speed, _ = run.motion()
-    velocity, effort, position = (x[run.inside, None] for x in (speed, run.force, position))
-    return Log(name, AXIS, run.time[run.inside], velocity, effort, position)
+    Delay and lag included: the package's own, of which its force error is made.
+    """
+    from identification.mechanisms.registry import mechanism_of
+
+    mechanism = mechanism_of(model)
+    start, end = mechanism.demand(model.theta, mechanism.samples(log)).force
+    # The acceleration may jump at a sample, and the force with it: the mean of both sides.
+    return np.concatenate([start[:1], 0.5 * (end[:-1] + start[1:]), end[-1:]])[:, 0]
 
 
-def relative_force_error(run: Run, force: Array) -> float:
+def relative_force_error(log: Log, model: AnyModel) -> float:
     """The authors' error: norm(measured - predicted) / norm(measured), decimated, 0 ... 1.
 
     No filter a_f, unlike the force error of `youbot compare`. Their preprocessing: both forces go
     through a zero-phase Chebyshev filter ahead of the decimation.
-
-    Parameters
-    ----------
-    force : (N,) what a model demands for the run's motion [N]
     """
     from scipy.signal import decimate
 
-    measured, predicted = (
-        decimate(x[run.inside], DECIMATION, zero_phase=True) for x in (run.force, force)
-    )
+    forces = (log.effort[:, 0], force_of_model(log, model))
+    measured, predicted = (decimate(force, DECIMATION, zero_phase=True) for force in forces)
     return float(np.linalg.norm(measured - predicted) / np.linalg.norm(measured))
 
 
-def force_of_model(run: Run, model: Any) -> Array:
-    """(N,) force that an axis' model demands for a run's motion [N].
-
-    Parameters
-    ----------
-    model : an AxisModel in m, m/s, N
-    """
-    from youbot_env.physics.inverse_dynamics import acting_torque
-    from youbot_env.physics.mechanism import Instant
-
-    position, speed, acceleration = run.motion()
-    at = Instant((speed,), (acceleration,), (position,), time=run.time - run.time[0])
-    return acting_torque(np, model.structure, model.geometry, model.theta, at)[0]
-
-
-def official_model() -> Any:
-    """The authors' model as an AxisModel; their sign(v) is smoothed over 10 um/s."""
+def official_model() -> AnyModel:
+    """The authors' model; their sign(v) is smoothed over 10 um/s."""
     from identification.mechanisms.axis_model import axis_from_dict
 
     units = {"inertia": "kg", "viscous": "N s/m", "coulomb": "N", "offset": "N"}
@@ -159,26 +124,25 @@ def main() -> int:
     parser.add_argument("--model", help="also print the official error of this model file")
     args = parser.parse_args()
     from identification.logs.reading import log_name, write_log
+    from identification.mechanisms.registry import kind, kind_of, load_any_model
     from youbot_env.errors import InputError
 
     try:
-        run = read_run(args.data)
-        write_log(args.log, log_of(run, log_name(args.log)), decimals=9)
-        print(f"{args.log}: {len(run.time)} samples at {1 / run.dt:.0f} Hz, m, m/s, N")
+        log = read_run(args.data, log_name(args.log))
+        models = {"official": official_model()}
         if args.model:
-            _print_errors(run, args.model)
+            models[args.model] = model = load_any_model(args.model)
+            if kind_of(model) is not kind("axis"):
+                raise InputError(f"{args.model}: not the model of an axis")
+        write_log(args.log, log, decimals=9)
     except InputError as error:
         print(f"error: {error}", file=sys.stderr)
         return 2
-    return 0
-
-
-def _print_errors(run: Run, path: str) -> None:
-    from identification.mechanisms.registry import load_any_model
-
-    for name, model in (("official", official_model()), (path, load_any_model(path))):
-        error = relative_force_error(run, force_of_model(run, model))
+    print(f"{args.log}: {len(log.time)} samples at {1 / log.dt:.0f} Hz, m, m/s, N")
+    for name, model in models.items() if args.model else ():
+        error = relative_force_error(log, model)
         print(f"relative force error of {name}: {100 * error:.2f} %")
+    return 0
 
 
 if __name__ == "__main__":

@@ -1,9 +1,9 @@
-"""The one exception that a user's mistake raises, and the checks that raise it."""
+"""The exception that a user's mistake raises, the checks that raise it, and what settings are."""
 
 from __future__ import annotations
 
 import math
-from dataclasses import fields
+from dataclasses import asdict, dataclass, fields
 from importlib import import_module
 from numbers import Integral, Real
 from typing import Any
@@ -52,6 +52,15 @@ def count(what: str, value: Any, least: int = 1) -> int:
     return int(value)
 
 
+@dataclass(frozen=True)
+class Settings:
+    """Numbers that a result depends on: the base of classes of settings that are shown as JSON."""
+
+    def to_dict(self) -> dict[str, Any]:
+        """JSON form: the numbers in force by name."""
+        return asdict(self)
+
+
 def check_settings(settings: Any, what: str = "", *, positive: bool = False) -> None:
     """Checks the numbers of a dataclass of settings: whole ones at least 1, others at least 0.
 
@@ -89,7 +98,7 @@ def check_settings(settings: Any, what: str = "", *, positive: bool = False) -> 
                 finite(label + item.name, one, positive=above_zero, least=0.0)
 
 
-def optional_library(name: str, extra: str, need: str) -> Any:
+def optional_library(name: str, extra: str, need: str, instead: str = "") -> Any:
     """A library that only an extra of this package brings.
 
     Parameters
@@ -97,6 +106,7 @@ def optional_library(name: str, extra: str, need: str) -> Any:
     name : of the module, such as ``control``
     extra : of this package that installs it
     need : the first half of the error, such as "this export needs torch"
+    instead : what else can be done, such as "use .csv"
 
     Raises
     ------
@@ -106,4 +116,5 @@ def optional_library(name: str, extra: str, need: str) -> Any:
     try:
         return import_module(name)
     except ImportError:
-        raise InputError(f"{need}: pip install 'youbot[{extra}]'") from None
+        other = f", or {instead}" if instead else ""
+        raise InputError(f"{need}: pip install 'youbot[{extra}]'{other}") from None

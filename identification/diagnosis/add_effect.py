@@ -121,7 +121,7 @@ def add_effect(
         model=new,
         before=before,
         after=after,
-        noise_floor=data.floor(fitted),
+        noise_floor=data.floor(fitted).to_dict(),
         p_value=p_value,
         worthwhile=not reasons,
         reasons=tuple(reasons),
@@ -136,9 +136,11 @@ def _errors_that_doubt(
     """Why the fall of the held-out error does not speak for the effect."""
     found = []
     fall = 1.0 - (after.force_error / before.force_error) ** 2
-    if fall < settings.min_share_of_residual:
+    if fall < 0:
+        found.append(f"the held-out squared force error rises by {-fall:.1%}")
+    elif fall < settings.min_share_of_residual:
         found.append(
-            f"the held-out squared force error falls by {max(fall, 0.0):.1%} only, "
+            f"the held-out squared force error falls by {fall:.1%} only, "
             f"less than {settings.min_share_of_residual:.0%}"
         )
     if p_value > settings.max_p_value:

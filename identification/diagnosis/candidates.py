@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import itertools
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 from dataclasses import replace
 from functools import partial
 
@@ -24,13 +24,13 @@ from identification.diagnosis.structures import (
     Ranking,
     visible_directions,
 )
-from identification.diagnosis.threads import side_by_side
 from identification.fitting.cross_validation import block_sums, cross_validate, make_folds
 from identification.fitting.noise_bias import extrapolated_fit, joint_fit
 from identification.fitting.observability import log_observability, refuse_blind
 from identification.fitting.regression import Indices, filtered_residual, filtered_rows
 from identification.mechanisms.mechanism import Mechanism
 from identification.mechanisms.samples import DemandedForce, Samples
+from identification.threads import side_by_side
 from youbot_env.physics.effect import Parameter
 
 Array = NDArray[np.float64]
@@ -147,16 +147,11 @@ def rank(
     base: FittedStructure,
     names: Sequence[str],
     rng: np.random.Generator,
-    above_floor: float | None = None,
 ) -> Ranking:
-    """Try each candidate on top of a structure.
-
-    ``above_floor``: of the structure, if it has been computed before.
-    """
-    square = base.held_out.square
-    needed = needed_share(above_floor or data.above_floor(base), data.settings)
+    """Try each candidate on top of a structure."""
+    needed = needed_share(data.predictability(base).share, data.settings)
     if not names:
-        return Ranking((), {}, (), None, square, needed)
+        return Ranking((), {}, (), None, base.held_out.square, needed)
     _ = base.demands  # a cached property: computed here once, or each thread would compute it
     found = side_by_side(partial(try_candidate, base), names, data.progress)
     found = _with_joint_fits(data, base, sorted(found, key=_square), needed)
@@ -166,7 +161,26 @@ def rank(
         for item in found
     }
     p_values = candidate_p_values(scores, rng, data.settings)
-    rivals = list(found)
+    return ranking_of(data, base, found, p_values, needed)
+
+
+def ranking_of(
+    data: LoggedData,
+    base: FittedStructure,
+    found: Sequence[Candidate],
+    p_values: dict[str, float],
+    needed: float,
+    excluded: Collection[str] = (),
+) -> Ranking:
+    """The ranking of candidates that have been tried.
+
+    Parameters
+    ----------
+    found : best first
+    excluded : names of candidates that cannot be the best, nor tie with it
+    """
+    square = base.held_out.square
+    rivals = [item for item in found if item.name not in excluded]
     best, tied = _best_and_tied(data, base, rivals)
     while best and extends(best, base) and _adds_nothing(data, best, base, square):
         # The best candidate extends an effect that the structure holds, and its gain is small or
@@ -176,14 +190,12 @@ def rank(
     return Ranking(tuple(found), p_values, tied, best, square, needed)
 
 
-def needed_share(above_floor: float, settings: DiagnosisSettings) -> float:
+def needed_share(predictable: float, settings: DiagnosisSettings) -> float:
     """Share of a structure's squares that an effect must take away to be accepted.
 
-    ``above_floor``: see :meth:`LoggedData.above_floor`.
+    ``predictable``: share of them that the motion predicts.
     """
-    # Share of the squared error that lies above the squared noise floor.
-    excess = 1.0 - 1.0 / above_floor**2
-    return max(settings.min_share_of_residual, settings.min_share_of_excess * excess)
+    return max(settings.min_share_of_residual, settings.min_share_of_predictable * predictable)
 
 
 def _with_joint_fits(
@@ -217,6 +229,11 @@ def _share_in_lead(item: Candidate, settings: DiagnosisSettings) -> float:
     if item.name in item.mechanism.structure.nonlinear:
         return settings.min_share_of_best_fall_nonlinear
     return settings.min_share_of_best_fall
+
+
+def with_joint_fit(data: LoggedData, base: FittedStructure, item: Candidate) -> Candidate:
+    """The candidate fitted jointly with the structure, within bounds."""
+    return _joint_fit(data, base, base.noise_square(data.noise, data.seed), item)
 
 
 def _joint_fit(

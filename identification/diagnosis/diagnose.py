@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+import time
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import partial
 from typing import Any
 
@@ -14,11 +15,14 @@ from identification.diagnosis.candidates import (
     fit_base,
     fit_structure,
     rank,
+    ranking_of,
+    with_joint_fit,
 )
 from identification.diagnosis.experiment_design import best_experiment
 from identification.diagnosis.report import (
     Diagnosis,
     candidate_rows,
+    leaves_something,
     sentences_of,
     verdict_of,
     warnings_of,
@@ -31,7 +35,6 @@ from identification.diagnosis.structures import (
     Ranking,
     Step,
 )
-from identification.diagnosis.threads import side_by_side
 from identification.fitting.final_fit import coarse_speed_warnings, final_fit
 from identification.fitting.least_squares import Fit, fit
 from identification.logs.log import Log
@@ -39,6 +42,7 @@ from identification.mechanisms.mechanism import Mechanism
 from identification.mechanisms.registry import AnyModel, kind_of, mechanism_of
 from identification.residual_map.residual_map import residual_map
 from identification.residual_map.shares import ResidualMap
+from identification.threads import side_by_side
 from youbot_env.errors import InputError
 
 Array = NDArray[np.float64]
@@ -74,8 +78,10 @@ def diagnose(
     data = LoggedData(mechanism, logs, seed, progress, settings)
     names = list(effects) if effects is not None else list(mechanism.catalogue.names())
     chosen = select(data, mechanism, model.theta, names, np.random.default_rng(seed))
-    steps, floor, unexplained = _explained(data, list(chosen.steps))
-    accepted = [step.effect for step in steps if step.effect]
+    steps = chosen.steps
+    floor = data.floor(steps[-1].fitted).to_dict()
+    unexplained = leaves_something(steps, settings)
+    accepted = _names(steps)
     ties = {
         ranking.best.name: list(ranking.tied)
         for ranking in chosen.rankings
@@ -92,7 +98,7 @@ def diagnose(
         missing=tuple(accepted),
         ambiguous_with=ties,
         partial=tuple(accepted) if unexplained else (),
-        steps=tuple(steps),
+        steps=steps,
         rankings=chosen.rankings,
         fitted_model=fitted_model,
         mechanism=steps[-1].fitted.mechanism,
@@ -102,10 +108,10 @@ def diagnose(
         maps=tuple(maps),
         next_experiment=_next_experiment(mechanism, steps, chosen.rankings, ties, seed),
         warnings=(
-            *warnings_of(logs, given, steps[0], unphysical, settings),
+            *warnings_of(logs, given, steps[0], unphysical, chosen.out_of_time, settings),
             *coarse_speed_warnings(data.samples, final),
         ),
-        sentences=tuple(sentences_of(sized, steps, verdict, ties, floor)),
+        sentences=tuple(sentences_of(sized, steps, verdict, ties, floor, maps[-1])),
         candidates=candidate_rows(chosen.first, steps[0], sized),
         unphysical=unphysical,
         settings=settings,
@@ -119,11 +125,13 @@ class Selection:
     steps : held-out errors as they fall; the first is the base
     rankings : the ranking that each accepted effect won; the last one may have no winner
     first : all candidates on top of the base
+    out_of_time : whether the search was ended before it had come to its own end
     """
 
     steps: tuple[Step, ...]
     rankings: tuple[Ranking, ...]
     first: Ranking
+    out_of_time: bool
 
 
 def select(
@@ -144,36 +152,156 @@ def select(
     names : of the candidates
     rng : of the bootstrap's signs
     """
-    settings = data.settings
+    settings, ends = data.settings, time.monotonic() + data.settings.max_search_time
     steps = [data.step(fit_base(data, mechanism, start), None)]
     rankings: list[Ranking] = []
     first: Ranking | None = None
+    visited: dict[frozenset[str], tuple[list[Step], list[Ranking]]] = {}
     while len(steps) <= settings.max_effects:
-        fitted = steps[-1].fitted
-        above = data.above_floor(fitted)
-        at_floor = settings.min_error_over_floor <= above <= settings.max_final_error_over_floor
-        # Not before the first ranking: the report lists the candidates on top of the base in any
-        # case.
-        if len(steps) > 1 and at_floor:
+        if len(steps) > 1 and _nothing_left(data, steps[-1]):
             break
-        present = fitted.mechanism.structure.effects
+        present = steps[-1].fitted.mechanism.structure.effects
         left = [name for name in names if name not in present]
-        ranking = rank(data, fitted, left, rng, above)
+        ranking = rank(data, steps[-1].fitted, left, rng)
+        # Without any effect too: the report lists the candidates on top of the base in any case.
         first = first or ranking
-        rankings.append(ranking)
-        best = ranking.best
-        if best is None or best.fitted is None:
+        more = _accepted(data, steps[-1], ranking)
+        out_of_time = time.monotonic() > ends
+        if not more and not out_of_time:
+            more = _accepted_pair(data, steps[-1], ranking, rng)
+        if not more:
+            rankings.append(ranking)
             break
-        # In long logs even tiny effects are significant, so the fall must be material as well.
-        if ranking.p_values[best.name] > settings.max_p_value or not ranking.is_material:
+        steps = [*steps, *(step for step, _ in more)]
+        rankings = [*rankings, *(won for _, won in more)]
+        if out_of_time:
             break
-        steps.append(data.step(best.fitted, best.name))
         # With one accepted effect there is nothing to revise: it has just won.
         if len(steps) > 2:
             steps, rankings = _revised(data, steps, rankings, rng)
+        key = frozenset(_names(steps))
+        if key in visited:
+            # The search goes round in a circle: of what it has been through, the best is taken.
+            steps, rankings = min(visited.values(), key=lambda way: _held_out_square(*way[0]))
+            break
+        visited[key] = steps, rankings
     # max_effects is at least 1, so the loop has made one ranking.
     assert first is not None
-    return Selection(tuple(_judged_alike(data, steps)), tuple(rankings), first)
+    kept = _with_sound_free_runs(data, steps)
+    return Selection(
+        tuple(_judged_alike(data, kept)), tuple(rankings), first, time.monotonic() > ends
+    )
+
+
+def _names(steps: Sequence[Step]) -> list[str]:
+    """The accepted effects, in order."""
+    return [step.effect for step in steps if step.effect]
+
+
+def _held_out_square(first: Step, *others: Step) -> float:
+    """Held-out squares of the last step, judged with the folds of the first."""
+    last = others[-1] if others else first
+    return first.fitted.fold_ratio(last.fitted.held_out.folds) * last.fitted.held_out.square
+
+
+def _with_sound_free_runs(data: LoggedData, steps: list[Step]) -> list[Step]:
+    """The steps without effects beside whose successors the free run has become worse."""
+    for index in range(1, len(steps)):
+        if not _free_run_holds(data, steps[index - 1], steps[index]):
+            names = [name for k, name in enumerate(_names(steps), start=1) if k != index]
+            return _with_sound_free_runs(data, _walk(data, steps[0], names, steps[-1].fitted))
+    return steps
+
+
+def _nothing_left(data: LoggedData, step: Step) -> bool:
+    """Whether white noise is all that a structure leaves, so that no other ranking is worth it."""
+    settings = data.settings
+    if not step.predictable.is_noise:
+        return False
+    above = data.above_white_floor(step.fitted)
+    return settings.min_error_over_floor <= above <= settings.max_final_error_over_floor
+
+
+Accepted = tuple[Step, Ranking]
+"""A step, and the ranking that its effect won."""
+
+
+def _accepted(data: LoggedData, before: Step, ranking: Ranking) -> list[Accepted]:
+    """The best candidate that is significant, material, and of use in each log and free run.
+
+    Empty if there is none.
+    """
+    excluded: list[str] = []
+    while ranking.best is not None and ranking.best.fitted is not None:
+        best = ranking.best
+        # In long logs even tiny effects are significant, so the fall must be material as well.
+        if not ranking.is_material:
+            break
+        assert best.fitted is not None  # the loop's condition, for the type checker
+        significant = ranking.p_values[best.name] <= data.settings.max_p_value
+        if significant and _helps_in_each_log(before.fitted, best, data.settings):
+            step = data.step(best.fitted, best.name)
+            if _free_run_holds(data, before, step):
+                return [(step, ranking)]
+        excluded.append(best.name)
+        ranking = ranking_of(
+            *(data, before.fitted, ranking.candidates, ranking.p_values, ranking.needed),
+            excluded,
+        )
+    return []
+
+
+def _helps_in_each_log(base: FittedStructure, item: Candidate, settings: DiagnosisSettings) -> bool:
+    """Whether the held-out squares fall in each log, or rise by little beside the falls."""
+    own = base.judged(item.held_out.folds)
+    gains: dict[int, float] = {}
+    for fold, before, after in zip(own.folds, own.residual, item.held_out.residual, strict=True):
+        gain = float((before**2).sum() - (after**2).sum())
+        gains[fold.log] = gains.get(fold.log, 0.0) + gain
+    lost = -sum(min(gain, 0.0) for gain in gains.values())
+    won = sum(max(gain, 0.0) for gain in gains.values())
+    return lost <= settings.max_lost_share * won
+
+
+def _free_run_holds(data: LoggedData, before: Step, after: Step) -> bool:
+    """Whether the held-out free run is no worse with an effect than without it."""
+    folds = after.fitted.held_out.folds
+    if before.fitted.held_out.folds != folds:
+        before = data.step(before.fitted, before.effect, folds)
+    most = data.settings.max_velocity_error_ratio * before.velocity_error
+    # A free run that diverges without the effect says nothing against it.
+    return after.velocity_error <= most or not np.isfinite(before.velocity_error)
+
+
+def _accepted_pair(
+    data: LoggedData, before: Step, ranking: Ranking, rng: np.random.Generator
+) -> list[Accepted]:
+    """Two effects that are material together though neither is alone; empty if there are none.
+
+    A delay, for instance, hides behind a friction that is missing too. Only where something is
+    left that can be predicted: noise needs no pairs.
+    """
+    settings, base = data.settings, before.fitted
+    if before.predictable.is_noise:
+        return []
+    pairs: list[tuple[float, Candidate, Ranking]] = []
+    names = [item.name for item in ranking.candidates]
+    for item in ranking.candidates[: settings.paired_candidates]:
+        item = item if item.fitted else with_joint_fit(data, base, item)
+        assert item.fitted is not None
+        second = rank(data, item.fitted, [name for name in names if name != item.name], rng)
+        if second.best is not None and second.best.fitted is not None:
+            pairs.append((second.best.square, item, second))
+    for square, item, second in sorted(pairs, key=lambda pair: pair[0]):
+        fall = 1.0 - square / ranking.square
+        if fall < 2 * ranking.needed or not second.is_material:
+            continue
+        assert item.fitted is not None
+        step = data.step(item.fitted, item.name)
+        more = _accepted(data, step, second)
+        if more and _free_run_holds(data, before, more[0][0]):
+            return [(step, replace(ranking, best=item, tied=())), *more]
+    return []
 
 
 def _judged_alike(data: LoggedData, steps: Sequence[Step]) -> list[Step]:
@@ -190,7 +318,7 @@ def _revised(
 ) -> tuple[list[Step], list[Ranking]]:
     """The accepted effects, each tried against its rivals with all others present."""
     given = steps[0].fitted.mechanism.structure.effects
-    names = [step.effect for step in steps[1:] if step.effect]
+    names = _names(steps)
     full = steps[-1].fitted
     won = list(rankings[: len(names)])
     for _ in range(data.settings.max_revision_rounds):
@@ -212,12 +340,18 @@ def _revised(
             full = again.best.fitted
         if names == before:
             break
-    if names == [step.effect for step in steps[1:]]:
+    if names == _names(steps):
         return steps, won
-    walked = [steps[0]]
+    return _walk(data, steps[0], names, full), won
+
+
+def _walk(data: LoggedData, base: Step, names: Sequence[str], full: FittedStructure) -> list[Step]:
+    """The steps from the base on, effect by effect, each fitted from its parameters in ``full``."""
+    given = base.fitted.mechanism.structure.effects
+    walked = [base]
     for count, name in enumerate(names, start=1):
         walked.append(data.step(_refitted(data, full, (*given, *names[:count])), name))
-    return walked, won
+    return walked
 
 
 def _rivals(ranking: Ranking, others: Sequence[str], settings: DiagnosisSettings) -> list[str]:
@@ -233,25 +367,6 @@ def _refitted(data: LoggedData, full: FittedStructure, effects: tuple[str, ...])
     known = dict(zip(full.mechanism.parameter_names, full.theta, strict=True))
     start = np.array([known[name] for name in mechanism.parameter_names])
     return fit_structure(data, mechanism, start)
-
-
-def _explained(data: LoggedData, steps: list[Step]) -> tuple[list[Step], dict[str, float], bool]:
-    """The steps that are kept, the last one's noise floor, and whether an excess over it remains.
-
-    If an unknown excess remains, at most the first effect is kept, and only if it explains most of
-    the excess. Later effects may only imitate the unknown one.
-    """
-    settings = data.settings
-    floor = data.floor(steps[-1].fitted)
-    level = floor["force_error"]
-    unexplained = steps[-1].force_error > settings.max_error_over_floor * level
-    if not unexplained:
-        return steps, floor, False
-    if len(steps) > 1:
-        before, after = steps[0].force_error ** 2, steps[1].force_error ** 2
-        least = settings.min_dominant_share_of_excess * (before - level**2)
-        steps = steps[:2] if before - after > least else steps[:1]
-    return steps, data.floor(steps[-1].fitted), True
 
 
 def _final_fit_and_maps(data: LoggedData, steps: Sequence[Step]) -> tuple[Fit, list[ResidualMap]]:

@@ -82,6 +82,27 @@ class Diagnosis:
         """The same after the last accepted effect."""
         return self.maps[1].to_list() if len(self.maps) > 1 else []
 
+    @property
+    def explained_share(self) -> float | None:
+        """Of what was predictable beyond the base model, held out, the share that effects take.
+
+        None where nothing was predictable.
+        """
+        return explained_share(self.steps)
+
+    @property
+    def explained(self) -> list[dict[str, Any]]:
+        """Each accepted effect's own part of that share, in order."""
+        whole = _predictable_square(self.steps)
+        return [
+            {
+                "effect": after.effect,
+                "share": (before.force_error**2 - after.force_error**2) / whole,
+            }
+            for before, after in zip(self.steps, self.steps[1:], strict=False)
+            if whole > 0
+        ]
+
     def to_dict(self) -> dict[str, Any]:
         """JSON form, as the design fixes it."""
         return {
@@ -90,6 +111,9 @@ class Diagnosis:
             "ambiguous_with": self.ambiguous_with,
             "partial": list(self.partial),
             "steps": [step.to_dict() for step in self.steps],
+            "explained_share": self.explained_share,
+            "explained": self.explained,
+            "predictable_share": self.steps[-1].predictable.share,
             "given_model": self.given_model,
             "noise_floor": self.noise_floor,
             "candidates": self.candidates,
@@ -100,6 +124,30 @@ class Diagnosis:
             "warnings": list(self.warnings),
             "settings": self.settings.to_dict(),
         }
+
+
+def _predictable_square(steps: Sequence[Step]) -> float:
+    """Squared force error of the base model that is no noise: what a model could still explain."""
+    last = steps[-1]
+    share = 0.0 if last.predictable.is_noise else last.predictable.share
+    return steps[0].force_error ** 2 - last.force_error**2 * (1.0 - share)
+
+
+def explained_share(steps: Sequence[Step]) -> float | None:
+    """Share of what could be predicted beyond the base model that the accepted effects take."""
+    whole = _predictable_square(steps)
+    if whole <= 0 or (len(steps) == 1 and steps[0].predictable.is_noise):
+        return None
+    return (steps[0].force_error ** 2 - steps[-1].force_error ** 2) / whole
+
+
+def leaves_something(steps: Sequence[Step], settings: DiagnosisSettings) -> bool:
+    """Whether more can be predicted of the last step's residual than the inexactness of effects."""
+    last, share = steps[-1], explained_share(steps)
+    if last.predictable.is_noise:
+        return False
+    small = share is not None and 1.0 - share <= settings.max_small_rest
+    return not (small and last.predictable.share <= settings.max_small_rest_share)
 
 
 def verdict_of(unexplained: bool, tied: bool, accepted: bool) -> str:
@@ -123,8 +171,12 @@ def sentences_of(
     verdict: str,
     ties: Mapping[str, Sequence[str]],
     floor: Mapping[str, float],
+    remaining: ResidualMap,
 ) -> list[str]:
-    """The verdict in words; the effects have the sizes that they have in ``model``."""
+    """The verdict in words; the effects have the sizes that they have in ``model``.
+
+    ``remaining``: what the last step's residual depends on.
+    """
     found = []
     for step in steps[1:]:
         assert step.effect is not None
@@ -136,15 +188,43 @@ def sentences_of(
     last, level = steps[-1].force_error, floor["force_error"]
     if verdict == "adequate":
         found.append(
-            f"the model is adequate: what it leaves ({last:.2%}) is noise (floor {level:.2%})"
+            f"the model is adequate: of the {last:.2%} that it leaves, the motion predicts nothing "
+            "on stretches that were held out"
         )
     elif verdict == "unknown":
-        part = "explains a part, but something" if len(steps) > 1 else "something"
-        found.append(
-            f"{part} is missing that no effect of the catalogue explains: {last:.2%} remains "
-            f"where noise would leave {level:.2%}"
-        )
+        found += _of_the_unknown(steps, level, remaining)
     return found
+
+
+def _of_the_unknown(steps: Sequence[Step], level: float, remaining: ResidualMap) -> list[str]:
+    """How much is explained, how much is not, and on what the rest depends."""
+    last, share = steps[-1].force_error, explained_share(steps)
+    left = (
+        f"a force error of {last:.2%} remains where noise would leave {level:.2%}, and the motion "
+        f"predicts {steps[-1].predictable.share:.0%} of its squares"
+    )
+    if len(steps) > 1 and share is not None:
+        names = " and ".join(step.effect.replace("_", " ") for step in steps[1:] if step.effect)
+        verb = "take" if len(steps) > 2 else "takes"
+        found = [
+            f"{names} {verb} {share:.0%} of what could be explained; something more is missing: "
+            f"{left}"
+        ]
+    else:
+        found = [
+            f"something is missing that no effect of the catalogue explains well enough: {left}"
+        ]
+    if remaining.leading:
+        shown = [item for item in remaining.shares if item.share > 0][:SHOWN_VARIABLES]
+        parts = ", ".join(f"{item.variable} ({item.share:.0%})" for item in shown)
+        found.append(f"what remains depends on {parts}")
+    else:
+        found.append("what remains depends on no single variable more than chance would have it")
+    return found
+
+
+SHOWN_VARIABLES = 3
+"""Variables that a sentence names."""
 
 
 def describe_in(model: Any, effect: Any) -> str:
@@ -159,6 +239,7 @@ def warnings_of(
     given: Mapping[str, float],
     refitted: Step,
     unphysical: str,
+    out_of_time: bool,
     settings: DiagnosisSettings,
 ) -> list[str]:
     """What a reader must know to judge the verdict: the logs' warnings first.
@@ -167,12 +248,18 @@ def warnings_of(
     ----------
     given, refitted : errors of the model as it was given, and refitted
     unphysical : why there is no refitted model; empty if there is one
+    out_of_time : whether the search ended before it had come to its own end
     """
     found = [line for log in logs for line in log.warnings]
     if given["force_error"] > settings.min_changed_error_ratio * refitted.force_error:
         found.append(
             f"the given model's own parameters no longer fit (force error "
             f"{given['force_error']:.1%}, refitted {refitted.force_error:.1%}): they have changed"
+        )
+    if out_of_time:
+        found.append(
+            f"the search was ended after {settings.max_search_time:.0f} s with what it had found: "
+            "give fewer or shorter logs for all of it"
         )
     if unphysical:
         found.append(

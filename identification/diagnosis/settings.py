@@ -2,16 +2,15 @@
 
 from __future__ import annotations
 
-from dataclasses import asdict, dataclass, field, replace
-from typing import Any
+from dataclasses import dataclass, field, replace
 
 from identification.fitting.settings import FitSettings
 from identification.residual_map.settings import ResidualMapSettings
-from youbot_env.errors import check_settings
+from youbot_env.errors import Settings, check_settings
 
 
 @dataclass(frozen=True)
-class DiagnosisSettings:
+class DiagnosisSettings(Settings):
     """What a verdict depends on.
 
     Each field's ``metadata`` holds its unit and the reason for its default.
@@ -28,18 +27,26 @@ class DiagnosisSettings:
 
     # Verdict
     max_error_over_floor: float = field(
-        default=1.25,
+        default=1.03,
         metadata={
             "unit": "force error over the noise floor",
-            "reason": "held out; above it something is left to explain, and the verdict is unknown",
+            "reason": "in words on a comparison: above it more is left than noise; where nothing "
+            "can be predicted the two are the same",
         },
     )
-    min_dominant_share_of_excess: float = field(
-        default=0.5,
+    max_small_rest: float = field(
+        default=0.005,
         metadata={
-            "unit": "share of the squares above the noise floor",
-            "reason": "beside an unknown rest, the first effect is named only if it takes most of "
-            "the excess",
+            "unit": "share of what was predictable beyond the base model",
+            "reason": "a rest this small beside the effects found is their own inexactness: a "
+            "wheel angle that is integrated from noisy speeds leaves 0.1 % of a torque ripple",
+        },
+    )
+    max_small_rest_share: float = field(
+        default=0.2,
+        metadata={
+            "unit": "predictable share of what is left",
+            "reason": "such a rest must also be small beside the noise",
         },
     )
     min_changed_error_ratio: float = field(
@@ -51,8 +58,15 @@ class DiagnosisSettings:
     )
 
     # Acceptance of an effect
+    max_search_time: float = field(
+        default=40.0,
+        metadata={
+            "unit": "s",
+            "reason": "no effect is searched for after it; a diagnosis then ends within a minute",
+        },
+    )
     max_effects: int = field(
-        default=4,
+        default=6,
         metadata={
             "unit": "1",
             "reason": "accepted at most",
@@ -72,27 +86,51 @@ class DiagnosisSettings:
             "reason": "an effect that takes less of them away is not material",
         },
     )
-    min_share_of_excess: float = field(
+    min_share_of_predictable: float = field(
+        default=0.08,
+        metadata={
+            "unit": "share of the squares that the motion predicts",
+            "reason": "an effect that takes less of them away is a small part of something else. "
+            "Of a real positioning axis three true effects take 61, 11 and 34 %, one after another",
+        },
+    )
+    max_velocity_error_ratio: float = field(
+        default=1.02,
+        metadata={
+            "unit": "velocity error with an effect over that without it, held out",
+            "reason": "an effect that makes the free run worse is not what is missing; 2 % are "
+            "within the scatter of a free run",
+        },
+    )
+    max_lost_share: float = field(
         default=0.2,
         metadata={
-            "unit": "share of the squares above the noise floor",
-            "reason": "an effect that takes less of them away is a small part of something else, "
-            "and nothing true is found by adding up such parts",
+            "unit": "share of what an effect takes away in the other logs",
+            "reason": "a real effect helps in each log that is held out; where it does harm in "
+            "some, by more than this, it imitates something else",
+        },
+    )
+    paired_candidates: int = field(
+        default=3,
+        metadata={
+            "unit": "1",
+            "reason": "candidates that are tried together with each other one where none is "
+            "enough alone: a bound on time",
         },
     )
     min_error_over_floor: float = field(
         default=0.97,
         metadata={
-            "unit": "force error of the fit over the noise floor",
-            "reason": "below it the floor itself is in doubt, and the search goes on",
+            "unit": "force error of the fit over what white noise leaves",
+            "reason": "below it the level of white noise is in doubt, and the search goes on",
         },
     )
     max_final_error_over_floor: float = field(
         default=1.02,
         metadata={
-            "unit": "force error of the fit over the noise floor",
-            "reason": "up to here the search ends: a fall of the squares by 5 % would end below "
-            "the floor",
+            "unit": "force error of the fit over what white noise leaves",
+            "reason": "up to here the search ends, if nothing is predictable: a fall of the "
+            "squares by 5 % would end below white noise",
         },
     )
     max_revision_rounds: int = field(
@@ -228,7 +266,3 @@ class DiagnosisSettings:
     def rows(self) -> FitSettings:
         """Those of the rows on which effects are chosen."""
         return replace(self.fit, row_rate=self.row_rate)
-
-    def to_dict(self) -> dict[str, Any]:
-        """JSON form: the numbers in force by name."""
-        return asdict(self)

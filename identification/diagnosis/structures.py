@@ -26,12 +26,17 @@ from identification.fitting.errors import (
     SumsOfSquares,
     Traces,
     add_up,
-    force_floor,
     force_traces,
-    velocity_floor,
     velocity_traces,
+    white_force_floor,
 )
 from identification.fitting.gauge import gauge_basis
+from identification.fitting.predictability import (
+    NoiseFloor,
+    Predictability,
+    noise_floor,
+    predictability,
+)
 from identification.fitting.regression import Indices, Regression, filtered_residual, regression
 from identification.logs.log import Log
 from identification.mechanisms.mechanism import Mechanism
@@ -208,6 +213,7 @@ class Step:
     """One structure on the way: the effect accepted last, and held-out errors.
 
     fold_thetas : (folds, P) parameters that were fitted without each fold
+    predictable : what of its residual the motion can still predict
     """
 
     effect: str | None
@@ -215,6 +221,7 @@ class Step:
     velocity_error: float
     fitted: FittedStructure
     fold_thetas: Array
+    predictable: Predictability
 
     @property
     def errors(self) -> dict[str, float]:
@@ -246,6 +253,8 @@ class LoggedData:
         self.samples = [mechanism.samples(log) for log in logs]
         self.noise = [NoiseLevel.of(samples, settings.fit) for samples in self.samples]
         self.seed, self.progress, self.settings = seed, progress, settings
+        # By structure: steps that are judged again with other folds need it again.
+        self._predictable: dict[int, tuple[FittedStructure, Predictability]] = {}
 
     def step(
         self, fitted: FittedStructure, effect: str | None, folds: Sequence[Fold] | None = None
@@ -264,7 +273,26 @@ class LoggedData:
             force.append(self._force(fitted.mechanism, theta, part)[1])
             velocity.append(SumsOfSquares.of(_free_run(fitted.mechanism, theta, part)))
             self.progress()
-        return Step(effect, add_up(force).ratio, add_up(velocity).ratio, fitted, thetas)
+        errors = add_up(force).ratio, add_up(velocity).ratio
+        return Step(effect, *errors, fitted, thetas, self.predictability(fitted))
+
+    def predictability(self, fitted: FittedStructure) -> Predictability:
+        """What of a structure's residual the motion predicts."""
+        known = self._predictable.get(id(fitted))
+        if known is None or known[0] is not fitted:
+            rows, settings = self._rows(fitted), self.settings.fit
+            found = predictability(fitted.mechanism, rows, self.samples, self.seed, settings)
+            known = self._predictable[id(fitted)] = (fitted, found)
+            self.progress()
+        return known[1]
+
+    def _rows(self, fitted: FittedStructure) -> list[Regression]:
+        """Its residual at the rate of a fit, which is lower than that of the choice of effects."""
+        settings, none = self.settings.fit, fitted.free[:0]
+        return [
+            regression(fitted.mechanism, fitted.theta, item, none, settings)
+            for item in self.samples
+        ]
 
     def _part(self, fold: Fold) -> Any:
         """The samples of a fold."""
@@ -288,33 +316,26 @@ class LoggedData:
         ]
         return {"force_error": add_up(force).ratio, "velocity_error": add_up(velocity).ratio}
 
-    def floor(self, fitted: FittedStructure) -> dict[str, float]:
-        """What measurement noise alone would leave, at the fitted structure."""
-        velocity = []
-        for samples, noise in zip(self.samples, self.noise, strict=True):
-            args = (fitted.mechanism, fitted.theta, samples)
-            run = _free_run(*args)
-            if np.isfinite(run.predicted).all():
-                velocity.append(velocity_floor(*args, run, noise, self.seed))
-            else:
-                # A diverging free run has no floor: its squares are NaN, and so is the ratio.
-                velocity.append(SumsOfSquares.of(run))
-        _, force = self._force_and_floor(fitted)
-        return {"force_error": force.ratio, "velocity_error": add_up(velocity).ratio}
+    def floor(self, fitted: FittedStructure) -> NoiseFloor:
+        """What noise leaves at the fitted structure."""
+        traces = [self._force(fitted.mechanism, fitted.theta, item)[0] for item in self.samples]
+        # A diverging free run has no floor: its squares are NaN, and so is the ratio.
+        runs = [_free_run(fitted.mechanism, fitted.theta, item) for item in self.samples]
+        found = self.predictability(fitted)
+        return noise_floor(
+            *(fitted.mechanism, fitted.theta, self.samples, self._rows(fitted), found, traces),
+            *(runs, self.noise, self.seed, self.settings.fit),
+        )
 
-    def above_floor(self, fitted: FittedStructure) -> float:
-        """Force error of the fit on its own logs, over what noise alone would leave."""
-        left, floor = self._force_and_floor(fitted)
-        return left.ratio / floor.ratio
-
-    def _force_and_floor(self, fitted: FittedStructure) -> tuple[SumsOfSquares, SumsOfSquares]:
+    def above_white_floor(self, fitted: FittedStructure) -> float:
+        """Force error of the fit on its own logs, over what white noise alone would leave."""
         left, floor = [], []
         for samples, noise in zip(self.samples, self.noise, strict=True):
             traces, squares = self._force(fitted.mechanism, fitted.theta, samples)
             left.append(squares)
             args = (fitted.mechanism, fitted.theta, samples, traces, noise)
-            floor.append(force_floor(*args, self.seed, self.settings.fit))
-        return add_up(left), add_up(floor)
+            floor.append(white_force_floor(*args, self.seed, self.settings.fit))
+        return add_up(left).ratio / add_up(floor).ratio
 
 
 def _free_run(mechanism: Mechanism, theta: Array, samples: Samples) -> Traces:

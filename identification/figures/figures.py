@@ -13,7 +13,7 @@ from identification.comparison import Comparison, LogComparison
 from identification.diagnosis.report import Diagnosis
 from identification.figures import failures as failure_figures, time_series as figures
 from identification.figures.style import MAX_CURVES, percent, write_figures
-from identification.fitting.errors import NoiseLevel, force_floor, force_traces
+from identification.fitting.errors import SumsOfSquares, force_traces
 from identification.fitting.identify import Identification
 from identification.logs.log import Log
 from identification.logs.recorded_motion import recorded_motion
@@ -92,12 +92,12 @@ def figures_of_identification(
     """
     marks, by_name = {}, {log.name: log for log in logs}
     shown = quantities_of(result.model)
-    for samples in result.samples:
+    for samples, floor in zip(result.samples, result.floor.force, strict=True):
         name, log = samples.name, by_name.get(samples.name)
         motion = _reference(log)
         start = log.time[0] if log else 0.0
         marks[name] = _stretches(result, name, motion, start)
-        yield f"forces_{name}", _force_figure(result, samples, marks[name], shown)
+        yield f"forces_{name}", _force_figure(result, samples, floor, marks[name], shown)
         ideal = None if motion is None else motion.twist(samples.time + start)
         speed = result.mechanism.measured_speed(samples) * shown.speed_scale
         if isinstance(motion, Multisine) and ideal is not None:
@@ -138,12 +138,12 @@ def _stretches(
 def _force_figure(
     result: Identification,
     samples: Any,
+    floor: SumsOfSquares,
     stretches: Sequence[figures.Stretch],
     shown: Quantities,
 ) -> Figure:
     mechanism, theta = result.mechanism, result.fit.theta
     traces = force_traces(mechanism, theta, samples)
-    floor = force_floor(mechanism, theta, samples, traces, NoiseLevel.of(samples), seed=0)
     return figures.force_figure(
         traces, floor, name=samples.name, stretches=stretches, forces=shown.forces
     )

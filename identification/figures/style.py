@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any, ParamSpec
 import numpy as np
 from numpy.typing import NDArray
 
-from youbot_env.errors import InputError
+from youbot_env.errors import InputError, optional_library
 from youbot_env.files import write_atomically
 
 if TYPE_CHECKING:
@@ -84,14 +84,8 @@ def matplotlib() -> Any:
     InputError
         If it is not installed.
     """
-    try:
-        import matplotlib
-    except ImportError:
-        raise InputError(
-            "plots need matplotlib, which is not installed: "
-            'pip install "youbot[plots]", or leave --plots and --report out'
-        ) from None
-    return matplotlib
+    instead = "leave --plots and --report out"
+    return optional_library("matplotlib", "plots", "plots need matplotlib", instead)
 
 
 @contextmanager

@@ -108,7 +108,7 @@ class NoiseLevel:
         return cls(white_noise(speed, settings=noise), white)
 
 
-def force_floor(
+def white_force_floor(
     mechanism: Mechanism,
     theta: Array,
     samples: Samples,
@@ -117,7 +117,7 @@ def force_floor(
     seed: int,
     settings: FitSettings = FitSettings(),
 ) -> SumsOfSquares:
-    """What measurement noise alone leaves in the force residual, whose ``clean`` traces are known.
+    """What white measurement noise leaves in the force residual, whose ``clean`` traces are known.
 
     Noise of the same size is added to the measurements a second time; the change of the residual
     is the floor. This holds for every effect, since the noise passes through the model itself.
@@ -133,22 +133,3 @@ def force_floor(
     share = len(clean.time) / len(known.time)
     left = SumsOfSquares.of(known, again.residual - known.residual).residual * share
     return SumsOfSquares(left, SumsOfSquares.of(clean).measured)
-
-
-def velocity_floor(
-    mechanism: Mechanism,
-    theta: Array,
-    samples: Samples,
-    clean: Traces,
-    noise: NoiseLevel,
-    seed: int,
-) -> SumsOfSquares:
-    """What measurement noise alone leaves in the free run's velocity residual.
-
-    No part is cut out as in `force_floor`: errors of a free run add up over the whole log.
-    """
-    rng = np.random.default_rng(seed)
-    again = velocity_traces(
-        mechanism, theta, mechanism.noisy(samples, noise.speed, noise.torque, rng)
-    )
-    return SumsOfSquares.of(clean, again.residual - clean.residual)

@@ -13,7 +13,6 @@ from identification.fitting.errors import (
     NoiseLevel,
     SumsOfSquares,
     add_up,
-    force_floor,
     force_traces,
     velocity_traces,
 )
@@ -26,6 +25,12 @@ from identification.fitting.observability import (
     combinations,
     log_observability,
     refuse_blind,
+)
+from identification.fitting.predictability import (
+    NoiseFloor,
+    Predictability,
+    noise_floor,
+    predictability,
 )
 from identification.fitting.regression import Regression, regression
 from identification.fitting.settings import FitSettings
@@ -78,6 +83,7 @@ class Identification:
     model : the fitted model (Model or AxisModel), with covariance, logs and errors
     fit : theta, covariance and residual rows behind it
     force : fit on forces; the same as ``fit`` without an output-error step
+    predictable : what of the force residual can still be predicted; floor : what noise leaves
     parts : what each stretch of the logs shows; ``total``: all of them together
     course : the recursive estimator's estimates over time, or None
     settings : all numbers that the fit depends on
@@ -89,6 +95,8 @@ class Identification:
     force: Fit
     mechanism: Mechanism
     samples: tuple[Samples, ...]
+    predictable: Predictability
+    floor: NoiseFloor
     parts: tuple[PartReport, ...]
     total: Observability
     course: EstimateHistory | None = None
@@ -213,18 +221,20 @@ def identify(
         noise = [NoiseLevel.of(item, settings) for item in samples]
         args = (mechanism, samples, noise, force, seed, settings, progress)
         final = without_noise_bias(*args)
+    predictable = predictability(mechanism, force.rows, samples, seed, settings)
+    floor = _floor(mechanism, force, samples, predictable, settings)
     kind = kind_of(start)
     model = kind.fitted_model(
         mechanism,
         final,
         name=name,
         logs=tuple(log.reference for log in logs),
-        errors=_errors(mechanism, final, samples, seed, output_error, settings),
+        errors=_errors(mechanism, final, samples, floor, output_error, settings),
         provenance=provenance,
     )
     told = (line for log in logs for line in log.warnings)
     return Identification(
-        *(model, final, force, mechanism, samples),
+        *(model, final, force, mechanism, samples, predictable, floor),
         parts=_part_reports(mechanism, start.theta, samples, rows, settings),
         total=total,
         course=_course(mechanism, force, settings) if recursive else None,
@@ -275,24 +285,32 @@ def _part_reports(
     return tuple(reports)
 
 
+def _floor(
+    mechanism: Mechanism,
+    force: Fit,
+    samples: Sequence[Samples],
+    predictable: Predictability,
+    settings: FitSettings,
+) -> NoiseFloor:
+    traces = [force_traces(mechanism, force.theta, item, settings) for item in samples]
+    return noise_floor(
+        *(mechanism, force.theta, samples, force.rows, predictable, traces), settings=settings
+    )
+
+
 def _errors(
     mechanism: Mechanism,
     final: Fit,
     samples: Sequence[Samples],
-    seed: int,
+    floor: NoiseFloor,
     with_velocity: bool,
     settings: FitSettings,
 ) -> dict[str, Any]:
     """Errors on the very logs of the fit; the velocity error only where a free run was made."""
-    noise = [NoiseLevel.of(item, settings) for item in samples]
     traces = [force_traces(mechanism, final.theta, item, settings) for item in samples]
-    floors = [
-        force_floor(mechanism, final.theta, item, trace, level, seed, settings)
-        for item, trace, level in zip(samples, traces, noise, strict=True)
-    ]
     found: dict[str, Any] = {
         "force_error": add_up(map(SumsOfSquares.of, traces)).ratio,
-        "noise_floor": {"force_error": add_up(floors).ratio},
+        "noise_floor": floor.to_dict(),
     }
     if with_velocity:
         speed = [velocity_traces(mechanism, final.theta, item) for item in samples]

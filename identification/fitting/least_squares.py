@@ -9,7 +9,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from identification.fitting.gauge import gauge_basis
-from identification.fitting.regression import Indices, Regression, covariance_of, regression
+from identification.fitting.regression import (
+    Indices,
+    Regression,
+    covariance_of,
+    filtered_residual,
+    regression,
+)
 from identification.fitting.settings import FitSettings
 from identification.mechanisms.mechanism import Mechanism
 from identification.mechanisms.samples import Samples
@@ -162,17 +168,53 @@ class _GaussNewton:
             *(self.mechanism, here.rows, here.weights, here.theta, self.chosen, self.basis),
             self.settings,
         )
-        theta = here.theta.copy()
-        theta[self.chosen] += step
         most = self.settings.max_converged_square_share * here.square
         arrived = _squares_of_step(here, step) < most
         known = None
+        # The weights of a robust fit change from step to step, and its squares with them.
+        if self._is_inside(here.theta) and not (self.linear or arrived or self.robust):
+            share = self._falling_share(here, step)
+            if share is None:
+                return here, True
+            step = share * step
+            bounded = self._at_bounds(here.theta[self.chosen] + step, bounded)
+        theta = here.theta.copy()
+        theta[self.chosen] += step
         if self.linear or arrived:
             # The linear prediction replaces a new evaluation: it is exact for a linear model, and
             # good enough for a step this small.
             known = [replace(r, residual=r.residual - r.columns @ step) for r in here.rows]
         # A robust fit goes on: its weights depend on the residual, also where the model is linear.
         return self.at(theta, bounded, known), arrived or (self.linear and not self.robust)
+
+    def _is_inside(self, theta: Array) -> bool:
+        """Whether theta (P,) is within bounds: from outside (no lag at all, say) a step goes in."""
+        lower, upper = self.mechanism.bounds
+        inside = (lower <= theta) & (theta <= upper)
+        return bool(inside[self.chosen].all())
+
+    def _falling_share(self, here: _Iterate, step: Array) -> float | None:
+        """The first share of a step that lowers the squares; None if no share does.
+
+        A full step overshoots where the columns turn quickly (the knee of a friction, a period).
+        Only residuals are computed: columns cost as much for each parameter.
+        """
+        theta = here.theta.copy()
+        for share in self.settings.step_shares:
+            theta[self.chosen] = here.theta[self.chosen] + share * step
+            squares = (
+                w @ (filtered_residual(self.mechanism, theta, samples, self.settings) ** 2).sum(1)
+                for w, samples in zip(here.weights, self.logs, strict=True)
+            )
+            # Also false for NaN, where the model breaks down.
+            if sum(squares) < here.square:
+                return share
+        return None
+
+    def _at_bounds(self, values: Array, bounded: tuple[int, ...]) -> tuple[int, ...]:
+        """Those of the fitted parameters that a shortened step has left at their bounds."""
+        lower, upper = (bound[self.chosen] for bound in self.mechanism.bounds)
+        return tuple(k for k in bounded if np.isclose(values[k], (lower[k], upper[k])).any())
 
 
 def _squares_of_step(here: _Iterate, step: Array) -> float:
@@ -230,9 +272,12 @@ def _bounded_step(
     inside = np.clip(value, lower, upper) - value
     # lsq_linear refuses a box that rounding has made empty or without width.
     box = (np.minimum(box[0], inside * scale), np.maximum(box[1], inside * scale) + 1e-300)
+    # The triangle of a QR decomposition has the same least squares in as many rows as parameters;
+    # lsq_linear decomposes all rows again at each of its iterations.
+    _, triangle = np.linalg.qr(np.column_stack([matrix, right]))
     # No gauge directions here: the bounds and lsq_linear's least-norm start determine the common
     # part of relative parameters.
-    result = lsq_linear(matrix, right, bounds=box)
+    result = lsq_linear(triangle[:, :-1], triangle[:, -1], bounds=box)
     active = tuple(int(k) for k in np.flatnonzero(result.active_mask))
     return result.x / scale, active
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import replace
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
@@ -106,7 +107,12 @@ class _Noise:
         seed = int(self.rng.integers(2**32))
         # The same seed twice: minus is exactly the negative of the noise in plus.
         plus, minus = (self._step(sign * np.sqrt(level), seed) for sign in (1.0, -1.0))
-        return 0.5 * (plus + minus), 0.5 * (plus - minus) / np.sqrt(level)
+        return 0.5 * (plus + minus) - self._still, 0.5 * (plus - minus) / np.sqrt(level)
+
+    @cached_property
+    def _still(self) -> Array:
+        """(F,) step without added noise: what a search that ended early still lacks is no bias."""
+        return self._step(0.0, 0)
 
     def _step(self, size: float, seed: int) -> Array:
         rng, found = np.random.default_rng(seed), self.found

@@ -188,9 +188,9 @@ def combinations(
         members = np.flatnonzero(weights)
         value = float(weights @ values)
         std = float(np.sqrt(max(weights @ fitted.covariance @ weights, 0.0)))
-        worst = float((fitted.std[members] / np.maximum(np.abs(values[members]), 1e-300)).max())
-        better = std * settings.min_combination_gain < worst * abs(value)
-        if better and worst > settings.max_separate_share:
+        own = fitted.std[members] / np.maximum(np.abs(values[members]), 1e-300)
+        better = std * settings.min_combination_gain < own.min() * abs(value)
+        if better and own.max() > settings.max_separate_share:
             unit = mechanism.labels[fitted.free[members[0]]].parameter.unit
             found[sum_name] = (value, std, unit)
     return found

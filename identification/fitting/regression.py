@@ -48,6 +48,11 @@ def stride(dt: float, rate: float) -> int:
     return max(1, round(1.0 / (rate * dt)))
 
 
+def row_rate(mechanism: Mechanism, settings: FitSettings = FitSettings()) -> float:
+    """Rows a second: those of the settings, or more where the filter passes faster forces."""
+    return max(settings.row_rate, settings.rows_per_filter_rate * mechanism.filter_rate)
+
+
 def regression(
     mechanism: Mechanism,
     theta: Array,
@@ -59,7 +64,7 @@ def regression(
     samples = samples.for_fit
     ends = residual_and_columns(mechanism, mechanism.demand(theta, samples), samples, free)
     filtered = filtered_rows(ends, mechanism, samples, settings)
-    step = stride(samples.dt, settings.row_rate) * samples.dt
+    step = stride(samples.dt, row_rate(mechanism, settings)) * samples.dt
     # Time of the last sample before the first row, which starts where the filter has settled.
     first = samples.time[0] + (_settled(mechanism, samples, settings) - 1) * samples.dt
     time = first + step * np.arange(1, len(filtered) + 1)
@@ -98,7 +103,7 @@ def filtered_rows(
 ) -> Array:
     """Filter interval ends (2, N - 1, ...) and average into regression rows (n, ...)."""
     filtered = first_order(ends[0], ends[1], mechanism.filter_rate, samples.dt)
-    size = stride(samples.dt, settings.row_rate)
+    size = stride(samples.dt, row_rate(mechanism, settings))
     return block_mean(filtered[_settled(mechanism, samples, settings) :], size)
 
 

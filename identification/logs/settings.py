@@ -2,15 +2,14 @@
 
 from __future__ import annotations
 
-from dataclasses import asdict, dataclass, field, fields
-from typing import Any
+from dataclasses import dataclass, field
 
 from identification.signals.noise import NoiseSettings
-from youbot_env.errors import InputError, count, finite
+from youbot_env.errors import InputError, Settings, check_settings
 
 
 @dataclass(frozen=True)
-class LogSettings:
+class LogSettings(Settings):
     """What the reading of a log repairs, doubts and refuses.
 
     Each field's ``metadata`` holds its unit and the reason, or the measurement, for its default.
@@ -342,18 +341,9 @@ class LogSettings:
     )
 
     def __post_init__(self) -> None:
-        for item in fields(self):
-            what, value = f"log settings: {item.name}", getattr(self, item.name)
-            if isinstance(item.default, int):
-                count(what, value)
-            elif isinstance(item.default, float):
-                finite(what, value, positive=True)
+        check_settings(self, "log settings", positive=True)
         for name in ("usual_step_quantile", "usual_speed_quantile"):
             if getattr(self, name) >= 1.0:
                 raise InputError(f"log settings: {name} must be below 1")
         if self.min_step >= self.max_step:
             raise InputError("log settings: min_step must be below max_step")
-
-    def to_dict(self) -> dict[str, Any]:
-        """JSON form: the numbers in force by name."""
-        return asdict(self)

@@ -14,6 +14,7 @@ from identification.logs.log import AXIS as AXIS_JOINTS, Log
 from identification.mechanisms.axis_effects import (
     AXIS_BASE,
     AXIS_CATALOGUE,
+    BOTH_WAYS,
     JOINT,
     TURNING,
     Base,
@@ -28,6 +29,7 @@ from identification.mechanisms.settings import MechanismSettings
 from identification.signals.filters import FilterSettings, block_mean, integral_of
 from identification.signals.noise import white_noise
 from youbot_env.errors import InputError
+from youbot_env.physics.effect import Effect
 from youbot_env.physics.mechanism import (
     Components,
     EffectPoints,
@@ -35,18 +37,19 @@ from youbot_env.physics.mechanism import (
     ModelStructure,
     Site,
 )
+from youbot_env.physics.namespaces import N, Number
 
 Array = NDArray[np.float64]
 
 # --- physics ----------------------------------------------------------------------------------
 
 
-def _joint(points: EffectPoints) -> list[Joint]:
+def _joint(points: EffectPoints[Scales, Number]) -> list[Joint]:
     at = points.at
     return [Joint(at.twist[0], at.acceleration[0], at.pose[0], at.torque[0], at.time, points.base)]
 
 
-def _same(_: object, values: Sequence[Components]) -> Components:
+def _same(_: object, values: Sequence[N]) -> Components[N]:
     """Of one axis its joint's rate and torque are its own."""
     return tuple(values)
 
@@ -56,6 +59,12 @@ SITE = Site(_joint, _same)
 
 def _fault(scales: Scales, values: Mapping[str, float]) -> str:
     return "inertia must be positive" if values["inertia"] == 0 else ""
+
+
+def _holds(item: Effect, scales: Scales) -> bool:
+    if scales.one_way and item.name in BOTH_WAYS:
+        return False
+    return scales.turns or item.acts_at is not TURNING
 
 
 AXIS = MechanismKind(
@@ -80,7 +89,7 @@ AXIS = MechanismKind(
     full_speed=lambda scales: (scales.speed,),
     full_torque=lambda scales: scales.force,
     declared=fitted_to,
-    holds=lambda item, scales: scales.turns or item.acts_at is not TURNING,
+    holds=_holds,
     fault=_fault,
 )
 """One axis that slides or turns."""
@@ -124,15 +133,25 @@ def typical(
         raise InputError("the axis never moves in these logs: record a motion that excites it")
     average = settings.acceleration_averaging_time
     width = [max(1, round(average / item.dt)) for item in samples]
+    means = [block_mean(item.twist[:, 0], n) for item, n in zip(samples, width, strict=True)]
     rates = [
-        np.diff(block_mean(item.twist[:, 0], n)) / (n * item.dt)
-        for item, n in zip(samples, width, strict=True)
+        np.diff(mean) / (n * item.dt) for mean, item, n in zip(means, samples, width, strict=True)
     ]
     travel = max(float(np.ptp(item.pose[:, 0])) for item in samples)
     numbers = (speed, _rms(rates), force, travel)
     # Three digits: the scales stand in the model file, and nothing depends on more.
     rounded = [float(f"{value:.3g}") for value in numbers]
-    return Scales(turns, *rounded, bandwidth=_bandwidth(samples, rounded[1], settings))
+    return Scales(
+        *(turns, *rounded),
+        bandwidth=_bandwidth(samples, rounded[1], settings),
+        one_way=_is_one_way(np.concatenate(means), speed, settings),
+    )
+
+
+def _is_one_way(speeds: Array, typical_speed: float, settings: MechanismSettings) -> bool:
+    """Whether speeds (N,), averaged over a moment each, have one sign wherever the axis moves."""
+    moving = speeds[np.abs(speeds) > settings.min_moving_speed_share * typical_speed]
+    return bool(np.abs(np.sign(moving).mean()) > 1 - 2 * settings.max_other_way_share)
 
 
 def _bandwidth(
@@ -210,7 +229,7 @@ class Axis(Mechanism[Scales]):
     def __init__(
         self,
         scales: Scales,
-        structure: ModelStructure | None = None,
+        structure: ModelStructure[Scales] | None = None,
         settings: MechanismSettings = MechanismSettings(),
     ) -> None:
         super().__init__(scales, structure or ModelStructure((), AXIS), CONVENTIONS, settings)

@@ -7,35 +7,46 @@ the axis at hand (:class:`Scales`): a positioning stage and a wrist motor share 
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
 from dataclasses import dataclass, replace
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 from identification.signals.filters import FilterSettings
 from youbot_env.errors import InputError
 from youbot_env.physics import catalogue
-from youbot_env.physics.effect import ACTUATOR, CLOCK, Effect, Parameter, Place, Registry, effect
+from youbot_env.physics.effect import (
+    ACTUATOR,
+    CLOCK,
+    BaseParameters,
+    Effect,
+    Parameter,
+    Place,
+    Registry,
+    effect,
+)
+from youbot_env.physics.namespaces import Namespace, Number
 
 
 class Base(NamedTuple):
     """The base parameters, for effects that refer to them."""
 
-    inertia: Any
-    viscous: Any
-    coulomb: Any
-    smoothing: Any
-    offset: Any
+    inertia: Number
+    viscous: Number
+    coulomb: Number
+    smoothing: Number
+    offset: Number
 
 
 class Joint(NamedTuple):
     """The axis. An effect here returns the force that the motion demands; ``force``: what acts."""
 
-    rate: Any
-    acceleration: Any
-    position: Any
-    force: Any
-    time: Any
-    base: Base
+    rate: Number
+    acceleration: Number
+    position: Number
+    force: Number
+    time: Number
+    base: BaseParameters
 
 
 JOINT = Place("axis", "wrench", Joint, False)
@@ -48,6 +59,8 @@ class Scales:
 
     turns : whether the units are rad, rad/s, N m rather than m, m/s, N
     bandwidth : up to which forces are fitted [rad/s]: as far as the speed's noise allows
+    one_way : whether the axis only ever moves in one direction. Dry friction is then a constant
+        force like the offset: ``offset`` stands for both, and ``coulomb`` stays at zero
     """
 
     turns: bool
@@ -56,6 +69,16 @@ class Scales:
     force: float
     travel: float
     bandwidth: float = FilterSettings.rate
+    one_way: bool = False
+
+    @property
+    def cycle(self) -> float:
+        """Length in which a force along the travel repeats itself at the latest [m or rad].
+
+        A joint that turns on and on meets the same teeth and magnets again: two turns at most, for
+        an output that turns half as fast.
+        """
+        return min(self.travel, 4 * math.pi) if self.turns else self.travel
 
 
 class Unit(NamedTuple):
@@ -74,7 +97,7 @@ UNITS = {
     "N/m": Unit("N m/rad", lambda s: s.force / s.travel),
     "N s/m": Unit("N m s", lambda s: s.force / s.speed),
     "N s^2/m^2": Unit("N m s^2", lambda s: s.force / s.speed**2),
-    "m": Unit("rad", lambda s: s.travel),
+    "m": Unit("rad", lambda s: s.cycle),
     "m/s": Unit("rad/s", lambda s: s.speed),
 }
 
@@ -98,16 +121,21 @@ def _fitted(item: Effect, parameter: Parameter, scales: Scales) -> Parameter:
         )
     unit = UNITS[parameter.unit]
     typical = unit.typical(scales)
+    # What has a default is not identified.
+    held = 0.0 if scales.one_way and parameter.name == "coulomb" else parameter.default
     return replace(
         parameter,
         unit=unit.turning if scales.turns else parameter.unit,
-        default=None if parameter.default is None else parameter.default * typical,
+        default=None if held is None else held * typical,
         lower=parameter.lower * typical,
         upper=parameter.upper * typical,
         size=parameter.size * typical,
         grid=tuple(value * typical for value in parameter.grid),
     )
 
+
+BOTH_WAYS = frozenset({"asymmetric_viscous_friction", "asymmetric_coulomb_friction"})
+"""Effects that compare one direction with the other: one direction alone cannot show them."""
 
 AXIS_BASE = Registry()
 """The components of the base model of one axis."""
@@ -119,7 +147,7 @@ _ARMSTRONG = "Armstrong-Helouvry, Dupont, Canudas de Wit, Automatica 30(7), 1994
 _EMPS = "Janot, Gautier, Brunot, Data set and reference models of EMPS, 2019"
 
 
-def direction(xp: Any, joint: Joint) -> Any:
+def direction(xp: Namespace, joint: Joint) -> Number:
     """Sign of the speed, smooth around standstill: tanh(v/eps)."""
     return xp.tanh(joint.rate / joint.base.smoothing)
 
@@ -131,7 +159,7 @@ def direction(xp: Any, joint: Joint) -> Any:
     source=_EMPS,
     recognise="Part of the base model.",
 )
-def axis_inertia(xp, joint, inertia):
+def axis_inertia(xp: Namespace, joint: Joint, inertia: Number) -> Number:
     """Mass or moment of inertia [N]: M a."""
     return inertia * joint.acceleration
 
@@ -144,7 +172,7 @@ def axis_inertia(xp, joint, inertia):
     recognise="Part of the base model.",
     dissipative=True,
 )
-def axis_viscous_friction(xp, joint, viscous):
+def axis_viscous_friction(xp: Namespace, joint: Joint, viscous: Number) -> Number:
     """Viscous friction [N]: F_v v."""
     return viscous * joint.rate
 
@@ -161,7 +189,9 @@ def axis_viscous_friction(xp, joint, viscous):
     recognise="Part of the base model.",
     dissipative=True,
 )
-def axis_coulomb_friction(xp, joint, coulomb, smoothing):
+def axis_coulomb_friction(
+    xp: Namespace, joint: Joint, coulomb: Number, smoothing: Number
+) -> Number:
     """Dry friction [N]: F_c tanh(v/eps)."""
     return coulomb * xp.tanh(joint.rate / smoothing)
 
@@ -173,7 +203,7 @@ def axis_coulomb_friction(xp, joint, coulomb, smoothing):
     source=_EMPS,
     recognise="Part of the base model.",
 )
-def axis_offset(xp, joint, offset):
+def axis_offset(xp: Namespace, joint: Joint, offset: Number) -> Number:
     """Constant force: weight, or the zero of the effort's measurement [N]."""
     return offset
 
@@ -185,7 +215,7 @@ def axis_offset(xp, joint, offset):
     source=_EMPS,
     recognise="The residual follows the absolute speed: one way is harder than the other.",
 )
-def asymmetric_viscous_friction(xp, joint, asymmetry):
+def asymmetric_viscous_friction(xp: Namespace, joint: Joint, asymmetry: Number) -> Number:
     """Viscous friction F_v + d at positive and F_v - d at negative speed [N]: d |v|."""
     return asymmetry * xp.abs(joint.rate)
 
@@ -197,7 +227,7 @@ def asymmetric_viscous_friction(xp, joint, asymmetry):
     source=_ARMSTRONG,
     recognise="A constant residual in motion, either way, that is gone at standstill.",
 )
-def asymmetric_coulomb_friction(xp, joint, asymmetry):
+def asymmetric_coulomb_friction(xp: Namespace, joint: Joint, asymmetry: Number) -> Number:
     """Dry friction F_c + d at positive and F_c - d at negative speed [N]: d tanh(v/eps)^2."""
     return asymmetry * direction(xp, joint) ** 2
 
@@ -215,7 +245,9 @@ def asymmetric_coulomb_friction(xp, joint, asymmetry):
     recognise="The residual peaks either side of standstill, with the sign of the speed.",
     dissipative=True,
 )
-def stribeck_friction(xp, joint, breakaway, stribeck_speed):
+def stribeck_friction(
+    xp: Namespace, joint: Joint, breakaway: Number, stribeck_speed: Number
+) -> Number:
     """Dry friction beyond Coulomb's at low speed [N]: f_b exp(-(v/v_s)^2) tanh(v/eps)."""
     return breakaway * xp.exp(-((joint.rate / stribeck_speed) ** 2)) * direction(xp, joint)
 
@@ -228,7 +260,7 @@ def stribeck_friction(xp, joint, breakaway, stribeck_speed):
     recognise="The residual bends upwards with the speed.",
     dissipative=True,
 )
-def quadratic_friction(xp, joint, coefficient):
+def quadratic_friction(xp: Namespace, joint: Joint, coefficient: Number) -> Number:
     """Friction that grows with the square of the speed [N]: k v |v|."""
     return coefficient * joint.rate * xp.abs(joint.rate)
 
@@ -244,7 +276,7 @@ def quadratic_friction(xp, joint, coefficient):
     recognise="The residual rises steeply from standstill and is flat at high speed.",
     dissipative=True,
 )
-def thinning_friction(xp, joint, force, knee):
+def thinning_friction(xp: Namespace, joint: Joint, force: Number, knee: Number) -> Number:
     """Viscous friction that levels off at high speed [N]: f tanh(v/v_k)."""
     return force * xp.tanh(joint.rate / knee)
 
@@ -262,7 +294,7 @@ def thinning_friction(xp, joint, force, knee):
     recognise="Friction that fades from the start of each log.",
     dissipative=True,
 )
-def friction_warmup(xp, joint, fraction, time_constant):
+def friction_warmup(xp: Namespace, joint: Joint, fraction: Number, time_constant: Number) -> Number:
     """Extra friction of a cold axis [N]: f exp(-t/T) (F_v v + F_c tanh(v/eps))."""
     warm = joint.base.viscous * joint.rate + joint.base.coulomb * direction(xp, joint)
     return fraction * xp.exp(-joint.time / time_constant) * warm
@@ -276,7 +308,7 @@ def friction_warmup(xp, joint, fraction, time_constant):
     recognise="Friction that grows when the axis accelerates or lifts, not only with speed.",
     dissipative=True,
 )
-def load_dependent_friction(xp, joint, share):
+def load_dependent_friction(xp: Namespace, joint: Joint, share: Number) -> Number:
     """Gear friction in proportion to the force that acts [N]: s |F| tanh(v/eps)."""
     return share * xp.abs(joint.force) * direction(xp, joint)
 
@@ -288,7 +320,7 @@ def load_dependent_friction(xp, joint, share):
     source="An amplifier whose two directions have gains of their own",
     recognise="The residual follows the absolute value of the effort.",
 )
-def asymmetric_gain(xp, joint, asymmetry):
+def asymmetric_gain(xp: Namespace, joint: Joint, asymmetry: Number) -> Number:
     """Part of the effort that is lost one way and won the other [N]: g |F|."""
     return asymmetry * xp.abs(joint.force)
 
@@ -300,7 +332,7 @@ def asymmetric_gain(xp, joint, asymmetry):
     source="Hooke's law; negative next to an unstable equilibrium",
     recognise="The residual grows along the travel: a spring, a cable, a counterweight.",
 )
-def spring(xp, joint, stiffness):
+def spring(xp: Namespace, joint: Joint, stiffness: Number) -> Number:
     """Force in proportion to the position [N]: c x; the base model's offset sets its zero."""
     return stiffness * joint.position
 
@@ -316,14 +348,16 @@ def spring(xp, joint, stiffness):
             "m",
             default=0.25,
             lower=1e-3,
-            upper=2.0,
-            grid=tuple(1.0 / (0.5 * k) for k in range(2, 25)),
+            # What has not come again one and a half times is a bend along the travel, as a spring
+            # makes it, and no period.
+            upper=0.75,
+            grid=tuple(1.0 / (0.5 * k) for k in range(3, 25)),
         ),
     ],
     source="Cogging of magnets and the pitch of a screw or belt: a force periodic in the position",
     recognise="The residual repeats itself along the travel.",
 )
-def cogging(xp, joint, sine, cosine, period):
+def cogging(xp: Namespace, joint: Joint, sine: Number, cosine: Number, period: Number) -> Number:
     """Force that is periodic in the position [N]: a sin(2 pi x/p) + b cos(2 pi x/p)."""
     angle = 6.283185307179586 * joint.position / period
     return sine * xp.sin(angle) + cosine * xp.cos(angle)
@@ -336,7 +370,7 @@ def cogging(xp, joint, sine, cosine, period):
     source="A guide or gear that is tighter at one end of the travel",
     recognise="A residual against the motion that grows along the travel.",
 )
-def position_dependent_friction(xp, joint, slope):
+def position_dependent_friction(xp: Namespace, joint: Joint, slope: Number) -> Number:
     """Dry friction that changes along the travel [N]: k x tanh(v/eps)."""
     return slope * joint.position * direction(xp, joint)
 
@@ -348,7 +382,7 @@ def position_dependent_friction(xp, joint, slope):
     source="Thermal drift of the effort's measurement",
     recognise="The residual's mean moves steadily over the log.",
 )
-def force_drift(xp, joint, rate):
+def force_drift(xp: Namespace, joint: Joint, rate: Number) -> Number:
     """Offset that drifts [N]: k t, t from the log's start."""
     return rate * joint.time
 
@@ -363,7 +397,7 @@ def force_drift(xp, joint, rate):
     source="Weight of an arm whose centre of mass lies off the axis",
     recognise="The residual goes once round with the angle: an arm that gravity turns.",
 )
-def arm_weight(xp, joint, sine, cosine):
+def arm_weight(xp: Namespace, joint: Joint, sine: Number, cosine: Number) -> Number:
     """Moment of the weight of an arm [N m]: a sin(q) + b cos(q)."""
     return sine * xp.sin(joint.position) + cosine * xp.cos(joint.position)
 

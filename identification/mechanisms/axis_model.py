@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import os
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import asdict
+from dataclasses import asdict, replace
+from math import inf
 from typing import Any
 
 import numpy as np
@@ -14,6 +15,7 @@ from identification.logs.log import Log
 from identification.mechanisms.axis import AXIS, Axis, default_theta, typical
 from identification.mechanisms.axis_effects import AXIS_BASE, AXIS_CATALOGUE, Scales, fitted_to
 from identification.mechanisms.mechanism import Mechanism
+from identification.mechanisms.plausibility import barely_observable
 from identification.mechanisms.settings import MechanismSettings
 from identification.signals.filters import FilterSettings
 from youbot_env.errors import InputError
@@ -53,9 +55,13 @@ def base_axis_model(
     logs: Sequence[Log],
     *,
     unit: str = "rad",
+    every: bool = False,
     settings: MechanismSettings = MechanismSettings(),
 ) -> AxisModel:
     """Where the identification of an unknown axis starts: typical inertia and nothing else.
+
+    Of an axis that moves one way only, dry friction and offset become one parameter, unless
+    ``every`` one is asked for.
 
     Raises
     ------
@@ -64,8 +70,27 @@ def base_axis_model(
     """
     if unit not in UNITS:
         raise InputError(f"unit {unit!r}: an axis is logged in m (m/s, N) or rad (rad/s, N m)")
-    axis = Axis(typical(logs, turns=unit == "rad", settings=settings))
+    scales = typical(logs, turns=unit == "rad", settings=settings)
+    axis = Axis(replace(scales, one_way=scales.one_way and not every))
     return axis_model(axis, default_theta(axis))
+
+
+def warnings_of(model: AxisModel, settings: MechanismSettings = MechanismSettings()) -> list[str]:
+    """Sentences on what the logs of a model leave open, the most serious first."""
+    # An offset may well be zero.
+    return [*_of_one_way(model), *barely_observable(model, settings, sizes={"offset": inf})]
+
+
+def _of_one_way(model: AxisModel) -> list[str]:
+    if not model.geometry.one_way:
+        return []
+    found = model.parameters["offset"]
+    reach = "" if found.std is None else f" ± {found.std:.2g}"
+    return [
+        "the axis moves one way only, where dry friction and a constant force (weight, an offset "
+        f"of the effort) are one: {found.value:.3g}{reach} {found.unit} for both together, written "
+        "as offset, with coulomb = 0; a motion both ways tells them apart"
+    ]
 
 
 def save_axis_model(path: str | os.PathLike[str], model: AxisModel) -> None:
@@ -75,12 +100,14 @@ def save_axis_model(path: str | os.PathLike[str], model: AxisModel) -> None:
 
 def axis_to_dict(model: AxisModel) -> dict[str, Any]:
     """The model file's content."""
-    sizes = {key: value for key, value in asdict(model.geometry).items() if key != "turns"}
+    sizes = asdict(model.geometry)
+    turns, one_way = sizes.pop("turns"), sizes.pop("one_way")
+    scales = {"unit": UNITS[turns], **sizes, **({"one_way": True} if one_way else {})}
     return {
         "schema_version": SCHEMA_VERSION,
         "name": model.name,
         "mechanism": MECHANISM,
-        "scales": {"unit": UNITS[model.geometry.turns], **sizes},
+        "scales": scales,
         "parameters": {name: parts.estimate_entry(model.parameters[name]) for name in BASE_NAMES},
         "effects": parts.effect_entries(model.effects),
         **parts.history_to_dict(model),
@@ -129,7 +156,8 @@ def _scales(entries: Mapping[str, Any]) -> Scales:
     if min(sizes) <= 0:
         raise InputError("scales must be positive")
     band = parts.number(entries.get("bandwidth", FilterSettings.rate), "scales.bandwidth")
-    return Scales(entries["unit"] == "rad", *sizes, bandwidth=band)
+    one_way = bool(entries.get("one_way", False))
+    return Scales(entries["unit"] == "rad", *sizes, bandwidth=band, one_way=one_way)
 
 
 def _guessed(parameters: Mapping[str, Any]) -> Scales:
@@ -158,6 +186,7 @@ AXIS_FILE = FileKind(
                 "type": ["object", "null"],
                 "properties": {
                     "unit": {"enum": list(UNITS)},
+                    "one_way": {"type": "boolean"},
                     **dict.fromkeys((*SIZES, "bandwidth"), parts.ENTRY),
                 },
                 "required": ["unit", *SIZES],

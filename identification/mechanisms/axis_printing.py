@@ -6,18 +6,18 @@ turns the same letters are an angle, its rate and a torque. M is a drive's effor
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Sequence
 from functools import partial
-from typing import Literal
+from typing import Literal, cast
 
 import sympy
 
 from identification.mechanisms.axis import AXIS
 from identification.mechanisms.axis_effects import AXIS_BASE, JOINT, TURNING, Base, Joint
 from youbot_env.equations import equations as symbolic
-from youbot_env.equations.equations import PLATFORM, Notation
+from youbot_env.equations.equations import PLATFORM, Notation, real_symbols
 from youbot_env.equations.printing import collected, join, latex, text
-from youbot_env.physics.effect import Effect
+from youbot_env.physics.effect import BaseParameters, Effect
 from youbot_env.physics.mechanism import ModelStructure
 from youbot_env.physics.namespaces import symbols
 
@@ -26,12 +26,8 @@ Form = Literal["text", "latex"]
 FORCE = "F"
 
 
-def _real(names: Iterable[str]) -> list[sympy.Symbol]:
-    return [sympy.Symbol(name, real=True) for name in names]
-
-
-_BASE = Base(*_real(name for item in AXIS_BASE for name in item.parameter_names))
-_JOINT = Joint(*_real(("v", "v'", "x", FORCE, "t")), base=_BASE)
+_BASE = Base(*real_symbols(name for item in AXIS_BASE for name in item.parameter_names))
+_JOINT = Joint(*real_symbols(("v", "v'", "x", FORCE, "t")), base=cast(BaseParameters, _BASE))
 
 NOTATION = Notation(
     # Drives and clocks act on the effort alone, as those of the platform do.
@@ -61,5 +57,5 @@ def equation(effects: Sequence[str] = (), form: Form = "text") -> str:
 
 
 def _groups(item: Effect) -> list[symbolic.Group]:
-    term = item.function(symbols(), _JOINT, *_real(item.parameter_names))
+    term = item.function(symbols(), _JOINT, *real_symbols(item.parameter_names))
     return collected(term, NOTATION.motion(JOINT))

@@ -117,7 +117,7 @@ class Mecanum(Mechanism[Geometry]):
     def __init__(
         self,
         geometry: Geometry,
-        structure: ModelStructure = BASE,
+        structure: ModelStructure[Geometry] = BASE,
         settings: MechanismSettings = MechanismSettings(),
     ) -> None:
         super().__init__(geometry, structure, CONVENTIONS, settings)

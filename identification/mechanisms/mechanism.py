@@ -137,7 +137,7 @@ class Conventions(Generic[Known]):
     motion_that_shows(known, direction) : name of the motion that does, where motions have names
     """
 
-    kind: MechanismKind
+    kind: MechanismKind[Known]
     axes: tuple[str, ...]
     force_scale: Callable[[Known], Array]
     samples: Callable[[Log, Known, MechanismSettings], Samples]
@@ -164,12 +164,12 @@ class Mechanism(Generic[Known]):
     """
 
     geometry: Known
-    structure: ModelStructure
+    structure: ModelStructure[Known]
     conventions: Conventions[Known]
     settings: MechanismSettings = MechanismSettings()
 
     @property
-    def kind(self) -> MechanismKind:
+    def kind(self) -> MechanismKind[Known]:
         """Its physics."""
         return self.structure.mechanism
 
@@ -366,8 +366,8 @@ class Mechanism(Generic[Known]):
         )
 
     def demand(
-        self, theta: Array, samples: Samples, like: DemandedForce | None = None
-    ) -> DemandedForce:
+        self, theta: Array, samples: Samples, like: DemandedForce[Known] | None = None
+    ) -> DemandedForce[Known]:
         """Generalised force that the logged motion demands at parameters theta (P,).
 
         ``like``: that of the same samples at a structure which this one extends by what has no

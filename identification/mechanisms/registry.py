@@ -5,8 +5,7 @@ from __future__ import annotations
 import os
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
-from functools import cache, partial
-from math import inf
+from functools import cache
 from typing import Any
 
 from identification.logs.log import Log
@@ -40,6 +39,8 @@ class Entry:
 
     conventions : how it is identified
     start(logs, unit) : base model to fit
+    whole(logs, unit) : the same with every base parameter, also those that no such log could show;
+        None where ``start`` has them all
     read(data, source), save(path, model) : its model files
     warnings(model, settings) : plain sentences on what is implausible or barely observable
     takes_geometry : whether a geometry can be given for it (``--geometry``)
@@ -47,6 +48,7 @@ class Entry:
 
     conventions: Conventions[Any]
     start: Callable[[Sequence[Log], str], AnyModel]
+    whole: Callable[[Sequence[Log], str], AnyModel] | None = None
     read: Callable[[Mapping[str, Any], str], AnyModel] = _no_file
     save: Callable[[str | os.PathLike[str], AnyModel], None] = _no_file
     warnings: Callable[[AnyModel, MechanismSettings], list[str]] = barely_observable
@@ -66,9 +68,9 @@ def _mecanum() -> Entry:
     return Entry(
         CONVENTIONS,
         lambda logs, unit: load_model("paper"),
-        model_from_dict,
-        save_model,
-        warnings_of,
+        read=model_from_dict,
+        save=save_model,
+        warnings=warnings_of,
         takes_geometry=True,
     )
 
@@ -82,9 +84,10 @@ def _axis() -> Entry:
     return Entry(
         OF_AXIS,
         lambda logs, unit: axis_model.base_axis_model(logs, unit=unit),
+        lambda logs, unit: axis_model.base_axis_model(logs, unit=unit, every=True),
         axis_model.axis_from_dict,
         axis_model.save_axis_model,
-        partial(barely_observable, sizes={"offset": inf}),  # which may well be zero
+        axis_model.warnings_of,
     )
 
 

@@ -8,7 +8,7 @@ from __future__ import annotations
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, fields, replace
 from functools import cached_property, partial
-from typing import Any, NamedTuple
+from typing import Generic, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -21,6 +21,7 @@ from youbot_env.physics.effect import CHANNEL, Effect, Parameter
 from youbot_env.physics.mechanism import (
     Components,
     EffectPoints,
+    Geometry,
     Instant,
     ModelStructure,
     component_force,
@@ -130,7 +131,7 @@ def _ends(signal: Array) -> tuple[Array, ...]:
     return tuple(np.stack([signal[:-1, i], signal[1:, i]]) for i in range(signal.shape[1]))
 
 
-class DemandedForce:
+class DemandedForce(Generic[Geometry]):
     """Force (2, N - 1, A) demanded at both ends of each interval, and its columns in theta.
 
     The acceleration's mean over an interval is the difference of the twist, so the filtered force
@@ -139,14 +140,14 @@ class DemandedForce:
 
     def __init__(
         self,
-        structure: ModelStructure,
-        geometry: Any,
+        structure: ModelStructure[Geometry],
+        geometry: Geometry,
         force_scale: Array,
         declared: Sequence[Parameter],
         theta: Array,
         samples: Samples,
         settings: MechanismSettings,
-        like: DemandedForce | None = None,
+        like: DemandedForce[Geometry] | None = None,
     ) -> None:
         self.structure, self.geometry, self.force_scale = structure, geometry, force_scale
         self.declared, self.theta, self.samples = declared, theta, samples
@@ -155,12 +156,16 @@ class DemandedForce:
         self.instant = like.instant if like else self._instant()
         known = like is not None and like.structure.depends_on_load
         if structure.depends_on_load and not known:
-            internal = ()
+            internal: Components[Array] = ()
             if self.mechanism.internal:
                 amount = self._acting_internal(theta)
                 internal = tuple(part * amount for part in self.mechanism.internal)
             torque = dynamics.acting_torque(
-                *(np, structure, geometry, theta, self.instant),
+                np,
+                structure,
+                geometry,
+                theta,
+                self.instant,
                 internal=internal,
                 tolerance=LOAD_TOLERANCE * self._full_torque,
             )
@@ -170,7 +175,7 @@ class DemandedForce:
     def _full_torque(self) -> float:
         return self.mechanism.full_torque(self.geometry)
 
-    def _instant(self) -> Instant:
+    def _instant(self) -> Instant[Array]:
         s = self.samples
         ends = slope_ends(s.twist, s.dt)
         acceleration = tuple(np.moveaxis(ends, -1, 0))
@@ -197,25 +202,27 @@ class DemandedForce:
             start=self._no_force,
         )
 
-    def _component(self, item: Effect, values: Array, points: EffectPoints) -> Array:
+    def _component(
+        self, item: Effect, values: Array, points: EffectPoints[Geometry, Array]
+    ) -> Array:
         return self._scaled(component_force(item, values, points))
 
     @property
     def _no_force(self) -> Array:
         return np.zeros((2, len(self.samples) - 1, len(self.force_scale)))
 
-    def _scaled(self, force: Components) -> Array:
+    def _scaled(self, force: Components[Array]) -> Array:
         out = self._no_force
         for i, scale in enumerate(self.force_scale):
             np.multiply(force[i], scale, out=out[..., i])
         return out
 
-    def _unscaled(self, force: Array) -> Components:
+    def _unscaled(self, force: Array) -> Components[Array]:
         """Components of the generalised force behind a scaled one (..., A)."""
         return tuple(np.moveaxis(force / self.force_scale, -1, 0))
 
     @cached_property
-    def _losses(self) -> list[list[Any]] | None:
+    def _losses(self) -> list[list[Array]] | None:
         """I - dF/dF of friction under load: more force takes more torque, which loses more.
 
         Rows of A x A matrices, one at each instant; None where no effect reads the torque.
@@ -272,7 +279,7 @@ class DemandedForce:
         return self._scaled(self.mechanism.force_of(geometry, logged))
 
     def _with_internal(
-        self, logged: tuple[Array, ...], theta: Array, at: Instant
+        self, logged: tuple[Array, ...], theta: Array, at: Instant[Array]
     ) -> tuple[Array, ...]:
         """Logged torques moved along internal ones until they hold what was logged.
 
@@ -327,7 +334,8 @@ class DemandedForce:
         Base parameters that nothing else refers to enter linearly, so theirs is the function on a
         unit vector; others take a difference over a small part of their catalogue size.
         """
-        return np.stack([self._column(int(i)) for i in indices])
+        found = [self._column(int(i)) for i in indices]
+        return np.stack(found) if found else np.zeros((0, *self.force.shape))
 
     def _column(self, index: int) -> Array:
         structure = self.structure
@@ -408,6 +416,6 @@ class DemandedForce:
         )
 
     @cached_property
-    def _points(self) -> EffectPoints:
+    def _points(self) -> EffectPoints[Geometry, Array]:
         structure, geometry = self.structure, self.geometry
         return dynamics.effect_points(np, structure, geometry, self.theta, self.instant)

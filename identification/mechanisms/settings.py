@@ -154,6 +154,23 @@ class MechanismSettings:
         },
     )
 
+    min_moving_speed_share: float = field(
+        default=0.02,
+        metadata={
+            "unit": "share of the axis' typical speed",
+            "reason": "an averaged speed below it counts as standing: an encoder's last count, "
+            "not a motion back",
+        },
+    )
+    max_other_way_share: float = field(
+        default=0.01,
+        metadata={
+            "unit": "share of the time in motion",
+            "reason": "up to here an axis moves one way only: an overshoot at a stop does not "
+            "tell dry friction from a constant force",
+        },
+    )
+
     # Warnings of a fitted model
     max_deviation_share: float = field(
         default=0.2,

@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-from dataclasses import asdict, dataclass, field
-from typing import Any
+from dataclasses import dataclass, field
 
-from youbot_env.errors import check_settings
+from youbot_env.errors import Settings, check_settings
 
 
 @dataclass(frozen=True)
-class ResidualMapSettings:
+class ResidualMapSettings(Settings):
     """What the shares and curves of a residual map depend on.
 
     Each field's ``metadata`` holds its unit and the reason for its default.
@@ -204,7 +203,3 @@ class ResidualMapSettings:
 
     def __post_init__(self) -> None:
         check_settings(self, "residual map settings", positive=True)
-
-    def to_dict(self) -> dict[str, Any]:
-        """JSON form: the numbers in force by name."""
-        return asdict(self)

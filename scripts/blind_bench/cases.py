@@ -10,11 +10,12 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.integrate import cumulative_trapezoid
 
 from identification.logs.log import Log
 from identification.logs.reading import write_log
 from youbot_env.errors import InputError
-from youbot_scripts.blind_bench import motions, second_simulator as plant
+from youbot_scripts.blind_bench import motions, second_simulator as plant, sensors
 from youbot_scripts.blind_bench.effects import (
     CATALOGUE,
     OUTSIDE,
@@ -40,12 +41,25 @@ RANGES = {
 }
 """Of random platforms, SI units: those of the given data."""
 
-KINDS = ("none", "one", "quarter", "two", "unknown", "sweep")
-"""Nothing planted; one effect of about its size; a quarter of it under twice the noise; two of
-about their size; one outside the catalogue; one at each of `SWEEP` times its size."""
+KINDS = (
+    "none",
+    "noise",
+    "counts",
+    "one",
+    "quarter",
+    "double_noise",
+    "two",
+    "unknown",
+    "sweep",
+)
+"""Nothing planted; nothing, and noise that is not white; speeds from encoder counts, with Coulomb
+friction in every other case; one effect of about its size; a quarter of it under twice the noise;
+one of about its size under twice the noise; two of about their size; one outside the catalogue;
+one at each of `SWEEP` times its size."""
 
 SWEEP = (1 / 16, 1 / 8, 1 / 4, 1 / 2, 1.0, 2.0, 4.0)
-RATES = {"none": (50.0, 100.0, 250.0)}
+ALL_RATES = (50.0, 100.0, 250.0)
+RATES = {"none": ALL_RATES, "noise": ALL_RATES}
 """Log rates [Hz] that a kind goes through; 100 Hz for the others."""
 
 POSE_SHARE = 0.5
@@ -64,6 +78,7 @@ class Case:
     has_pose: bool
     platform: dict[str, float]
     planted: tuple[Planted, ...]
+    sensing: sensors.Sensing | None = None
 
     @property
     def key(self) -> str:
@@ -117,7 +132,7 @@ def draw_case(
 
     Parameters
     ----------
-    kind : one of KINDS; an effect's name plants that alone
+    kind : one of KINDS; an effect's name plants that alone, a noise's has that and nothing planted
     index : from 0; consecutive indices go through effects and rates in turn
     rate : of the logs [Hz]; None: what the kind goes through
     noise : factor on the base noise; None: as the kind has it
@@ -136,24 +151,41 @@ def draw_case(
     platform = {name: float(rng.uniform(*edges)) for name, edges in RANGES.items()}
     has_pose = bool(rng.random() < POSE_SHARE)
     # Drawn for every kind, and also if `noise` is given: later draws then stay the same.
-    drawn_noise = {"none": 2.0 ** rng.uniform(-1, 1), "quarter": 2.0}.get(kind, 1.0)
+    any_noise = 2.0 ** rng.uniform(-1, 1)
+    drawn_noise = {"none": any_noise, "noise": any_noise, "quarter": 2.0, "double_noise": 2.0}
     # On a fixed grid, so that a case plants the same at every log rate.
     path = _path(references(kind, index, seed, 0.02), 0.02)
     planted = tuple(
         draw(name, usual if factor is None else factor, rng, path)
         for name, usual in _what(kind, index, seed, rng)
     )
-    noise = drawn_noise if noise is None else float(noise)
-    return Case(kind, index, seed, rate, noise, has_pose, platform, planted)
+    noise = drawn_noise.get(kind, 1.0) if noise is None else float(noise)
+    measured = _sensing(kind, index, seed, rate)
+    return Case(kind, index, seed, rate, noise, has_pose, platform, planted, measured)
+
+
+def _sensing(kind: str, index: int, seed: int, rate: float) -> sensors.Sensing | None:
+    """How a case is measured, if not with white noise."""
+    rng = _generator(seed, kind, index, "sensing")
+    if kind == "counts":
+        counts = sensors.COUNTS[index % len(sensors.COUNTS)]
+        return sensors.Sensing(sensors.ENCODER, {"counts": counts})
+    if kind == "noise":
+        names = list(sensors.NOISES)
+        return sensors.draw(names[index % len(names)], rng, rate)
+    return sensors.draw(kind, rng, rate) if kind in sensors.ALL else None
 
 
 def _what(kind: str, index: int, seed: int, rng: np.random.Generator) -> list[tuple[str, float]]:
     """Names and factors of what a case plants."""
     names = list(CATALOGUE)
     about_one = 2.0 ** rng.uniform(-0.5, 0.5, 2)
-    if kind == "none":
+    if kind in ("none", "noise") or kind in sensors.ALL:
         return []
-    if kind == "one":
+    if kind == "counts":
+        # Every other case, so that six in a row meet all counts with and without it.
+        return [("wheel_coulomb_friction", about_one[0])] if index % 2 == 0 else []
+    if kind in ("one", "double_noise"):
         return [(names[index % len(names)], about_one[0])]
     if kind == "quarter":
         return [(names[index % len(names)], about_one[0] / 4)]
@@ -167,7 +199,10 @@ def _what(kind: str, index: int, seed: int, rng: np.random.Generator) -> list[tu
         return [(names[index % len(names)], SWEEP[index // len(names) % len(SWEEP)])]
     if kind in CATALOGUE or kind in OUTSIDE:
         return [(kind, about_one[0])]
-    raise InputError(f"kind {kind!r}: not known; use {', '.join(KINDS)} or an effect's name")
+    raise InputError(
+        f"kind {kind!r}: not known; use {', '.join(KINDS)}, or the name of an effect or "
+        f"a noise ({', '.join(sensors.ALL)})"
+    )
 
 
 def physics(case: Case) -> plant.Physics:
@@ -194,8 +229,9 @@ def tick(rate: float) -> tuple[float, int]:
 def log_along(case: Case, name: str, twist: Array) -> Log:
     """Log of a case's platform along a twist (N, 3) given at each tick of its rate.
 
-    A row holds the speeds at its instant and the mean of the two commands that meet there, both
-    with white noise, and is rounded to 4 decimals like the given data.
+    A row holds the speeds at its instant and the mean of the two commands that meet there, as the
+    case measures them (with white noise, if nothing else is drawn), and is rounded to 4 decimals
+    like the given data.
     """
     dt, ticks = tick(case.rate)
     speed, command, pose = simulate(case, twist, dt)
@@ -209,11 +245,13 @@ def log_along(case: Case, name: str, twist: Array) -> Log:
         [np.interp(time[rows] + delay, time[1:], meeting[:, k]) for k in range(4)]
     )
     rng = _generator(case.seed, case.kind, case.index, f"noise {name} {case.rate:g}")
-    velocity, effort = plant.measured(speed[rows], effort, case.noise, rng)
+    angle = cumulative_trapezoid(speed, dx=dt, axis=0, initial=0)[rows]
+    true = sensors.Rows(np.asarray(time[rows], float), speed[rows], effort, angle)
+    stamps, velocity, effort = sensors.sense(true, case.sensing, case.noise, rng)
     return Log(
         name=name,
         joints=("fl", "fr", "bl", "br"),
-        time=np.asarray(time[rows], float),
+        time=stamps,
         velocity=np.round(velocity, 4),
         effort=np.round(effort, 4),
         pose=np.round(pose[rows], 4) if case.has_pose else None,
@@ -263,11 +301,14 @@ def truth(case: Case) -> dict[str, Any]:
         "torque_limit": plant.TORQUE_LIMIT,
         "planted": "+".join(item.name for item in case.planted) or "none",
         "rate": case.rate,
+        "sensing": None if case.sensing is None else asdict(case.sensing),
     }
 
 
-def write_case(folder: Path, case: Case) -> None:
+def write_case(folder: Path, case: Case) -> list[Path]:
     """Write a case's logs and its truth.json into a folder, which is made if missing.
+
+    Returns the files of the logs, in the order of the logs.
 
     Raises
     ------
@@ -278,8 +319,11 @@ def write_case(folder: Path, case: Case) -> None:
         folder.mkdir(parents=True, exist_ok=True)
     except OSError as error:
         raise InputError(f"{folder}: cannot be made a folder: {error.strerror}") from None
-    # Whether 4 decimals hold the time of every row exactly.
-    exact = abs(round(1e4 / case.rate) - 1e4 / case.rate) < 1e-9
+    paths = []
     for log in logs_of(case):
-        write_log(folder / f"{log.name}.csv", log, decimals=4 if exact else 9)
+        # Whether 4 decimals hold the time of every row exactly.
+        exact = np.abs(log.time - np.round(log.time, 4)).max() < 1e-9
+        paths.append(folder / f"{log.name}.csv")
+        write_log(paths[-1], log, decimals=4 if exact else 9)
     (folder / "truth.json").write_text(json.dumps(truth(case), indent=1) + "\n", "utf-8")
+    return paths

@@ -93,3 +93,7 @@ def bump(rng: np.random.Generator, size: float, path: Array) -> Values:
 
 def directed(rng: np.random.Generator, size: float, path: Array) -> Values:
     return {"force": size, "direction": direction(rng)}
+
+
+def joints(rng: np.random.Generator, size: float, path: Array) -> Values:
+    return {"force": size, "distance": rng.uniform(0.1, 0.3), "phase": direction(rng)}

@@ -13,8 +13,8 @@ from identification.fitting.errors import (
     NoiseLevel,
     SumsOfSquares,
     add_up,
-    force_floor,
     force_traces,
+    white_force_floor,
 )
 from identification.fitting.least_squares import fit
 from identification.mechanisms.mecanum import Mecanum
@@ -57,7 +57,7 @@ def force_ratio(sizing: Sizing) -> float:
     theta = fit(mechanism, samples, model.theta).theta
     traces = [force_traces(mechanism, theta, item) for item in samples]
     floor = [
-        force_floor(mechanism, theta, item, trace, NoiseLevel.of(item), sizing.seed)
+        white_force_floor(mechanism, theta, item, trace, NoiseLevel.of(item), sizing.seed)
         for item, trace in zip(samples, traces, strict=True)
     ]
     return add_up(map(SumsOfSquares.of, traces)).ratio / add_up(floor).ratio

@@ -229,6 +229,14 @@ OUTSIDE = {
             _renamed(bump="force", bump_x="x", bump_y="y", bump_width="width"),
             ("position_x", "position_y"),
         ),
+        Plantable(
+            "floor_joints",
+            8.0,
+            "N",
+            draws.joints,
+            _renamed(joints="force", joint_distance="distance", joint_phase="phase"),
+            ("position_x",),
+        ),
     )
 }
 """Effects outside the catalogue: the right answer is "unknown"."""

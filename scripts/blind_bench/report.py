@@ -6,6 +6,7 @@ from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
 from youbot_scripts.blind_bench.effects import CATALOGUE
+from youbot_scripts.blind_bench.scores import named_sets, planted, right, sensing, verdict
 from youbot_scripts.blind_bench.trials import errors_of
 from youbot_scripts.shared.tables import Table, columns, number, show as show_tables, text
 
@@ -16,13 +17,22 @@ if TYPE_CHECKING:
 
 KIND_WORDS = {
     "none": "nothing planted",
+    "noise": "nothing planted, noise that is not white",
+    "counts": "speeds from encoder counts; Coulomb friction in every other case",
     "one": "one effect of about catalogue size",
     "quarter": "a quarter of it, twice the noise",
+    "double_noise": "one effect of about catalogue size, twice the noise",
     "two": "two effects at once",
     "unknown": "an effect outside the catalogue",
 }
 
 SCORE_WORDS = {
+    "right": "right",
+    "wrongly_named": "named what nobody planted",
+    "refused": "refused",
+    "crashed": "crashed",
+    "identify_failed": "refused by identify, or it crashed",
+    "warned": "with a warning of a library",
     "false_alarm": 'false alarms (anything but "adequate")',
     "in_set": "truth named first, or in its set of three",
     "alone": "truth named alone",
@@ -36,11 +46,29 @@ SCORE_WORDS = {
     "carrier_first_or_second_remaining": "carrier first or second, last model",
     "error_fall_of_95": "velocity error falls by 95 % of what it can",
     "sizes_inside": "sizes within their 95 % intervals",
+    "sizes_within_3": "sizes within 3 stated deviations",
+    "base_stated": "base parameters with an interval",
+    "base_inside": "base parameters within their 95 % intervals",
+    "base_within_3": "base parameters within 3 stated deviations",
+    "base_all_within_3": "cases with all of them within 3",
+    "identified_base_inside": "by identify: within their 95 % intervals",
+    "identified_base_all_within_3": "by identify: cases with all within 3",
     "tie_resolved": "tie resolved by the proposed experiment",
 }
 
+NEVER = ("refused", "crashed", "identify_failed", "warned")
+"""What no case may be."""
+
 WANTED = {
     ("none", "false_alarm"): "< 2 %",
+    ("none", "right"): ">= 99 %",
+    ("noise", "right"): ">= 95 %",
+    ("noise", "wrongly_named"): "<= 1 %",
+    ("counts", "right"): "all",
+    ("counts", "base_all_within_3"): "all",
+    ("one", "right"): ">= 97 %",
+    ("two", "right"): ">= 95 %",
+    **{(kind, "right"): ">= 85 %" for kind in ("quarter", "double_noise")},
     ("one", "in_set"): "> 95 %",
     ("one", "alone"): "> 80 %",
     ("one", "confidently_wrong"): "< 2 %",
@@ -48,7 +76,12 @@ WANTED = {
     ("quarter", "in_set"): "> 85 %",
     ("two", "both_found"): "> 85 %",
     ("unknown", "said_unknown"): "> 90 %",
-    **{(kind, "sizes_inside"): "> 90 %" for kind in ("one", "two")},
+    **{
+        (kind, key): "93 to 97 %"
+        for kind in ("none", "noise", "one", "quarter", "double_noise", "two")
+        for key in ("sizes_inside", "base_inside")
+    },
+    **{(kind, key): "none" for kind in KIND_WORDS for key in NEVER},
     **{(kind, "tie_resolved"): "> 80 %" for kind in ("one", "quarter", "two")},
 }
 """Targets of the diagnosis."""
@@ -56,6 +89,8 @@ WANTED = {
 NUMBER_WORDS = {
     "error_fall_median": "fall of the velocity error, median",
     "mean_set_size": "names in a set, on average",
+    "explained_share_median": "explained share, median",
+    "predictable_share_median": "predictable share, median",
     "seconds_median": "seconds a case, median",
     "seconds_longest": "seconds a case, longest",
 }
@@ -70,8 +105,20 @@ def show(console: Console, scores: Mapping[str, Any], records: Sequence[Record])
             _show_confusion(console, kind, table)
     if scores["smallest_detectable_factor"]:
         _show_detectable(console, scores["smallest_detectable_factor"])
+    for record in records:
+        if not right(record) and "error" not in record:
+            console.print(f"not right: {described(record)}", soft_wrap=True)
     for line in errors_of(records):
         console.print(f"error: {line}", soft_wrap=True)
+
+
+def described(record: Record) -> str:
+    """A case, what is planted in it and what was said, in a line."""
+    case = record["case"]
+    how = [*planted(record), *([name] if (name := sensing(record)) else [])]
+    names = [" or ".join(names) for names in named_sets(record)]
+    said = ", ".join([verdict(record), *names])
+    return f"{case['key']} (case {case['index']} of its kind; {'+'.join(how) or 'nothing'}): {said}"
 
 
 def _show_kind(console: Console, kind: str, found: Mapping[str, Any]) -> None:
@@ -85,9 +132,15 @@ def _show_kind(console: Console, kind: str, found: Mapping[str, Any]) -> None:
     for key, words in NUMBER_WORDS.items():
         if found.get(key) is not None:
             rows.append((words, number(found[key], 3), "", "", ""))
-    title = f"{KIND_WORDS.get(kind, kind)}: {found['cases']} cases"
+    said = ", ".join(f"{word} {count}" for word, count in found["verdicts"].items())
+    title = f"{KIND_WORDS.get(kind, kind)}: {found['cases']} cases ({said})"
     headers = columns("", "share", "95 % interval", "cases", "wanted")
-    show_tables(console, [Table(title, headers, tuple(rows))])
+    tables = [Table(title, headers, tuple(rows))]
+    if groups := found.get("right_by_sensing"):
+        measured = tuple((name, *_share_cells(share)) for name, share in groups.items())
+        headers = columns("", "right", "95 % interval", "cases")
+        tables.append(Table("the same cases, by how they are measured", headers, measured))
+    show_tables(console, tables)
 
 
 def _share_cells(share: Mapping[str, Any]) -> tuple[str, str, str]:

@@ -7,8 +7,10 @@ from collections.abc import Callable, Iterable, Sequence
 from statistics import fmean, median
 from typing import Any
 
+from youbot_scripts.blind_bench import sensors
 from youbot_scripts.blind_bench.effects import CATALOGUE, OUTSIDE
 from youbot_scripts.blind_bench.proportions import Proportion
+from youbot_scripts.blind_bench.sensors import ENCODER
 from youbot_scripts.blind_bench.trials import Record
 
 LARGEST_SET = 3
@@ -22,6 +24,9 @@ CLEAR = 1.5
 
 INTERVAL = 1.96
 """Standard deviations either side of a stated size."""
+
+BOUND = 3.0
+"""Standard deviations beyond which a stated number is plainly wrong."""
 
 TWIST = "twist"
 
@@ -138,16 +143,97 @@ def tie_resolved(record: Record) -> bool | None:
     return all([name] in after for name in truth)
 
 
-def sizes_inside(record: Record) -> list[bool]:
-    """For each planted number whose effect was accepted: does its 95 % interval hold it?"""
+def sensing(record: Record) -> str | None:
+    """How the case is measured; None: with white noise."""
+    return (record["case"].get("sensing") or {}).get("name")
+
+
+def right(record: Record) -> bool:
+    """Whether the verdict is one that a user is well served with.
+
+    Nothing planted: "adequate". Effects of the catalogue: each named, alone or in a set of at most
+    three. Outside of it: "unknown", after one partial fit at most. Of speeds from counts also an
+    "unknown" that names nothing wrong.
+    """
+    names = planted(record)
+    if sensing(record) == ENCODER and verdict(record) == "unknown" and not wrongly_named(record):
+        return True
+    if not names:
+        return verdict(record) == "adequate"
+    if set(names) & set(OUTSIDE):
+        return said_unknown(record)
+    if len(names) == 1:
+        return in_set(record, names[0])
+    return all(found_anywhere(record, name) for name in names)
+
+
+def wrongly_named(record: Record) -> bool:
+    """Whether a name was given that no planted effect is behind.
+
+    One partial fit to what is outside the catalogue is none.
+    """
+    outside = set(planted(record)) & set(OUTSIDE)
+    return accepted_unplanted(record) and not (outside and said_unknown(record))
+
+
+def refused(record: Record) -> bool:
+    """Whether the input was refused."""
+    return record.get("error_class") == "InputError"
+
+
+def crashed(record: Record) -> bool:
+    """Whether it failed otherwise."""
+    return "error" in record and not refused(record)
+
+
+def warned(record: Record) -> bool | None:
+    """Whether a library warned of anything; None: it was not looked for."""
+    return bool(record["library_warnings"]) if "library_warnings" in record else None
+
+
+def identify_failed(record: Record) -> bool | None:
+    """Whether `identify` refused the logs or crashed; None: it was not asked."""
+    return "error" in record["identify"] if "identify" in record else None
+
+
+def _off(stated: dict[str, Any], truth: float) -> float:
+    """Distance of a stated number from the truth, in its standard deviations."""
+    away = abs(stated["value"] - truth)
+    return away / stated["std"] if stated["std"] else (float("inf") if away else 0.0)
+
+
+def sizes_off(record: Record) -> list[float]:
+    """Deviations [std] of each planted number whose effect was accepted."""
     stated = record.get("sizes", {})
     return [
-        abs(stated[f"{item['name']}.{key}"]["value"] - value)
-        <= INTERVAL * stated[f"{item['name']}.{key}"]["std"]
+        _off(stated[f"{item['name']}.{key}"], value)
         for item in record["case"]["planted"]
         for key, value in item["values"].items()
         if f"{item['name']}.{key}" in stated
     ]
+
+
+def sizes_inside(record: Record) -> list[bool]:
+    """For each planted number whose effect was accepted: does its 95 % interval hold it?"""
+    return [off <= INTERVAL for off in sizes_off(record)]
+
+
+def base_off(record: Record) -> dict[str, float | None]:
+    """Deviations [std] of the base parameters; None where no interval is stated."""
+    return _base_off(record["case"], record.get("base", {}))
+
+
+def identified_base_off(record: Record) -> dict[str, float | None]:
+    """The same of what `identify` states of the base model alone."""
+    return _base_off(record["case"], record.get("identify", {}).get("base", {}))
+
+
+def _base_off(case: dict[str, Any], stated: dict[str, Any]) -> dict[str, float | None]:
+    return {
+        name: None if stated[name]["std"] is None else _off(stated[name], truth)
+        for name, truth in case.get("platform", {}).items()
+        if name in stated
+    }
 
 
 # --- many records ----------------------------------------------------------------------------
@@ -194,54 +280,126 @@ def _single(check: Callable[[Record, str], bool]) -> Callable[[Record], bool]:
     return lambda record: check(record, planted(record)[0])
 
 
-def _shares(records: Sequence[Record], **checks: Callable[[Record], bool]) -> dict[str, Any]:
+def _shares(records: Sequence[Record], **checks: Callable[[Record], bool | None]) -> dict[str, Any]:
     return {name: Proportion.of(map(check, records)).to_dict() for name, check in checks.items()}
 
 
 def _numbers(records: Sequence[Record]) -> dict[str, Any]:
     falls = [fall for record in records if (fall := error_fall(record)) is not None]
     sets = [len(names) for record in records for names in named_sets(record)]
-    inside = [answer for record in records for answer in sizes_inside(record)]
     return {
         "error_fall_median": median(falls) if falls else None,
         "error_fall_of_95": Proportion.of(fall >= 0.95 for fall in falls).to_dict(),
-        "sizes_inside": Proportion.of(inside).to_dict(),
         "tie_resolved": Proportion.of(map(tie_resolved, records)).to_dict(),
         "mean_set_size": fmean(sets) if sets else None,
     }
 
 
+def _within(offs: Iterable[float | None], bound: float) -> dict[str, Any]:
+    return Proportion.of(None if off is None else off <= bound for off in offs).to_dict()
+
+
+def _intervals(records: Sequence[Record]) -> dict[str, Any]:
+    """How often stated numbers hold the truth, of the diagnosis and of `identify`."""
+    sizes = [off for record in records for off in sizes_off(record)]
+    found = {"sizes_inside": _within(sizes, INTERVAL), "sizes_within_3": _within(sizes, BOUND)}
+    for name, of in (("base", base_off), ("identified_base", identified_base_off)):
+        cases = [list(of(record).values()) for record in records]
+        offs = [off for case in cases for off in case]
+        worst = [max((o for o in case if o is not None), default=None) for case in cases]
+        found |= {
+            f"{name}_stated": Proportion.of(off is not None for off in offs).to_dict(),
+            f"{name}_inside": _within(offs, INTERVAL),
+            f"{name}_within_3": _within(offs, BOUND),
+            f"{name}_all_within_3": _within(worst, BOUND),
+        }
+    return found
+
+
+SHARES = ("explained_share", "predictable_share")
+"""Keys of a diagnosis's JSON whose median is given."""
+
+
+def _medians(records: Sequence[Record]) -> dict[str, float | None]:
+    found = {}
+    for key in SHARES:
+        known = [share for r in records if (share := r.get("found", {}).get(key)) is not None]
+        found[f"{key}_median"] = median(known) if known else None
+    return found
+
+
+def _grouped(
+    records: Sequence[Record], of: Callable[[Record], str | None]
+) -> dict[str, dict[str, Any]]:
+    """The share that is right by a feature of the case; none where all cases have one value."""
+    groups: dict[str, list[bool]] = defaultdict(list)
+    for record in records:
+        groups[of(record) or ""].append(right(record))
+    if len(groups) < 2:
+        return {}
+    return {name: Proportion.of(groups[name]).to_dict() for name in sorted(groups)}
+
+
+def _detail(record: Record) -> str:
+    """How a case is measured, with the counts of an encoder and what is planted under them."""
+    name = sensing(record) or "white"
+    if name != ENCODER:
+        return name
+    counts = record["case"]["sensing"]["values"]["counts"]
+    return f"{'+'.join(planted(record)) or 'nothing'}, {counts:.0f} counts"
+
+
 def _score_kind(kind: str, records: Sequence[Record]) -> dict[str, Any]:
+    return _of_every_kind(records) | _of_one_kind(kind, records)
+
+
+def _of_every_kind(records: Sequence[Record]) -> dict[str, Any]:
     seconds = sorted(record["seconds"] for record in records)
-    found: dict[str, Any] = {
+    shares = _shares(
+        records,
+        right=right,
+        wrongly_named=wrongly_named,
+        refused=refused,
+        crashed=crashed,
+        identify_failed=identify_failed,
+        warned=warned,
+    )
+    return {
         "cases": len(records),
         "errors": sum("error" in record for record in records),
+        **shares,
+        "right_by_sensing": _grouped(records, _detail),
+        "verdicts": dict(Counter(map(verdict, records)).most_common()),
+        **_intervals(records),
+        **_medians(records),
         "seconds_median": median(seconds),
         "seconds_longest": seconds[-1],
     }
+
+
+def _of_one_kind(kind: str, records: Sequence[Record]) -> dict[str, Any]:
+    """What only some kinds are scored for."""
+    if kind == "counts" or kind in sensors.ALL or kind == "noise":
+        return {}
     if kind == "none":
         alarm = _shares(records, false_alarm=lambda record: verdict(record) != "adequate")
         rates = sorted({record["case"]["rate"] for record in records})
-        found["false_alarm_by_rate"] = {
+        by_rate = {
             f"{rate:g}": Proportion.of(
                 verdict(r) != "adequate" for r in records if r["case"]["rate"] == rate
             ).to_dict()
             for rate in rates
         }
-        return found | alarm
+        return alarm | {"false_alarm_by_rate": by_rate}
     if kind == "two":
         both = lambda r: all(found_anywhere(r, name) for name in planted(r))  # noqa: E731
-        return (
-            found
-            | _shares(
-                records,
-                both_found=both,
-                exactly_both=alone,
-                coulomb_called_stribeck=_called_stribeck,
-                accepted_unplanted=accepted_unplanted,
-            )
-            | _numbers(records)
-        )
+        return _shares(
+            records,
+            both_found=both,
+            exactly_both=alone,
+            coulomb_called_stribeck=_called_stribeck,
+            accepted_unplanted=accepted_unplanted,
+        ) | _numbers(records)
     if kind == "unknown" or kind in OUTSIDE:
         ranks = {
             f"carrier_first_or_second_{key}": Proportion.of(
@@ -250,18 +408,14 @@ def _score_kind(kind: str, records: Sequence[Record]) -> dict[str, Any]:
             ).to_dict()
             for key in ("where", "remaining")
         }
-        return found | _shares(records, said_unknown=said_unknown) | ranks
-    return (
-        found
-        | _shares(
-            records,
-            in_set=_single(in_set),
-            alone=alone,
-            confidently_wrong=confidently_wrong,
-            accepted_unplanted=accepted_unplanted,
-        )
-        | _numbers(records)
-    )
+        return _shares(records, said_unknown=said_unknown) | ranks
+    return _shares(
+        records,
+        in_set=_single(in_set),
+        alone=alone,
+        confidently_wrong=confidently_wrong,
+        accepted_unplanted=accepted_unplanted,
+    ) | _numbers(records)
 
 
 def _called_stribeck(record: Record) -> bool:

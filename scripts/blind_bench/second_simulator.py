@@ -93,6 +93,9 @@ class Physics(NamedTuple):
     bump_x: float = 0.0
     bump_y: float = 0.0
     bump_width: float = 1.0
+    joints: float = 0.0
+    joint_distance: float = 1.0
+    joint_phase: float = 0.0
 
 
 @njit(cache=True)
@@ -145,6 +148,8 @@ def _outside(p: Physics, x: float, y: float, yaw: float, u: float, v: float):
         # The factor exp(0.5) makes p.bump the largest force, at one width from the centre.
         slope = p.bump / p.bump_width * math.exp(0.5 - 0.5 * (dx * dx + dy * dy) / p.bump_width**2)
         fx, fy = fx + slope * dx, fy + slope * dy
+    if p.joints != 0.0:
+        fx += p.joints * math.sin(2.0 * math.pi * x / p.joint_distance + p.joint_phase)
     return fx, fy
 
 

@@ -2,8 +2,13 @@
 
 from __future__ import annotations
 
+import signal
+import tempfile
 import time
-from collections.abc import Callable, Iterable, Mapping, Sequence
+import traceback
+import warnings
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from dataclasses import dataclass
 from functools import partial
 from itertools import chain, zip_longest
@@ -14,24 +19,52 @@ import numpy as np
 
 from identification.fitting.errors import SumsOfSquares, add_up, velocity_traces
 from identification.logs.log import Log
+from identification.logs.reading import read_logs
 from identification.mechanisms.mecanum import Mecanum
 from youbot_env.errors import InputError
+from youbot_env.files import write_json
 from youbot_env.model.model import Model
 from youbot_env.model.model_file import load_model
 from youbot_env.motions.base import motion_from_dict
 from youbot_env.physics.effect import CATALOGUE as REGISTERED
-from youbot_scripts.blind_bench.cases import Case, draw_case, log_along, logs_of, tick
+from youbot_scripts.blind_bench.cases import Case, draw_case, log_along, tick, write_case
 from youbot_scripts.blind_bench.effects import CATALOGUE, EVERYTHING
 from youbot_scripts.shared.results_folder import resumed
 
+SINGLES = ("one", "quarter", "double_noise", "sweep")
+"""Kinds that go through the effects of the catalogue."""
+
 Record = dict[str, Any]
 """What is kept of a trial, JSON-able: ``case``, ``found`` (the diagnosis's own JSON),
-``carriers``, ``sizes``, ``true_velocity_error``, ``seconds``; ``after``, the diagnosis with the
-proposed experiment; ``error`` where it failed."""
-
+``carriers``, ``base`` and ``sizes`` (what the diagnosis states of the base parameters and of the
+effects), ``true_velocity_error``, ``seconds``; ``identify``, what `identify` says of the same logs;
+``after``, the diagnosis with the proposed experiment; ``library_warnings``, in words. Where
+something failed: ``error``, its ``error_class`` and the line of code that raised it, ``raised_at``.
+"""
 
 Diagnose = Callable[..., Any]
 """diagnose(model, logs, seed=...), whose result has ``to_dict`` as the design fixes it."""
+
+Identify = Callable[..., Any]
+"""identify(logs, seed=...), whose result has a ``model``."""
+
+
+@dataclass(frozen=True)
+class Options:
+    """What is done with each case beside the diagnosis.
+
+    Attributes
+    ----------
+    identify : also identify the base model on the logs, or None
+    follow_up : record the experiment that is proposed for a tie, and diagnose again
+    keep : folder for the logs, truth.json and trial.json of each case, in a folder by its key
+    limit : time [s] after which each of the two is given up with a TimeoutError; 0: never
+    """
+
+    identify: Identify | None = None
+    follow_up: bool = False
+    keep: Path | None = None
+    limit: float = 0.0
 
 
 def true_model(case: Case) -> Model | None:
@@ -85,23 +118,108 @@ def experiment(case: Case, proposed: Mapping[str, Any]) -> Log:
     return log_along(case, "next_experiment", twist)
 
 
-def run_trial(case: Case, diagnose: Diagnose, follow_up: bool = False) -> Record:
+def stated_base(model: Any) -> dict[str, dict[str, float | None]]:
+    """Value and std (None: withdrawn) of the base parameters of a fitted model; {} of no model."""
+    if not isinstance(model, Model):
+        return {}
+    return {
+        name: {"value": estimate.value, "std": estimate.std}
+        for name, estimate in model.parameters.items()
+    }
+
+
+def failure(error: Exception) -> Record:
+    """What is kept of an exception: of an InputError, which is a refusal, its message alone."""
+    kind = type(error).__name__
+    last = traceback.extract_tb(error.__traceback__)[-1]
+    return {
+        "error": str(error) if isinstance(error, InputError) else f"{kind}: {error}",
+        "error_class": kind,
+        "raised_at": f"{Path(last.filename).name}:{last.lineno}",
+    }
+
+
+@contextmanager
+def within(limit: float) -> Iterator[None]:
+    """Raise TimeoutError in what runs longer than ``limit`` [s]; 0, or without signals: never."""
+    if not limit or not hasattr(signal, "setitimer"):
+        yield
+        return
+
+    def give_up(number: int, frame: object) -> None:
+        raise TimeoutError(f"no answer in {limit:g} s")
+
+    before = signal.signal(signal.SIGALRM, give_up)
+    signal.setitimer(signal.ITIMER_REAL, limit)
+    try:
+        yield
+    finally:
+        signal.setitimer(signal.ITIMER_REAL, 0.0)
+        signal.signal(signal.SIGALRM, before)
+
+
+@contextmanager
+def kept_warnings(record: Record) -> Iterator[None]:
+    """Keep what libraries warn of in a record, once each, instead of on the terminal."""
+    with warnings.catch_warnings(record=True) as caught:
+        warnings.simplefilter("always")
+        try:
+            yield
+        finally:
+            said = {f"{item.category.__name__}: {item.message}" for item in caught}
+            record["library_warnings"] = sorted(said)
+
+
+def run_trial(case: Case, diagnose: Diagnose, options: Options = Options()) -> Record:
     """Make a case's logs and have them diagnosed, starting from the published model.
 
-    With ``follow_up`` what is tied is diagnosed again with the proposed experiment's log beside.
+    The logs are written and read, with the checks and repairs that a user's logs meet. An
+    exception becomes a part of the record, so that it does not stop other trials.
     """
-    logs = logs_of(case)
     record: Record = {
         "case": case.to_dict(),
         "carriers": sorted({c for item in case.planted for c in EVERYTHING[item.name].carriers}),
+        "seconds": 0.0,
     }
+    with tempfile.TemporaryDirectory() as scratch:
+        folder = (options.keep or Path(scratch)) / case.key
+        paths = write_case(folder, case)
+        try:
+            with kept_warnings(record):
+                logs = read_logs(paths)
+                if options.identify is not None:
+                    record["identify"] = _identified(logs, case.seed, options)
+                with within(options.limit):
+                    _diagnosed(record, case, logs, diagnose, options.follow_up)
+        except Exception as error:
+            record |= failure(error)
+        if options.keep is not None:
+            write_json(folder / "trial.json", record)
+    return record
+
+
+def _identified(logs: Sequence[Log], seed: int, options: Options) -> Record:
+    assert options.identify is not None
+    before = time.perf_counter()
+    try:
+        with within(options.limit):
+            found = {"base": stated_base(options.identify(logs, seed=seed).model)}
+    except Exception as error:
+        found = failure(error)
+    return found | {"seconds": time.perf_counter() - before}
+
+
+def _diagnosed(
+    record: Record, case: Case, logs: Sequence[Log], diagnose: Diagnose, follow_up: bool
+) -> None:
+    """Add to a record what the diagnosis of a case's logs says, and what is true."""
     before = time.perf_counter()
     try:
         found = diagnose(load_model("paper"), logs, seed=case.seed)
-    except InputError as error:
-        return record | {"seconds": time.perf_counter() - before, "error": str(error)}
-    record["seconds"] = time.perf_counter() - before
+    finally:
+        record["seconds"] = time.perf_counter() - before
     record["found"] = found.to_dict()
+    record["base"] = stated_base(getattr(found, "fitted_model", None))
     record["sizes"] = stated_sizes(found, record["found"])
     truth = true_model(case)
     record["true_velocity_error"] = None if truth is None else velocity_error(truth, logs)
@@ -109,7 +227,6 @@ def run_trial(case: Case, diagnose: Diagnose, follow_up: bool = False) -> Record
     if follow_up and proposed and record["found"]["ambiguous_with"]:
         more = [*logs, experiment(case, proposed)]
         record["after"] = diagnose(load_model("paper"), more, seed=case.seed).to_dict()
-    return record
 
 
 @dataclass(frozen=True)
@@ -133,6 +250,7 @@ def plan(
     seed: int,
     rates: Sequence[float] = (),
     noise: float | None = None,
+    first: int = 0,
 ) -> list[Spec]:
     """``cases`` cases of each kind, the kinds in turn, so that the first cases cover all kinds.
 
@@ -140,6 +258,7 @@ def plan(
     ----------
     rates : of the logs [Hz], in turn; empty: as each kind has it
     noise : factor on the base noise; None: as each kind has it
+    first : index of each kind's first case
 
     Raises
     ------
@@ -149,11 +268,11 @@ def plan(
     columns = []
     for kind in kinds:
         # All effects at one rate before the next rate, so that every effect is tried at every rate.
-        turn = len(CATALOGUE) if kind in ("one", "quarter", "sweep") else 1
+        turn = len(CATALOGUE) if kind in SINGLES else 1
         columns.append(
             [
                 Spec(kind, i, seed, rates[i // turn % len(rates)] if rates else None, noise)
-                for i in range(cases)
+                for i in range(first, first + cases)
             ]
         )
         if cases:
@@ -162,14 +281,9 @@ def plan(
     return [spec for spec in chain.from_iterable(zip_longest(*columns)) if spec is not None]
 
 
-def try_case(diagnose: Diagnose, follow_up: bool, spec: Spec) -> Record:
-    """One trial; an exception is recorded as an error, so that it does not stop the others."""
-    case = spec.draw()
-    try:
-        return run_trial(case, diagnose, follow_up)
-    except Exception as error:
-        message = f"{type(error).__name__}: {error}"
-        return {"case": case.to_dict(), "carriers": [], "seconds": 0.0, "error": message}
+def try_case(diagnose: Diagnose, options: Options, spec: Spec) -> Record:
+    """One trial of the case that a spec makes."""
+    return run_trial(spec.draw(), diagnose, options)
 
 
 def run_trials(
@@ -178,7 +292,7 @@ def run_trials(
     *,
     jobs: int = 1,
     folder: Path | None = None,
-    follow_up: bool = False,
+    options: Options = Options(),
     progress: Callable[[], None] = lambda: None,
 ) -> list[Record]:
     """Trials of all cases, in their order.
@@ -186,7 +300,7 @@ def run_trials(
     Parameters
     ----------
     diagnose : ``diagnose(model, logs, seed=...)``; picklable if ``jobs`` is more than one
-    follow_up : record the experiment that is proposed for a tie, and diagnose again
+    options : what is done beside the diagnosis; picklable if ``jobs`` is more than one
     folder : where each trial is saved when it is done; trials in it are not run again
 
     Raises
@@ -196,7 +310,7 @@ def run_trials(
     """
     keys = {spec: spec.draw().key for spec in specs}
     done = resumed(
-        partial(try_case, diagnose, follow_up),
+        partial(try_case, diagnose, options),
         {key: spec for spec, key in keys.items()},
         lambda record: record["case"]["key"],
         jobs=jobs,

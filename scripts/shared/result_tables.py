@@ -186,11 +186,13 @@ def _variable(row: Found) -> str:
     return row["variable"] + (f" ({row['cycles']} times a turn)" if row.get("cycles") else "")
 
 
-def leading_variables(where: Sequence[Found], most: int = 6) -> list[Table]:
+def leading_variables(
+    where: Sequence[Found], most: int = 6, *, title: str = "Residual by variable"
+) -> list[Table]:
     """The variables with the largest shares of the residual; [] where none has one."""
     rows = tuple((row["variable"], row["share"]) for row in where if row["share"] > 0)[:most]
     shown = columns("variable", Column("share of it", percent))
-    return [Table("Residual by variable", shown, rows)] if rows else []
+    return [Table(title, shown, rows)] if rows else []
 
 
 def stretches(found: Found) -> Table:

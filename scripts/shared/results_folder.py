@@ -12,7 +12,7 @@ from concurrent.futures import ProcessPoolExecutor, as_completed
 from pathlib import Path
 from typing import Any, TypeVar
 
-from identification.diagnosis.threads import THREADS
+from identification.threads import THREADS
 from youbot_env.errors import InputError
 from youbot_env.files import FileKind, read_bytes, write_atomically
 

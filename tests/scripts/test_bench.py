@@ -42,7 +42,9 @@ FOLDER = Path(next(iter(blind_bench.__path__)))
 # --- the simulator ---------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize("module", ["second_simulator", "motions", "draws", "effects", "cases"])
+@pytest.mark.parametrize(
+    "module", ["second_simulator", "motions", "draws", "effects", "sensors", "cases"]
+)
 def test_the_generator_shares_no_physics_with_the_package(module: str):
     tree = ast.parse((FOLDER / f"{module}.py").read_text())
     names = {node.module for node in ast.walk(tree) if isinstance(node, ast.ImportFrom)}
@@ -240,11 +242,13 @@ def test_noise_is_white_and_of_the_size_asked_for():
 
 def test_every_effect_meets_its_turn():
     names = list(effects.CATALOGUE)
-    kinds = {"one": 15, "quarter": 15, "unknown": len(effects.OUTSIDE)}
+    kinds = {"one": 15, "quarter": 15, "double_noise": 15, "unknown": len(effects.OUTSIDE)}
     for kind, turn in kinds.items():
         drawn = [cases.draw_case(kind, i, 0) for i in range(turn)]
         assert len({case.planted[0].name for case in drawn}) == turn
     assert cases.draw_case("none", 0, 0).planted == ()
+    loud = cases.draw_case("double_noise", 4, 0)
+    assert loud.noise == 2.0 and 0.7 < loud.planted[0].factor < 1.5
     for index in range(30):
         two = [item.name for item in cases.draw_case("two", index, 0).planted]
         assert len(set(two)) == 2 and set(two) <= set(names)
@@ -350,8 +354,66 @@ def test_a_crash_is_a_record_and_no_end():
 
     found = trials.run_trials(SPECS[:2], crash)
     assert [record["error"] for record in found] == ["ZeroDivisionError: a bug"] * 2
-    assert scores.score(found)["kinds"]["none"]["false_alarm"]["count"] == 1
+    assert {record["error_class"] for record in found} == {"ZeroDivisionError"}
+    assert found[0]["raised_at"].startswith("test_bench.py:")
+    table = scores.score(found)["kinds"]["none"]
+    assert table["false_alarm"]["count"] == table["crashed"]["count"] == 1
+    assert (table["refused"]["count"], table["verdicts"]) == (0, {"error": 1})
     assert len(trials.errors_of(found)) == 2
+
+
+def test_a_refusal_is_no_crash():
+    def refuse(model: Model, logs: list, *, seed: int = 0) -> Answer:
+        raise InputError("m0 = 4 kg")
+
+    found = trials.run_trials(SPECS[:1], refuse)
+    table = scores.score(found)["kinds"]["none"]
+    assert found[0]["error"] == "m0 = 4 kg"
+    assert (table["refused"]["count"], table["crashed"]["count"]) == (1, 0)
+    assert table["right"]["count"] == table["wrongly_named"]["count"] == 0
+
+
+def test_a_case_without_an_end_is_given_up_and_its_time_counted():
+    def never(model: Model, logs: list, *, seed: int = 0) -> Answer:
+        while True:
+            time.sleep(0.01)
+
+    case = cases.draw_case("none", 0, 0, rate=50.0)
+    found = trials.run_trial(case, never, trials.Options(limit=0.7))
+    assert found["error"] == "TimeoutError: no answer in 0.7 s"
+    assert 0.0 < found["seconds"] < 3.0 and scores.crashed(found)
+    time.sleep(0.8)  # no alarm is left
+
+
+def test_what_libraries_warn_of_is_kept_once():
+    def warn(model: Model, logs: list, *, seed: int = 0) -> Answer:
+        for _ in range(3):
+            np.log(np.zeros(1))
+        return Answer()
+
+    found = trials.run_trial(cases.draw_case("none", 0, 0, rate=50.0), warn)
+    assert found["library_warnings"] == ["RuntimeWarning: divide by zero encountered in log"]
+    quiet = found | {"library_warnings": []}
+    assert scores.score([found, quiet])["kinds"]["none"]["warned"]["count"] == 1
+
+
+def test_a_kept_case_holds_its_logs_its_truth_and_its_trial(tmp_path: Path):
+    spec = trials.plan(["none"], 1, 0, rates=[50.0], first=3)[0]
+    assert spec.index == 3
+
+    def identify(logs: list, *, seed: int = 0):
+        raise InputError("mass below the wheels'")
+
+    options = trials.Options(identify, keep=tmp_path)
+    record = trials.run_trials([spec], Diagnose(), options=options)[0]
+    folder = tmp_path / record["case"]["key"]
+    assert {path.name for path in folder.iterdir()} == {
+        "calibration.csv", "multisine_a.csv", "multisine_b.csv", "truth.json", "trial.json",
+    }  # fmt: skip
+    kept = json.loads((folder / "trial.json").read_text())
+    assert kept["identify"]["error"] == "mass below the wheels'"
+    assert kept["found"]["verdict"] == "adequate", "the diagnosis goes on where identify refuses"
+    assert scores.score([record])["kinds"]["none"]["identify_failed"]["count"] == 1
 
 
 def test_a_verdict_without_a_model_has_the_sizes_of_its_report():
@@ -424,7 +486,7 @@ def test_a_proposed_experiment_is_recorded_on_the_same_platform():
         return answer
 
     case = cases.draw_case("tether", 0, 0)
-    found = trials.run_trial(case, tie, follow_up=True)
+    found = trials.run_trial(case, tie, trials.Options(follow_up=True))
     assert found["after"]["missing"] == ["tether"]
     assert [len(logs) for logs in seen] == [3, 4]
     log = seen[1][-1]
@@ -446,11 +508,15 @@ def test_the_command_prints_scores_and_writes_them(tmp_path: Path, monkeypatch, 
     arguments = ["--cases", "1", "--rates", "50", "--jobs", "1", "--json", str(out)]
     assert main(["bench", *arguments, "--kinds", "none,one,two,unknown"]) == 0
     printed = capsys.readouterr().out
-    assert "nothing planted: 1 cases" in printed and "wheel_coulomb_friction" in printed
+    assert (
+        "nothing planted: 1 cases (adequate 1)" in printed and "wheel_coulomb_friction" in printed
+    )
     found = json.loads(out.read_text())
     assert found["kinds"]["none"]["false_alarm"]["share"] == 0.0
     assert found["kinds"]["unknown"]["said_unknown"]["share"] == 0.0
     assert len(found["trials"]) == 4
+    assert found["kinds"]["none"]["identified_base_all_within_3"]["total"] == 1
+    assert "not right: one-0-0-50Hz-x1 (case 0 of its kind; wheel_coulomb_friction)" in printed
     assert main(["bench", "--kinds", "carpets"]) == 2
     assert main(["bench", "--rates", "fast"]) == 2
 
@@ -504,6 +570,80 @@ def test_a_partial_fit_is_not_a_wrong_name():
     assert scores.said_unknown(partial) and not scores.confidently_wrong(partial)
     assert not scores.said_unknown(twice)
     assert scores.answer(partial) == "unknown"
+
+
+def counted(what: str, found: dict[str, Any] | None) -> trials.Record:
+    row = record(what, found, kind="counts")
+    row["case"]["sensing"] = {"name": "encoder_counts", "values": {"counts": 500.0}}
+    return row
+
+
+def test_of_counted_speeds_an_unknown_without_a_wrong_name_is_right():
+    coulomb = "wheel_coulomb_friction"
+    for what, answer, right, wrong in (
+        (coulomb, said("effect", coulomb), True, False),
+        (coulomb, said("unknown"), True, False),
+        (coulomb, said("unknown", coulomb), True, False),
+        (coulomb, said("unknown", "tether"), False, True),
+        (coulomb, said("effect", "tether"), False, True),
+        (coulomb, said("adequate"), False, False),
+        ("", said("adequate"), True, False),
+        ("", said("unknown"), True, False),
+        ("", said("unknown", coulomb), False, True),
+    ):
+        row = counted(what, answer)
+        assert (scores.right(row), scores.wrongly_named(row)) == (right, wrong), (what, answer)
+    table = scores.score([counted("", said("adequate")), counted(coulomb, said("adequate"))])
+    by = table["kinds"]["counts"]["right_by_sensing"]
+    assert {name: share["count"] for name, share in by.items()} == {
+        "nothing, 500 counts": 1,
+        f"{coulomb}, 500 counts": 0,
+    }
+
+
+def test_each_kind_of_case_has_its_right_answer():
+    empty = [record("", said(*answer), kind="noise") for answer in (("adequate",), ("unknown",))]
+    assert [scores.right(row) for row in empty] == [True, False]
+    assert not scores.wrongly_named(empty[1])
+    assert scores.wrongly_named(record("", said("unknown", "tether"), kind="noise"))
+    partial = record("carpet_nap", said("unknown", "floor_tilt"), kind="unknown")
+    sure = record("carpet_nap", said("effect", "floor_tilt"), kind="unknown")
+    assert scores.right(partial) and not scores.wrongly_named(partial)
+    assert scores.wrongly_named(sure) and not scores.right(sure)
+    tied = record("tether", said("ambiguous", "floor_tilt", floor_tilt=["tether"]))
+    assert scores.right(tied) and not scores.wrongly_named(tied)
+    one_of_two = record("tether+floor_tilt", said("effect", "tether"), kind="two")
+    assert not scores.right(one_of_two) and not scores.wrongly_named(one_of_two)
+
+
+def test_base_parameters_are_judged_by_their_intervals():
+    def stating(**stds: float | None) -> dict[str, Any]:
+        return {name: {"value": 1.2, "std": std} for name, std in stds.items()}
+
+    row = record("", said("adequate"), kind="noise", base=stating(m0=0.15, I0=0.09, I1=None))
+    row["case"]["platform"] = dict.fromkeys(("m0", "I0", "I1"), 1.0)
+    row["identify"] = {"base": stating(m0=0.01)}
+    table = scores.score([row])["kinds"]["noise"]
+    counts = {key: (table[key]["count"], table[key]["total"]) for key in table if "base_" in key}
+    assert counts == {
+        "base_stated": (2, 3),
+        "base_inside": (1, 2),
+        "base_within_3": (2, 2),
+        "base_all_within_3": (1, 1),
+        "identified_base_stated": (1, 1),
+        "identified_base_inside": (0, 1),
+        "identified_base_within_3": (0, 1),
+        "identified_base_all_within_3": (0, 1),
+    }
+
+
+def test_shares_that_a_diagnosis_states_are_given_as_medians():
+    rows = [
+        record("tether", said("unknown") | {"explained_share": share}) for share in (0.2, 0.6, None)
+    ]
+    table = scores.score([*rows, record("tether", said("unknown"))])["kinds"]["one"]
+    assert table["explained_share_median"] == pytest.approx(0.4)
+    assert table["predictable_share_median"] is None
 
 
 def test_two_effects_are_found_in_either_order():

@@ -388,5 +388,5 @@ class TestRefusals:
     ):
         monkeypatch.setitem(sys.modules, "matplotlib", None)
         arguments = ["compare", model, logs / "b.csv", "--plots", tmp_path / "plots"]
-        assert 'pip install "youbot[plots]"' in refused(arguments, capsys)
+        assert "pip install 'youbot[plots]'" in refused(arguments, capsys)
         assert list(tmp_path.iterdir()) == []

@@ -147,7 +147,7 @@ def test_without_matplotlib_nothing_is_begun(
     }[command]
     assert cli.main([*line, option, str(tmp_path / "out"), "--json", str(tmp_path / "r.json")]) == 2
     error = capsys.readouterr().err
-    assert 'pip install "youbot[plots]"' in error and error.count("\n") == 1
+    assert "pip install 'youbot[plots]'" in error and error.count("\n") == 1
     assert list(tmp_path.iterdir()) == []
 
 

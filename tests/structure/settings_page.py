@@ -26,7 +26,7 @@ from controllers.tuning.tunable_laws import GainRanges
 from controllers.tuning.tuning import SearchSettings
 from identification.comparison import ComparisonSettings
 from identification.diagnosis.settings import DiagnosisSettings
-from identification.fitting.settings import FitSettings
+from identification.fitting.settings import FitSettings, PredictabilitySettings
 from identification.logs.settings import LogSettings
 from identification.mechanisms.settings import MechanismSettings
 from identification.residual_map.settings import ResidualMapSettings
@@ -41,6 +41,7 @@ AREAS = {
         NoiseSettings,
         LogSettings,
         MechanismSettings,
+        PredictabilitySettings,
         FitSettings,
         ResidualMapSettings,
         DiagnosisSettings,

@@ -37,9 +37,10 @@ MAY_IMPORT = {
     },
     "identification": {
         "signals": set(),
+        "threads": set(),
         "logs": {"signals"},
         "mechanisms": {"logs"},
-        "fitting": {"mechanisms"},
+        "fitting": {"mechanisms", "threads"},
         "residual_map": {"fitting"},
         "diagnosis": {"residual_map"},
         "comparison": {"residual_map"},

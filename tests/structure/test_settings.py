@@ -19,7 +19,7 @@ HOMES = ("settings.py", "style.py")
 """Files that may hold numbers: settings, and what figures look like."""
 
 NO_SETTING = {
-    "diagnosis": {"MAX_THREADS": "threads by default; no result depends on it"},
+    "threads": {"MAX_THREADS": "threads by default; no result depends on it"},
     "logs": {
         "_UNITS": "units that a time column is recognised in",
         "NO_SLIP": "geometry: wheel speeds that no rigid motion makes",
@@ -121,6 +121,7 @@ def test_every_class_of_settings_is_on_the_page():
         for node in ast.parse(path.read_text("utf-8")).body
         if isinstance(node, ast.ClassDef) and node.name.endswith("Settings")
     }
+    found.remove("Settings")  # the base of some
     assert found == {made.__name__ for made in SETTINGS if made.__name__.endswith("Settings")}
 
 

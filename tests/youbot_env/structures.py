@@ -8,6 +8,7 @@ from __future__ import annotations
 from functools import cache
 
 import numpy as np
+from scipy.integrate import solve_ivp
 
 from youbot_env.model.model import Model
 from youbot_env.model.model_file import load_model
@@ -97,3 +98,16 @@ def drive(time: np.ndarray, size: float = 1.0) -> np.ndarray:
     return size * np.stack([x - 0.7 * y - 0.5 * w, x + 0.7 * y + 0.5 * w] * 2, axis=1) * np.array(
         [1.0, 1.0, 0.7, 0.7]
     ) + size * 0.4 * np.stack([-y, y, y, -y], axis=1)
+
+
+def exact_step(model: Model, state: np.ndarray, torque: np.ndarray, duration: float) -> np.ndarray:
+    """State (S,) after a torque was held for a time [s], by scipy's eighth-order method."""
+    solved = solve_ivp(
+        lambda _, x: model.state_derivative(x, torque),
+        (0.0, duration),
+        state,
+        method="DOP853",
+        rtol=1e-11,
+        atol=1e-13,
+    )
+    return solved.y[:, -1]

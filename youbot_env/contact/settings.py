@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from dataclasses import asdict, dataclass, field
+from dataclasses import dataclass, field
 
-from youbot_env.errors import InputError, check_settings, count, finite
+from youbot_env.errors import InputError, Settings, check_settings, count, finite
 
 
 @dataclass(frozen=True)
@@ -70,7 +70,7 @@ class EngineSettings:
 
 
 @dataclass(frozen=True)
-class Contact:
+class Contact(Settings):
     """What a plant with real contacts has beyond its model.
 
     Attributes
@@ -105,10 +105,6 @@ class Contact:
             raise InputError(
                 f"contact rollers: {self.rollers} must be at least {EngineSettings.min_rollers}"
             )
-
-    def to_dict(self) -> dict[str, float]:
-        """The settings by name."""
-        return asdict(self)
 
 
 def contact_named(plant: str | Contact) -> Contact | None:

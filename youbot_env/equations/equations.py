@@ -10,7 +10,7 @@ from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from types import SimpleNamespace
-from typing import Any, Literal
+from typing import Any, Literal, cast
 
 import sympy
 
@@ -27,6 +27,7 @@ from youbot_env.physics.effect import (
     WHEEL,
     WORLD,
     Actuator,
+    BaseParameters,
     Body,
     Channel,
     Clock,
@@ -96,7 +97,7 @@ class Notation:
 
     points: Mapping[Place, Any]
     words: Mapping[Place, tuple[str, ...]]
-    base: tuple[sympy.Symbol, ...]
+    base: tuple[object, ...]
 
     def motion(self, place: Place) -> set[sympy.Symbol]:
         """Symbols of the motion at a place, as opposed to parameters."""
@@ -117,10 +118,12 @@ def formula(
     """
     notation = notation or PLATFORM
     if item.public is not None and item.name not in BASE:
-        stated = _real(parameter.name for parameter in item.public_parameters)
+        stated = real_symbols(parameter.name for parameter in item.public_parameters)
         values = item.public.inverse(symbols(), _LENGTHS, *stated)
     else:
-        values = _real(_SPACED.get(parameter.name, parameter.name) for parameter in item.parameters)
+        values = real_symbols(
+            _SPACED.get(parameter.name, parameter.name) for parameter in item.parameters
+        )
     found = item.function(symbols(), notation.points[item.acts_at], *values)
     returned = found if isinstance(found, tuple) else (found,)
     motion = notation.motion(item.acts_at)
@@ -147,7 +150,7 @@ def try_out(item: Effect) -> None:
     # On symbols too, as code is generated from them: an `if` in the function works on floats only.
     trials = (
         ("numbers", floats, _numeric(point), plain),
-        ("symbols", symbols(), point, _real(item.parameter_names)),
+        ("symbols", symbols(), point, real_symbols(item.parameter_names)),
     )
     for kind, xp, where, values in trials:
         try:
@@ -174,7 +177,7 @@ def _try_public(item: Effect, values: list[float]) -> None:
         there = item.to_public(geometry, values)
         back = item.to_internal(floats, geometry, there)
         nothing = item.to_public(geometry, item.defaults.values())
-        item.to_internal(symbols(), _LENGTHS, _real(item.public_names))
+        item.to_internal(symbols(), _LENGTHS, real_symbols(item.public_names))
     except Exception as error:
         raise InputError(
             f"effect {item.name}: its public form fails ({type(error).__name__}: {error})"
@@ -198,27 +201,29 @@ def _flat(point: Any) -> Iterable[Any]:
         yield from _flat(part) if isinstance(part, tuple) else (part,)
 
 
-def _real(names: str | Iterable[str]) -> list[sympy.Symbol]:
+def real_symbols(names: str | Iterable[str]) -> list[sympy.Expr]:
+    """A symbol for each name; in one string, names stand apart by spaces."""
     names = names.split() if isinstance(names, str) else names
     return [sympy.Symbol(name, real=True) for name in names]
 
 
 _SPACED = {"m_aX": "m aX", "m_aY": "m aY"}
 
-_LENGTHS = SimpleNamespace(**{name: _real(name)[0] for name in ("l", "h", "R", "r", "m1")})
+_LENGTHS = SimpleNamespace(**{name: real_symbols(name)[0] for name in ("l", "h", "R", "r", "m1")})
 """The geometry of a public form, as symbols."""
 
-_BASE = Base(*_real(["m0", "I0", "m aX", "m aY", "I1", "mu1", "mu2"]))
-_TWIST, _ACCELERATION = _real("VX VY W"), _real("VX' VY' W'")
-_POSE, _TIME = _real("x y psi"), _real("t")[0]
+_BASE = Base(*real_symbols(["m0", "I0", "m aX", "m aY", "I1", "mu1", "mu2"]))
+_NAMED = cast(BaseParameters, _BASE)
+_TWIST, _ACCELERATION = real_symbols("VX VY W"), real_symbols("VX' VY' W'")
+_POSE, _TIME = real_symbols("x y psi"), real_symbols("t")[0]
 
 _POINTS: dict[Place, Any] = {
-    BODY: Body(tuple(_TWIST), tuple(_ACCELERATION), _TIME, _BASE),  # type: ignore[arg-type]
-    WHEEL: Wheel(*_real("phi' phi'' phi M t"), base=_BASE),
-    ROLLER: Roller(*_real("gamma' gamma'' t"), base=_BASE),
-    WORLD: World(*_real("x y psi x' y' xC yC t"), base=_BASE),
-    ACTUATOR: Actuator(*_real("M M' t")),
-    CHANNEL: Channel(*_real("M t")),
+    BODY: Body(tuple(_TWIST), tuple(_ACCELERATION), _TIME, _NAMED),
+    WHEEL: Wheel(*real_symbols("phi' phi'' phi M t"), base=_NAMED),
+    ROLLER: Roller(*real_symbols("gamma' gamma'' t"), base=_NAMED),
+    WORLD: World(*real_symbols("x y psi x' y' xC yC t"), base=_NAMED),
+    ACTUATOR: Actuator(*real_symbols("M M' t")),
+    CHANNEL: Channel(*real_symbols("M t")),
     CLOCK: Clock(),
 }
 
@@ -227,18 +232,21 @@ PLATFORM = Notation(_POINTS, WORDS, tuple(_BASE))
 """Notation of the mecanum platform."""
 
 
-class _OpenPoints(EffectPoints):
+class _OpenPoints(EffectPoints[Any, sympy.Expr]):
     """Points whose wheel and roller rates are symbols, so that each component can be read."""
 
     @cached_property
     def wheels(self) -> list[Wheel]:
         return [
-            Wheel(*_real(f"phi{i}' phi{i}'' phi{i} M{i} t"), base=self.base) for i in range(1, 5)
+            Wheel(*real_symbols(f"phi{i}' phi{i}'' phi{i} M{i} t"), base=self.base)
+            for i in range(1, 5)
         ]
 
     @cached_property
     def rollers(self) -> list[Roller]:
-        return [Roller(*_real(f"gamma{i}' gamma{i}'' t"), base=self.base) for i in range(1, 5)]
+        return [
+            Roller(*real_symbols(f"gamma{i}' gamma{i}'' t"), base=self.base) for i in range(1, 5)
+        ]
 
     def of(self, place: Place) -> Sequence[Any]:
         open_points = {WHEEL: self.wheels, ROLLER: self.rollers}
@@ -255,11 +263,11 @@ class Equations:
     def geometry(self) -> Any:
         """Symbols of the lengths, with l + h = L as the paper abbreviates."""
         # l is written as L - h, so that l + h simplifies to L in every formula.
-        h, R, r, L = _real("h R r L")
+        h, R, r, L = real_symbols("h R r L")
         return SimpleNamespace(l=L - h, h=h, R=R, r=r)
 
     @cached_property
-    def theta(self) -> list[sympy.Symbol]:
+    def theta(self) -> list[sympy.Expr]:
         """Symbols of the parameters: short where no other parameter has that name."""
         names = [name.split(".")[-1] for name in self.structure.parameter_names]
         found: list[str] = []
@@ -267,12 +275,12 @@ class Equations:
             effect = full.rpartition(".")[0]
             # Two effects may have a parameter of one name, such as "smoothing".
             found.append(short if names.count(short) == 1 else f"{short}_{effect}")
-        return _real(_SPACED.get(name, name) for name in found)
+        return real_symbols(_SPACED.get(name, name) for name in found)
 
     @cached_property
     def points(self) -> _OpenPoints:
         """Where the components are evaluated."""
-        at = Instant(tuple(_TWIST), tuple(_ACCELERATION), tuple(_POSE), time=_TIME)  # type: ignore[arg-type]
+        at = Instant(tuple(_TWIST), tuple(_ACCELERATION), tuple(_POSE), time=_TIME)
         return _OpenPoints(
             symbols(), MECANUM, self.geometry, self.theta, at, self.structure.carriers
         )
@@ -317,22 +325,22 @@ class Equations:
         return part.subs(self.no_slip) if is_linear else part
 
     @cached_property
-    def motion(self) -> list[sympy.Symbol]:
+    def motion(self) -> list[object]:
         """Symbols of the motion, as opposed to parameters and lengths."""
         angles = [symbol for wheel in self.points.wheels for symbol in (wheel.angle, wheel.torque)]
         return [*_TWIST, *_ACCELERATION, *_POSE, _TIME, *self.no_slip, *angles]
 
-    def values(self, model: Model) -> dict[sympy.Symbol, float]:
+    def values(self, model: Model) -> dict[sympy.Expr, float]:
         """A model's numbers for the parameters and lengths."""
         g = model.geometry
-        lengths = zip(_real("h R r L"), (g.h, g.R, g.r, g.L), strict=True)
+        lengths = zip(real_symbols("h R r L"), (g.h, g.R, g.r, g.L), strict=True)
         return dict(lengths) | dict(zip(self.theta, model.theta.tolist(), strict=True))
 
-    def groups(self, values: dict[sympy.Symbol, float]) -> list[list[Group]]:
+    def groups(self, values: dict[sympy.Expr, float]) -> list[list[Group]]:
         """Each side as groups (coefficient, motion): accelerations first, then by degree."""
         return [self._grouped(side, axis, values) for axis, side in enumerate(self.sides)]
 
-    def _grouped(self, side: Any, axis: int, values: dict[sympy.Symbol, float]) -> list[Group]:
+    def _grouped(self, side: Any, axis: int, values: dict[sympy.Expr, float]) -> list[Group]:
         rows = collected(side, set(self.motion))
         rows.sort(key=lambda row: self._rank(row[1], axis))
         return [(with_values(c, values), with_values(m, values)) for c, m in rows]
@@ -348,7 +356,7 @@ class Equations:
             return 1, -degree, motion == _TWIST[2] ** 2, sympy.default_sort_key(motion)
         return 2, 0, 0, sympy.default_sort_key(motion)
 
-    def legend(self, show: Any, values: dict[sympy.Symbol, float]) -> list[str]:
+    def legend(self, show: Any, values: dict[sympy.Expr, float]) -> list[str]:
         """What the forces are, what drives and channels do, and which rates stand in a line."""
         torque = [wheel.torque for wheel in self.points.wheels]
         force = body_force(self.geometry, torque)
@@ -367,7 +375,7 @@ class Equations:
         """Parameters of the equations in terms of those that a model holds."""
         lines = []
         for item, where in self.structure.slices[len(BASE) :]:
-            stated = _real(item.public_names)
+            stated = real_symbols(item.public_names)
             inner = item.to_internal(symbols(), _LENGTHS, stated)
             for symbol, value in zip(self.theta[where], inner, strict=True):
                 # A parameter that is stated as it is needs no line.

@@ -60,7 +60,7 @@ def _root(numerator: int, denominator: int) -> Any:
     return sympy.sqrt(sympy.Rational(numerator, denominator))
 
 
-def with_values(expression: Any, values: dict[sympy.Symbol, float]) -> Any:
+def with_values(expression: Any, values: dict[sympy.Expr, float]) -> Any:
     """Values in place of their symbols, to six digits."""
     if not values:
         return expression

@@ -76,7 +76,7 @@ class Model(Generic[Known]):
     errors: Mapping[str, Any] = field(default_factory=dict)
     name: str = "model"
     provenance: Mapping[str, Any] = field(default_factory=dict)
-    mechanism: MechanismKind = MECANUM
+    mechanism: MechanismKind[Any] = MECANUM
 
     def __post_init__(self) -> None:
         missing = [name for name in self.base_parameters if name not in self.parameters]
@@ -126,7 +126,7 @@ class Model(Generic[Known]):
         return self.mechanism.effect(name, self.geometry)
 
     @cached_property
-    def structure(self) -> ModelStructure:
+    def structure(self) -> ModelStructure[Known]:
         """Which effects it holds, and so the order of ``theta``."""
         return ModelStructure(tuple(self.effects), self.mechanism)
 
@@ -283,7 +283,7 @@ class Model(Generic[Known]):
         return np.array(rows, dtype=float)
 
     @property
-    def _at_rest(self) -> Instant:
+    def _at_rest(self) -> Instant[float]:
         mechanism = self.mechanism
         still = (0.0,) * len(mechanism.axes)
         return Instant(still, still, pose=(0.0,) * len(mechanism.pose_state))

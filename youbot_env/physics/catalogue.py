@@ -16,10 +16,19 @@ from youbot_env.physics.effect import (
     ROLLER,
     WHEEL,
     WORLD,
+    Actuator,
+    Body,
+    Channel,
+    Clock,
     Parameter,
     Public,
+    Roller,
+    Wheel,
+    World,
     effect,
 )
+from youbot_env.physics.geometry import Geometry
+from youbot_env.physics.namespaces import Namespace, Number, Triple
 
 GRAVITY = 9.80665
 """Standard gravity [m/s^2]."""
@@ -32,13 +41,26 @@ def _per(moment: float, strength: float) -> float:
     return moment / strength if strength else 0.0
 
 
-def _centre_of_mass(geometry, m0, I0, m_aX, m_aY):  # noqa: N803
+def _centre_of_mass(
+    geometry: Geometry,
+    m0: float,
+    I0: float,
+    m_aX: float,
+    m_aY: float,
+) -> tuple[float, ...]:
     # The paper states aX, aY of the platform without its wheels; those lie symmetrically about O.
     mass = m0 - 4 * geometry.m1
     return m0, I0, _per(m_aX, mass), _per(m_aY, mass)
 
 
-def _mass_moments(xp, geometry, m0, I0, aX, aY):  # noqa: N803
+def _mass_moments(
+    xp: Namespace,
+    geometry: Geometry,
+    m0: Number,
+    I0: Number,
+    aX: Number,
+    aY: Number,
+) -> tuple[Number, ...]:
     mass = m0 - 4 * geometry.m1
     return m0, I0, mass * aX, mass * aY
 
@@ -69,7 +91,9 @@ _INERTIA = Parameter("I0", "kg m^2", lower=0.0, size=4.0)
     source=f"Appell's equations; {_PAPER}",
     recognise="Part of the base model.",
 )
-def rigid_body(xp, body, m0, I0, m_aX, m_aY):  # noqa: N803
+def rigid_body(
+    xp: Namespace, body: Body, m0: Number, I0: Number, m_aX: Number, m_aY: Number
+) -> Triple:
     """Planar rigid body with an eccentric centre of mass, about O in the body frame."""
     (vx, vy, wz), (ax, ay, alpha) = body.twist, body.acceleration
     # ax, ay are derivatives of components in the turning frame; the acceleration of O is
@@ -88,7 +112,7 @@ def rigid_body(xp, body, m0, I0, m_aX, m_aY):  # noqa: N803
     source=f"Appell's equations; {_PAPER}",
     recognise="Part of the base model.",
 )
-def wheel_inertia(xp, wheel, I1):  # noqa: N803
+def wheel_inertia(xp: Namespace, wheel: Wheel, I1: Number) -> Number:
     """Spin inertia of a wheel and its drive [N m]: I1 phi''."""
     return I1 * wheel.acceleration
 
@@ -101,7 +125,7 @@ def wheel_inertia(xp, wheel, I1):  # noqa: N803
     recognise="Part of the base model.",
     dissipative=True,
 )
-def wheel_viscous_friction(xp, wheel, mu1):
+def wheel_viscous_friction(xp: Namespace, wheel: Wheel, mu1: Number) -> Number:
     """Viscous friction of a wheel joint [N m]: mu1 phi'."""
     return mu1 * wheel.rate
 
@@ -114,7 +138,7 @@ def wheel_viscous_friction(xp, wheel, mu1):
     recognise="Part of the base model.",
     dissipative=True,
 )
-def roller_viscous_friction(xp, roller, mu2):
+def roller_viscous_friction(xp: Namespace, roller: Roller, mu2: Number) -> Number:
     """Viscous friction of a roller axle [N m]: mu2 gamma'."""
     return mu2 * roller.rate
 
@@ -129,7 +153,9 @@ def roller_viscous_friction(xp, roller, mu2):
     recognise="The residual is a step that changes its sign where a wheel reverses.",
     dissipative=True,
 )
-def wheel_coulomb_friction(xp, wheel, torque, smoothing):
+def wheel_coulomb_friction(
+    xp: Namespace, wheel: Wheel, torque: Number, smoothing: Number
+) -> Number:
     """Dry friction of each wheel joint [N m]: f_c tanh(phi'/eps)."""
     return torque * xp.tanh(wheel.rate / smoothing)
 
@@ -152,7 +178,7 @@ def wheel_coulomb_friction(xp, wheel, torque, smoothing):
     recognise="The residual grows with the speed of one wheel alone: that wheel drags.",
     dissipative=True,
 )
-def uneven_wheel_friction(xp, wheel, extra):
+def uneven_wheel_friction(xp: Namespace, wheel: Wheel, extra: Number) -> Number:
     """Viscous friction of one wheel beyond that of the freest one [N m]: k_i phi_i'."""
     return extra * wheel.rate
 
@@ -166,7 +192,7 @@ def uneven_wheel_friction(xp, wheel, extra):
     source="Weight on a plane inclined by small angles about both world axes",
     recognise="The residual is a constant force in the world: turned around, its sign flips.",
 )
-def floor_tilt(xp, world, tilt_x, tilt_y):
+def floor_tilt(xp: Namespace, world: World, tilt_x: Number, tilt_y: Number) -> Triple:
     """Weight along a floor that rises towards world +X, +Y [N]: m0 g sin(tilt) at the CoM."""
     # The force that holds the platform on the slope: a wrench is what a motion demands, so uphill
     # is positive.
@@ -185,7 +211,9 @@ def floor_tilt(xp, world, tilt_x, tilt_y):
     recognise="Friction that grows when the robot accelerates or climbs, not only with speed.",
     dissipative=True,
 )
-def load_dependent_friction(xp, wheel, share, smoothing):
+def load_dependent_friction(
+    xp: Namespace, wheel: Wheel, share: Number, smoothing: Number
+) -> Number:
     """Gear friction in proportion to the transmitted torque [N m]: s |M| tanh(phi'/eps)."""
     # A share below 1 (upper bound 0.9) keeps the fixed point in ``acting_torque`` a contraction.
     return share * xp.abs(wheel.torque) * xp.tanh(wheel.rate / smoothing)
@@ -197,7 +225,7 @@ def load_dependent_friction(xp, wheel, share, smoothing):
     source="First-order model of a drive's current loop",
     recognise="The residual follows the rate of the torque: the robot answers late.",
 )
-def actuator_lag(xp, drive, time_constant):
+def actuator_lag(xp: Namespace, drive: Actuator, time_constant: Number) -> Number:
     """Command behind a drive that follows with a first-order lag [N m]: M + tau M'."""
     return drive.torque + time_constant * drive.torque_rate
 
@@ -210,7 +238,7 @@ def actuator_lag(xp, drive, time_constant):
     source="Spread of motor torque constants and current sensors",
     recognise="The residual follows the torque of one wheel: its torque is mis-scaled in the log.",
 )
-def torque_gain_error(xp, channel, gain):
+def torque_gain_error(xp: Namespace, channel: Channel, gain: Number) -> Number:
     """True torque behind a mis-scaled channel [N m]: (1 + g_i) M_i."""
     return (1 + gain) * channel.torque
 
@@ -229,7 +257,14 @@ def torque_gain_error(xp, channel, gain):
     recognise="As Coulomb friction, with an extra peak where a wheel hardly turns.",
     dissipative=True,
 )
-def wheel_stribeck_friction(xp, wheel, torque, breakaway, stribeck_speed, smoothing):
+def wheel_stribeck_friction(
+    xp: Namespace,
+    wheel: Wheel,
+    torque: Number,
+    breakaway: Number,
+    stribeck_speed: Number,
+    smoothing: Number,
+) -> Number:
     """Dry friction with breakaway [N m]: (f_c + f_b exp(-(phi'/v_s)^2)) tanh(phi'/eps)."""
     peak = breakaway * xp.exp(-((wheel.rate / stribeck_speed) ** 2))
     return (torque + peak) * xp.tanh(wheel.rate / smoothing)
@@ -245,7 +280,9 @@ def wheel_stribeck_friction(xp, wheel, torque, breakaway, stribeck_speed, smooth
     recognise="A step in the residual where VY + W x_i reverses; none in driving straight ahead.",
     dissipative=True,
 )
-def roller_coulomb_friction(xp, roller, torque, smoothing):
+def roller_coulomb_friction(
+    xp: Namespace, roller: Roller, torque: Number, smoothing: Number
+) -> Number:
     """Dry friction of each roller axle [N m]: f_c tanh(gamma'/eps)."""
     return torque * xp.tanh(roller.rate / smoothing)
 
@@ -257,7 +294,7 @@ def roller_coulomb_friction(xp, roller, torque, smoothing):
     recognise="The residual bends upwards with the speed of the wheels.",
     dissipative=True,
 )
-def quadratic_friction(xp, wheel, coefficient):
+def quadratic_friction(xp: Namespace, wheel: Wheel, coefficient: Number) -> Number:
     """Friction that grows with the square of a wheel's speed [N m]: k phi' |phi'|."""
     return coefficient * wheel.rate * xp.abs(wheel.rate)
 
@@ -279,7 +316,7 @@ def quadratic_friction(xp, wheel, coefficient):
     recognise="Friction that fades over the first minute of each log.",
     dissipative=True,
 )
-def friction_warmup(xp, wheel, fraction, time_constant):
+def friction_warmup(xp: Namespace, wheel: Wheel, fraction: Number, time_constant: Number) -> Number:
     """Extra viscous friction of cold wheel joints [N m]: mu1 f exp(-t/T) phi'."""
     return wheel.base.mu1 * fraction * xp.exp(-wheel.time / time_constant) * wheel.rate
 
@@ -290,7 +327,7 @@ def friction_warmup(xp, wheel, fraction, time_constant):
     source="Spin inertia of the rollers, which the base model neglects",
     recognise="Sideways and turning motion feel heavier than driving ahead.",
 )
-def roller_inertia(xp, roller, inertia):
+def roller_inertia(xp: Namespace, roller: Roller, inertia: Number) -> Number:
     """Spin inertia of each roller on the floor [N m]: I_r gamma''."""
     return inertia * roller.acceleration
 
@@ -306,6 +343,18 @@ _CYCLES = Parameter(
 )
 
 
+def _amplitude_and_phase(
+    geometry: object, sine: float, cosine: float, cycles: float
+) -> tuple[float, ...]:
+    return hypot(sine, cosine), atan2(cosine, sine), cycles
+
+
+def _sine_and_cosine(
+    xp: Namespace, geometry: object, amplitude: Number, phase: Number, cycles: Number
+) -> tuple[Number, ...]:
+    return amplitude * xp.cos(phase), amplitude * xp.sin(phase), cycles
+
+
 @effect(
     acts_at=WHEEL,
     parameters=[Parameter("sine", "N m", size=0.2), Parameter("cosine", "N m", size=0.2), _CYCLES],
@@ -315,23 +364,27 @@ _CYCLES = Parameter(
             Parameter("phase", "rad", lower=-6.3, upper=6.3, size=0.5),
             _CYCLES,
         ),
-        forward=lambda geometry, sine, cosine, cycles: (
-            hypot(sine, cosine),
-            atan2(cosine, sine),
-            cycles,
-        ),
-        inverse=lambda xp, geometry, amplitude, phase, cycles: (
-            amplitude * xp.cos(phase),
-            amplitude * xp.sin(phase),
-            cycles,
-        ),
+        forward=_amplitude_and_phase,
+        inverse=_sine_and_cosine,
     ),
     source="Cogging and gear errors: Holtz, Springob, IEEE Trans. Ind. Electron. 43(2), 1996",
     recognise="The residual swings with the angle of each wheel, faster the faster it turns.",
 )
-def torque_ripple(xp, wheel, sine, cosine, cycles):
+def torque_ripple(
+    xp: Namespace, wheel: Wheel, sine: Number, cosine: Number, cycles: Number
+) -> Number:
     """Periodic resistance of each wheel [N m]: a sin(n phi + p) = a cos p sin(n phi) + ..."""
     return sine * xp.sin(cycles * wheel.angle) + cosine * xp.cos(cycles * wheel.angle)
+
+
+def _anchor(geometry: object, stiffness: float, pull_x: float, pull_y: float) -> tuple[float, ...]:
+    return stiffness, _per(pull_x, stiffness), _per(pull_y, stiffness)
+
+
+def _pull(
+    xp: Namespace, geometry: object, stiffness: Number, anchor_x: Number, anchor_y: Number
+) -> tuple[Number, ...]:
+    return stiffness, stiffness * anchor_x, stiffness * anchor_y
 
 
 @effect(
@@ -348,21 +401,15 @@ def torque_ripple(xp, wheel, sine, cosine, cycles):
             Parameter("anchor_x", "m", size=1.0),
             Parameter("anchor_y", "m", size=1.0),
         ),
-        forward=lambda geometry, stiffness, pull_x, pull_y: (
-            stiffness,
-            _per(pull_x, stiffness),
-            _per(pull_y, stiffness),
-        ),
-        inverse=lambda xp, geometry, stiffness, anchor_x, anchor_y: (
-            stiffness,
-            stiffness * anchor_x,
-            stiffness * anchor_y,
-        ),
+        forward=_anchor,
+        inverse=_pull,
     ),
     source="Hooke's law: a cable or hose that pulls O towards a point of the world",
     recognise="A force in the world that grows with the distance from one point of the floor.",
 )
-def tether(xp, world, stiffness, pull_x, pull_y):
+def tether(
+    xp: Namespace, world: World, stiffness: Number, pull_x: Number, pull_y: Number
+) -> Triple:
     """Force against a spring from O to an anchor [N]: k (x - x_A), k (y - y_A)."""
     return stiffness * world.x - pull_x, stiffness * world.y - pull_y, 0.0
 
@@ -381,7 +428,9 @@ _TIME = Parameter(
 )
 
 
-def _payload(xp, time, mass, mass_x, mass_y, start):
+def _payload(
+    xp: Namespace, time: Number, mass: Number, mass_x: Number, mass_y: Number, start: Number
+) -> tuple[Number, Number, Number, Number]:
     """What a payload adds to m0, I0, m aX, m aY once it is on."""
     # 0 * time gives both values the type of ``time``: torch.where of two plain numbers would give
     # single precision.
@@ -389,6 +438,18 @@ def _payload(xp, time, mass, mass_x, mass_y, start):
     # A point mass: m (x^2 + y^2) = ((m x)^2 + (m y)^2) / m.
     inertia = (mass_x**2 + mass_y**2) / xp.maximum(mass, LIGHTEST)
     return is_on * mass, is_on * inertia, is_on * mass_x, is_on * mass_y
+
+
+def _payload_place(
+    geometry: object, mass: float, mass_x: float, mass_y: float, time: float
+) -> tuple[float, ...]:
+    return mass, _per(mass_x, mass), _per(mass_y, mass), time
+
+
+def _payload_moments(
+    xp: Namespace, geometry: object, mass: Number, x: Number, y: Number, time: Number
+) -> tuple[Number, ...]:
+    return mass, mass * x, mass * y, time
 
 
 @effect(
@@ -406,19 +467,16 @@ def _payload(xp, time, mass, mass_x, mass_y, start):
             Parameter("y", "m", size=0.1),
             _TIME,
         ),
-        forward=lambda geometry, mass, mass_x, mass_y, time: (
-            mass,
-            _per(mass_x, mass),
-            _per(mass_y, mass),
-            time,
-        ),
-        inverse=lambda xp, geometry, mass, x, y, time: (mass, mass * x, mass * y, time),
+        forward=_payload_place,
+        inverse=_payload_moments,
     ),
     source="Rigid body dynamics: a point mass on the platform, from one moment on",
     recognise="From one moment of the log on the platform is heavier, or its mass lies elsewhere.",
     carries=_payload,
 )
-def payload_change(xp, body, mass, mass_x, mass_y, time):
+def payload_change(
+    xp: Namespace, body: Body, mass: Number, mass_x: Number, mass_y: Number, time: Number
+) -> Triple:
     """Wrench of a point mass at (x, y) that was put on at ``time``: m (a + ...), as the body's."""
     return rigid_body(xp, body, *_payload(xp, body.time, mass, mass_x, mass_y, time))
 
@@ -429,6 +487,6 @@ def payload_change(xp, body, mass, mass_x, mass_y, time):
     source="Communication and computation between torque command, drive and log",
     recognise="The speeds answer late, by a time that is the same for slow and fast motion.",
 )
-def torque_delay(xp, clock, delay):
+def torque_delay(xp: Namespace, clock: Clock, delay: Number) -> Number:
     """Time [s] by which the true torque follows the logged one: M_true(t) = M(t - d)."""
     return delay

@@ -31,39 +31,54 @@ from collections.abc import Callable, Generator, Iterable
 from contextlib import contextmanager
 from dataclasses import dataclass
 from math import isfinite
-from typing import Any, NamedTuple
+from typing import NamedTuple, Protocol, TypeVar, cast
 
 from youbot_env.errors import InputError
 from youbot_env.physics.hardware import WHEELS
+from youbot_env.physics.namespaces import N, Namespace, Number, Values
+
+Effort = Number | tuple[Number, ...]
+"""What an effect returns: one number, or the components of a generalised force."""
+
+EffectFunction = TypeVar("EffectFunction", bound=Callable[..., Effort])
+
+
+class BaseParameters(Protocol):
+    """The base parameters, as effects may refer to them: ``base.m0``.
+
+    Which names there are is the affair of each mechanism.
+    """
+
+    def __getattr__(self, name: str, /) -> Number: ...
 
 
 class Body(NamedTuple):
     """The platform at O, body frame. An effect here returns (F_X, F_Y, M_W) [N, N, N m]."""
 
-    twist: tuple[Any, Any, Any]
-    acceleration: tuple[Any, Any, Any]
-    time: Any
-    base: Any
+    twist: tuple[Number, ...]
+    acceleration: tuple[Number, ...]
+    time: Number
+    base: BaseParameters
 
 
 class Wheel(NamedTuple):
     """One wheel joint. An effect here returns the joint torque [N m] that the motion demands."""
 
-    rate: Any
-    acceleration: Any
-    angle: Any
-    torque: Any
-    time: Any
-    base: Any
+    rate: Number
+    acceleration: Number
+    angle: Number
+    torque: Number
+    time: Number
+    base: BaseParameters
 
 
 class Roller(NamedTuple):
     """The roller on the floor of one wheel. An effect here returns its axle's torque [N m]."""
 
-    rate: Any
-    acceleration: Any
-    time: Any
-    base: Any
+    rate: Number
+    acceleration: Number
+    time: Number
+    base: BaseParameters
 
 
 class World(NamedTuple):
@@ -73,30 +88,30 @@ class World(NamedTuple):
     returns (force along world X, along world Y, moment about O) [N, N, N m].
     """
 
-    x: Any
-    y: Any
-    yaw: Any
-    velocity_x: Any
-    velocity_y: Any
-    com_x: Any
-    com_y: Any
-    time: Any
-    base: Any
+    x: Number
+    y: Number
+    yaw: Number
+    velocity_x: Number
+    velocity_y: Number
+    com_x: Number
+    com_y: Number
+    time: Number
+    base: BaseParameters
 
 
 class Actuator(NamedTuple):
     """One drive. An effect here returns the command [N m] that ``torque`` and its rate demand."""
 
-    torque: Any
-    torque_rate: Any
-    time: Any
+    torque: Number
+    torque_rate: Number
+    time: Number
 
 
 class Channel(NamedTuple):
     """One torque channel. An effect here returns the true torque [N m] behind ``torque``."""
 
-    torque: Any
-    time: Any
+    torque: Number
+    time: Number
 
 
 class Clock(NamedTuple):
@@ -209,7 +224,7 @@ class Public:
 
     parameters: tuple[Parameter, ...]
     forward: Callable[..., tuple[float, ...]]
-    inverse: Callable[..., tuple[Any, ...]]
+    inverse: Callable[..., tuple[Number, ...]]
 
 
 @dataclass(frozen=True)
@@ -218,13 +233,13 @@ class Effect:
 
     name: str
     acts_at: Place
-    function: Callable[..., Any]
+    function: Callable[..., Effort]
     parameters: tuple[Parameter, ...]
     source: str
     recognise: str
     dissipative: bool = False
     public: Public | None = None
-    carries: Callable[..., Any] | None = None
+    carries: Callable[..., tuple[Number, ...]] | None = None
 
     @property
     def parameter_names(self) -> tuple[str, ...]:
@@ -266,18 +281,22 @@ class Effect:
         known = ", ".join(_names(parameters))
         raise InputError(f"effect {self.name}: no parameter {name!r}; it has {known}")
 
-    def to_public(self, geometry: Any, values: Iterable[float]) -> tuple[float, ...]:
+    def to_public(self, geometry: object, values: Iterable[float]) -> tuple[float, ...]:
         """Values as people state them, from those that ``evaluate`` takes."""
         values = tuple(float(value) for value in values)
         return self.public.forward(geometry, *values) if self.public else values
 
-    def to_internal(self, xp: Any, geometry: Any, values: Iterable[Any]) -> tuple[Any, ...]:
+    def to_internal(self, xp: Namespace, geometry: object, values: Iterable[N]) -> tuple[N, ...]:
         """Values that ``evaluate`` takes, from those that people state."""
-        return self.public.inverse(xp, geometry, *values) if self.public else tuple(values)
+        if self.public is None:
+            return tuple(values)
+        return cast("tuple[N, ...]", self.public.inverse(xp, geometry, *values))
 
-    def evaluate(self, xp: Any, point: Any, values: Any, wheel: int = 0) -> Any:
+    def evaluate(
+        self, xp: Namespace, point: object, values: Values[Number], wheel: int = 0
+    ) -> Effort:
         """Call the function at ``point`` (of wheel number ``wheel``) with scalar ``values``."""
-        arguments: list[Any] = []
+        arguments: list[Number] = []
         start = 0
         for parameter in self.parameters:
             # Values of ``each_wheel`` parameters stand side by side, one for each joint.
@@ -362,9 +381,9 @@ def effect(
     recognise: str,
     dissipative: bool = False,
     public: Public | None = None,
-    carries: Callable[..., Any] | None = None,
+    carries: Callable[..., tuple[Number, ...]] | None = None,
     registry: Registry = CATALOGUE,
-) -> Callable[[Callable[..., Any]], Callable[..., Any]]:
+) -> Callable[[EffectFunction], EffectFunction]:
     """Register the decorated function as an effect under its own name.
 
     Parameters
@@ -385,7 +404,7 @@ def effect(
     """
     declared = tuple(parameters)
 
-    def register(function: Callable[..., Any]) -> Callable[..., Any]:
+    def register(function: EffectFunction) -> EffectFunction:
         name = getattr(function, "__name__", "effect")
         # The first two are xp and the point. Values are passed by position, so order matters.
         takes = list(inspect.signature(function).parameters)[2:]

@@ -8,13 +8,14 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, fields
-from typing import Any
+from typing import Protocol
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from youbot_env.errors import InputError
 from youbot_env.physics.hardware import WHEELS as WHEELS
+from youbot_env.physics.namespaces import N, Number, Triple
 
 SIGN_X = (+1.0, +1.0, -1.0, -1.0)
 """x_i = SIGN_X[i] h: front wheels lie ahead of O."""
@@ -30,8 +31,17 @@ COS_ROLLER = float(np.sqrt(0.5))
 """Cosine of the 45 degree angle between a roller's axis and X."""
 
 
-Triple = tuple[Any, Any, Any]
-"""Components of a twist, its acceleration, a pose or a generalised force."""
+class Lengths(Protocol):
+    """The lengths of a `Geometry` that the no-slip kinematics reads [m]."""
+
+    @property
+    def l(self) -> float: ...  # noqa: E743 - the paper's name
+    @property
+    def h(self) -> float: ...
+    @property
+    def R(self) -> float: ...
+    @property
+    def r(self) -> float: ...
 
 
 @dataclass(frozen=True)
@@ -115,7 +125,7 @@ class Geometry:
         return np.asarray(body_force, float) @ (jacobian / (jacobian**2).sum(axis=0)).T
 
 
-def wheel_rates(geometry: Any, twist: Triple) -> tuple[Any, ...]:
+def wheel_rates(geometry: Lengths, twist: Sequence[N]) -> tuple[N, ...]:
     """No slip: the four wheel rates [rad/s] of a body twist."""
     vx, vy, wz = twist
     lever = geometry.l + geometry.h
@@ -124,13 +134,13 @@ def wheel_rates(geometry: Any, twist: Triple) -> tuple[Any, ...]:
     )
 
 
-def roller_rates(geometry: Any, twist: Triple) -> tuple[Any, ...]:
+def roller_rates(geometry: Lengths, twist: Sequence[N]) -> tuple[N, ...]:
     """No slip: rates [rad/s] of the four rollers on the floor."""
     _, vy, wz = twist
     return tuple(-(vy + SIGN_X[i] * geometry.h * wz) / (geometry.r * COS_ROLLER) for i in range(4))
 
 
-def body_force(geometry: Any, torque: Sequence[Any]) -> Triple:
+def body_force(geometry: Lengths, torque: Sequence[N]) -> tuple[N, N, N]:
     """Generalised force (F_X, F_Y, M_W) of four wheel torques: the transpose of the rates."""
     t1, t2, t3, t4 = torque
     lever = geometry.l + geometry.h
@@ -141,7 +151,7 @@ def body_force(geometry: Any, torque: Sequence[Any]) -> Triple:
     )
 
 
-def allocate(geometry: Any, force: Triple) -> tuple[Any, ...]:
+def allocate(geometry: Lengths, force: Sequence[N]) -> tuple[N, ...]:
     """Least-norm wheel torques [N m] that exert a generalised force."""
     fx, fy, mz = force
     lever = geometry.l + geometry.h
@@ -151,9 +161,9 @@ def allocate(geometry: Any, force: Triple) -> tuple[Any, ...]:
     )
 
 
-def roller_force(geometry: Any, torque: Sequence[Any]) -> Triple:
+def roller_force(geometry: Lengths, torque: Sequence[Number]) -> Triple:
     """Generalised force (F_X, F_Y, M_W) of torques [N m] at the four rollers' axles."""
     # The transpose of ``roller_rates``. F_X is 0: driving ahead turns no roller on the floor.
-    scaled = [-value / (geometry.r * COS_ROLLER) for value in torque]
-    yaw = sum(SIGN_X[i] * geometry.h * scaled[i] for i in range(4))
-    return 0.0, sum(scaled), yaw
+    f1, f2, f3, f4 = (-value / (geometry.r * COS_ROLLER) for value in torque)
+    x1, x2, x3, x4 = (sign * geometry.h for sign in SIGN_X)
+    return 0.0, f1 + f2 + f3 + f4, x1 * f1 + x2 * f2 + x3 * f3 + x4 * f4

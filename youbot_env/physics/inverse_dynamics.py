@@ -12,7 +12,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import replace
-from typing import Any
+from typing import cast
 
 from youbot_env.errors import InputError
 from youbot_env.physics.effect import ACTUATOR, CHANNEL, CLOCK, Actuator, Channel, Clock, Effect
@@ -22,18 +22,23 @@ from youbot_env.physics.mechanism import (
     Geometry,
     Instant,
     ModelStructure,
-    Number,
     component_force,
 )
+from youbot_env.physics.namespaces import N, Namespace, Number, Values
 
 
-def _sum(*forces: Components) -> Components:
-    return tuple(sum(parts) for parts in zip(*forces, strict=True))
+def _sum(*forces: Components[N]) -> Components[N]:
+    # For the type checker: sum begins with the integer 0.
+    return cast("Components[N]", tuple(sum(parts) for parts in zip(*forces, strict=True)))
 
 
 def wrench(
-    xp: Any, structure: ModelStructure, geometry: Geometry, theta: Any, at: Instant
-) -> Components:
+    xp: Namespace,
+    structure: ModelStructure[Geometry],
+    geometry: Geometry,
+    theta: Values[N],
+    at: Instant[N],
+) -> Components[N]:
     """Inverse dynamics: the generalised force (A) that a motion demands.
 
     Parameters
@@ -52,54 +57,75 @@ def wrench(
 
 
 def effect_points(
-    xp: Any, structure: ModelStructure, geometry: Geometry, theta: Any, at: Instant
-) -> EffectPoints:
+    xp: Namespace,
+    structure: ModelStructure[Geometry],
+    geometry: Geometry,
+    theta: Values[N],
+    at: Instant[N],
+) -> EffectPoints[Geometry, N]:
     """The points at which the effects of a structure act in a motion."""
     return EffectPoints(xp, structure.mechanism, geometry, theta, at, structure.carriers)
 
 
 def _wrench_of(
-    xp: Any,
-    structure: ModelStructure,
+    xp: Namespace,
+    structure: ModelStructure[Geometry],
     components: Sequence[tuple[Effect, slice]],
     geometry: Geometry,
-    theta: Any,
-    at: Instant,
-) -> Components:
+    theta: Values[N],
+    at: Instant[N],
+) -> Components[N]:
     points = effect_points(xp, structure, geometry, theta, at)
     return _sum(*(component_force(item, theta[where], points) for item, where in components))
 
 
-def actuator_command(xp: Any, structure: ModelStructure, theta: Any, at: Instant) -> Components:
+def actuator_command(
+    xp: Namespace, structure: ModelStructure[Geometry], theta: Values[N], at: Instant[N]
+) -> Components[N]:
     """Commands (J) behind the drives that ``at.torque`` and ``at.torque_rate`` demand."""
-    command, joints = at.torque, range(len(structure.mechanism.joints))
+    command, joints = cast("Components[N]", at.torque), range(len(structure.mechanism.joints))
     for item, where in structure.at(ACTUATOR):
         points = [Actuator(at.torque[i], at.torque_rate[i], at.time) for i in joints]
-        command = tuple(item.evaluate(xp, points[i], theta[where], i) for i in joints)
+        command = _of_joints(item, xp, points, theta[where])
     return command
 
 
 def channel_torque(
-    xp: Any, structure: ModelStructure, theta: Any, torque: Sequence[Number], time: Number
-) -> Components:
+    xp: Namespace,
+    structure: ModelStructure[Geometry],
+    theta: Values[N],
+    torque: Values[N],
+    time: N | float,
+) -> Components[N]:
     """True torque (J) (behind a drive: its true command) that an interface torque stands for."""
-    true, joints = tuple(torque), range(len(structure.mechanism.joints))
+    true = tuple(torque)
     for item, where in structure.at(CHANNEL):
-        true = tuple(item.evaluate(xp, Channel(true[i], time), theta[where], i) for i in joints)
+        true = _of_joints(item, xp, [Channel(value, time) for value in true], theta[where])
     return true
 
 
-def torque_delay(xp: Any, structure: ModelStructure, theta: Any) -> Number:
+def _of_joints(
+    item: Effect, xp: Namespace, points: Sequence[object], values: Values[N]
+) -> Components[N]:
+    """(J) what an effect returns at each joint."""
+    found = tuple(item.evaluate(xp, point, values, i) for i, point in enumerate(points))
+    return cast("Components[N]", found)
+
+
+def torque_delay(xp: Namespace, structure: ModelStructure[Geometry], theta: Values[N]) -> N | float:
     """Delay d [s] of the torque channels: what acts at t is what the interface said at t - d.
 
     All other functions here describe one instant and do not depend on the delay. A caller that has
     torques over time shifts them by d.
     """
     shifts = structure.at(CLOCK)
-    return sum((item.evaluate(xp, Clock(), theta[where]) for item, where in shifts), 0.0)
+    found = [_of_joints(item, xp, [Clock()], theta[where]) for item, where in shifts]
+    return sum((delay for (delay,) in found), 0.0)
 
 
-def interface_torque(xp: Any, structure: ModelStructure, theta: Any, at: Instant) -> Components:
+def interface_torque(
+    xp: Namespace, structure: ModelStructure[Geometry], theta: Values[N], at: Instant[N]
+) -> Components[N]:
     """Torque (J) at the interface (command, log) where ``at.torque`` acts on the joints.
 
     It is the command of the actuator, taken back through the channels, which are affine in the
@@ -115,15 +141,15 @@ def interface_torque(xp: Any, structure: ModelStructure, theta: Any, at: Instant
 
 
 def acting_torque(
-    xp: Any,
-    structure: ModelStructure,
+    xp: Namespace,
+    structure: ModelStructure[Geometry],
     geometry: Geometry,
-    theta: Any,
-    at: Instant,
+    theta: Values[N],
+    at: Instant[N],
     *,
-    internal: Sequence[Number] = (),
+    internal: Sequence[N | float] = (),
     tolerance: float = 0.0,
-) -> Components:
+) -> Components[N]:
     """Torques (J) that a motion demands at the joints, losses under load included.
 
     Of all torques those of least norm, plus ``internal`` ones that exert no force.
@@ -157,17 +183,22 @@ def acting_torque(
     raise InputError("no torque drives this motion: friction grows as fast as the torque")
 
 
-def _with(more: Sequence[Number], torque: Components) -> Components:
+def _with(more: Sequence[N | float], torque: Components[N]) -> Components[N]:
     return tuple(a + b for a, b in zip(torque, more, strict=True)) if len(more) else torque
 
 
 def _largest(value: Number) -> float:
-    return float(value.max()) if hasattr(value, "max") else float(value)
+    greatest = getattr(value, "max", None)  # of an array or a tensor
+    return float(value if greatest is None else greatest())
 
 
 def inverse_dynamics(
-    xp: Any, structure: ModelStructure, geometry: Geometry, theta: Any, at: Instant
-) -> Components:
+    xp: Namespace,
+    structure: ModelStructure[Geometry],
+    geometry: Geometry,
+    theta: Values[N],
+    at: Instant[N],
+) -> Components[N]:
     """Interface torques (J) that drive a motion: the feed-forward.
 
     With an actuator ``at.torque_rate`` must hold the rate of the acting torques. With a delay the
@@ -179,13 +210,17 @@ def inverse_dynamics(
 
 
 def mass_matrix(
-    xp: Any, structure: ModelStructure, geometry: Geometry, theta: Any, at: Instant
-) -> tuple[Components, ...]:
+    xp: Namespace,
+    structure: ModelStructure[Geometry],
+    geometry: Geometry,
+    theta: Values[N],
+    at: Instant[N],
+) -> tuple[Components[N], ...]:
     """Rows of the A x A mass matrix of the acceleration at a state."""
     size = len(structure.mechanism.axes)
     # The force is affine in the acceleration, so unit accelerations give the columns exactly.
     still = wrench(xp, structure, geometry, theta, replace(at, acceleration=(0.0,) * size))
-    columns: list[Components] = []
+    columns: list[Components[N]] = []
     for axis in range(size):
         unit = tuple(1.0 if k == axis else 0.0 for k in range(size))
         force = wrench(xp, structure, geometry, theta, replace(at, acceleration=unit))
@@ -193,7 +228,7 @@ def mass_matrix(
     return tuple(zip(*columns, strict=True))
 
 
-def solve(rows: Sequence[Sequence[Number]], right: Sequence[Number]) -> Components:
+def solve(rows: Sequence[Sequence[N]], right: Sequence[N]) -> Components[N]:
     """Solve a linear system of one, two or three unknowns by its adjugate.
 
     It has no branch (no pivoting), so it works on symbols and tensors too. It divides by the
@@ -202,18 +237,18 @@ def solve(rows: Sequence[Sequence[Number]], right: Sequence[Number]) -> Componen
     return _SOLVERS[len(right)](rows, right)
 
 
-def _solve1(rows: Sequence[Sequence[Number]], right: Sequence[Number]) -> Components:
+def _solve1(rows: Sequence[Sequence[N]], right: Sequence[N]) -> Components[N]:
     return (right[0] / rows[0][0],)
 
 
-def _solve2(rows: Sequence[Sequence[Number]], right: Sequence[Number]) -> Components:
+def _solve2(rows: Sequence[Sequence[N]], right: Sequence[N]) -> Components[N]:
     (a, b), (c, d) = rows
     p, q = right
     determinant = a * d - b * c
     return (d * p - b * q) / determinant, (a * q - c * p) / determinant
 
 
-def _solve3(rows: Sequence[Sequence[Number]], right: Sequence[Number]) -> Components:
+def _solve3(rows: Sequence[Sequence[N]], right: Sequence[N]) -> Components[N]:
     (a, b, c), (d, e, f), (g, h, i) = rows
     p, q, r = right
     ei_fh, ch_bi, bf_ce = e * i - f * h, c * h - b * i, b * f - c * e
@@ -229,8 +264,12 @@ _SOLVERS = {1: _solve1, 2: _solve2, 3: _solve3}
 
 
 def forward_dynamics(
-    xp: Any, structure: ModelStructure, geometry: Geometry, theta: Any, at: Instant
-) -> Components:
+    xp: Namespace,
+    structure: ModelStructure[Geometry],
+    geometry: Geometry,
+    theta: Values[N],
+    at: Instant[N],
+) -> Components[N]:
     """Acceleration (A) under the torques ``at.torque`` that act at the joints."""
     zero = (0.0,) * len(structure.mechanism.axes)
     still = wrench(xp, structure, geometry, theta, replace(at, acceleration=zero))
@@ -240,8 +279,13 @@ def forward_dynamics(
 
 
 def state_derivative(
-    xp: Any, structure: ModelStructure, geometry: Geometry, theta: Any, state: Any, torque: Any
-) -> Components:
+    xp: Namespace,
+    structure: ModelStructure[Geometry],
+    geometry: Geometry,
+    theta: Values[N],
+    state: Values[N],
+    torque: Values[N],
+) -> Components[N | float]:
     """Time derivative of the state (``structure.state_names``) under interface torques (J).
 
     Where there is a delay ``torque`` is what the interface said that much earlier.
@@ -254,7 +298,7 @@ def state_derivative(
     # Without an actuator the true command acts at once; with one the acting torques are states.
     moved = (
         *forward_dynamics(xp, structure, geometry, theta, at),
-        *mechanism.pose_rates(xp, pose, twist),
+        *cast("Components[N]", mechanism.pose_rates(xp, pose, twist)),
         *(mechanism.joint_rates(geometry, twist) if angle else ()),
         1.0,  # time is a state, too
     )
@@ -264,8 +308,12 @@ def state_derivative(
 
 
 def drive_rates(
-    xp: Any, structure: ModelStructure, theta: Any, at: Instant, command: Sequence[Number]
-) -> Components:
+    xp: Namespace,
+    structure: ModelStructure[Geometry],
+    theta: Values[N],
+    at: Instant[N],
+    command: Sequence[N],
+) -> Components[N]:
     """Rates (J) of the acting torques under a command."""
     # An actuator is affine in the rate: two evaluations invert it.
     joints = len(structure.mechanism.joints)

@@ -7,7 +7,7 @@ the time derivative (VX', VY', W') of the twist's components. Pose is (x, y, yaw
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import youbot_env.physics.catalogue  # noqa: F401  # pyright: ignore - fills the registries
 from youbot_env.physics.effect import (
@@ -17,6 +17,7 @@ from youbot_env.physics.effect import (
     ROLLER,
     WHEEL,
     WORLD,
+    BaseParameters,
     Body,
     Roller,
     Wheel,
@@ -24,7 +25,6 @@ from youbot_env.physics.effect import (
 )
 from youbot_env.physics.geometry import (
     Geometry,
-    Triple,
     allocate,
     body_force,
     roller_force,
@@ -35,11 +35,13 @@ from youbot_env.physics.hardware import MAX_BODY_SPEED, MAX_WHEEL_TORQUE, WHEELS
 from youbot_env.physics.mechanism import (
     Components,
     EffectPoints,
+    Geometry as Known,
     Instant,
     MechanismKind,
     ModelStructure,
     Site,
 )
+from youbot_env.physics.namespaces import Namespace, Number, Triple
 
 STATE = (
     *("velocity_x", "velocity_y", "yaw_rate"),
@@ -59,16 +61,16 @@ FULL_SPEED = (MAX_BODY_SPEED, 0.25 * MAX_BODY_SPEED, 0.5)
 class Base(NamedTuple):
     """The base parameters in their linear form: m_aX = m aX and m_aY = m aY [kg m]."""
 
-    m0: Any
-    I0: Any
-    m_aX: Any
-    m_aY: Any
-    I1: Any
-    mu1: Any
-    mu2: Any
+    m0: Number
+    I0: Number
+    m_aX: Number
+    m_aY: Number
+    I1: Number
+    mu1: Number
+    mu2: Number
 
 
-def base_of(points: EffectPoints) -> Base:
+def base_of(points: EffectPoints[Geometry, Number]) -> Base:
     """The base parameters with what the platform carries, for effects that refer to them."""
     # theta begins with the base parameters, in the order in which they are registered.
     m0, inertia, m_ax, m_ay, wheel_inertia, mu1, mu2 = points.theta[:7]
@@ -80,13 +82,13 @@ def base_of(points: EffectPoints) -> Base:
     return Base(m0, inertia, m_ax, m_ay, wheel_inertia, mu1, mu2)
 
 
-def body_points(points: EffectPoints) -> list[Body]:
+def body_points(points: EffectPoints[Known, Number]) -> list[Body]:
     """The platform in the body frame."""
     at = points.at
-    return [Body(at.twist, at.acceleration, at.time, points.base)]  # type: ignore[arg-type]
+    return [Body(at.twist, at.acceleration, at.time, points.base)]
 
 
-def _wheels(points: EffectPoints) -> list[Wheel]:
+def _wheels(points: EffectPoints[Geometry, Number]) -> list[Wheel]:
     """The four wheel joints."""
     at = points.at
     rates = wheel_rates(points.geometry, at.twist)
@@ -95,7 +97,7 @@ def _wheels(points: EffectPoints) -> list[Wheel]:
     return [Wheel(*row, at.time, points.base) for row in rows]
 
 
-def _rollers(points: EffectPoints) -> list[Roller]:
+def _rollers(points: EffectPoints[Geometry, Number]) -> list[Roller]:
     """The four rollers on the floor."""
     at = points.at
     rates = roller_rates(points.geometry, at.twist)
@@ -103,12 +105,12 @@ def _rollers(points: EffectPoints) -> list[Roller]:
     return [Roller(*row, at.time, points.base) for row in zip(rates, accelerations, strict=True)]
 
 
-def _world(points: EffectPoints) -> list[World]:
+def _world(points: EffectPoints[Geometry, Number]) -> list[World]:
     """The platform in the world frame."""
     return [_world_point(points.xp, points.at, points.base)]
 
 
-def into_body(xp: Any, yaw: Any, force: Triple) -> Triple:
+def into_body(xp: Namespace, yaw: Number, force: Sequence[Number]) -> Triple:
     """A force along the world's axes, with its moment, in the body frame."""
     fx, fy, mz = force
     # The inverse rotation, from world to body. The moment is about O in both frames.
@@ -116,7 +118,7 @@ def into_body(xp: Any, yaw: Any, force: Triple) -> Triple:
     return c * fx + s * fy, c * fy - s * fx, mz
 
 
-def _world_point(xp: Any, at: Instant, base: Base) -> World:
+def _world_point(xp: Namespace, at: Instant[Number], base: BaseParameters) -> World:
     x, y, yaw = at.pose
     vx, vy, _ = at.twist
     c, s = xp.cos(yaw), xp.sin(yaw)
@@ -131,15 +133,15 @@ def _world_point(xp: Any, at: Instant, base: Base) -> World:
     )
 
 
-def planar_rates(xp: Any, pose: Components, twist: Components) -> Components:
+def planar_rates(xp: Namespace, pose: Sequence[Number], twist: Sequence[Number]) -> Triple:
     """Rates (x', y', yaw') in the world of a platform with a body twist."""
     vx, vy, wz = twist
     c, s = xp.cos(pose[2]), xp.sin(pose[2])
     return c * vx - s * vy, s * vx + c * vy, wz
 
 
-def _alone(points: EffectPoints, efforts: Sequence[Triple]) -> Triple:
-    return efforts[0]
+def _as_they_are(points: object, efforts: Sequence[Number]) -> Components[Number]:
+    return tuple(efforts)
 
 
 def _fault(geometry: Geometry, values: Mapping[str, float]) -> str:
@@ -170,12 +172,12 @@ MECANUM = MechanismKind(
     lengths=("l", "h", "R", "r"),
     geometry=Geometry(),
     sites={
-        BODY: Site(body_points, _alone),
+        BODY: Site(body_points, _as_they_are),
         WHEEL: Site(_wheels, lambda points, torque: body_force(points.geometry, torque)),
         ROLLER: Site(_rollers, lambda points, torque: roller_force(points.geometry, torque)),
         WORLD: Site(
             _world,
-            lambda points, force: into_body(points.xp, points.at.pose[2], force[0]),
+            lambda points, force: into_body(points.xp, points.at.pose[2], force),
         ),
     },
     base_of=base_of,
@@ -192,6 +194,6 @@ MECANUM = MechanismKind(
 """The mecanum platform with four wheels."""
 
 
-def mecanum_structure(effects: Sequence[str] = ()) -> ModelStructure:
+def mecanum_structure(effects: Sequence[str] = ()) -> ModelStructure[Geometry]:
     """The structure of a platform's model with these effects beside the base."""
     return ModelStructure(tuple(effects), MECANUM)

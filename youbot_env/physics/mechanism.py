@@ -4,7 +4,8 @@ A kind of mechanism is a value of `MechanismKind`; `ModelStructure` says which e
 holds beside the base. The inverse dynamics and all that is derived from it are the same for every
 one. A twist is the velocity of its A axes, a torque the effort of its J joints, a force the
 generalised force of its axes. All functions compute with whatever numbers the namespace ``xp``
-takes: floats, arrays of one shape, symbols, tensors.
+takes: floats, arrays of one shape, symbols, tensors; what they return is of the kind ``N`` that the
+motion is of.
 """
 
 from __future__ import annotations
@@ -13,24 +14,32 @@ import importlib
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
-from typing import Any
+from typing import Generic, Protocol, TypeVar, cast
 
 from youbot_env.errors import InputError
-from youbot_env.physics.effect import ACTUATOR, CLOCK, Effect, Parameter, Place, Registry
-from youbot_env.physics.namespaces import floats
+from youbot_env.physics.effect import (
+    ACTUATOR,
+    CLOCK,
+    BaseParameters,
+    Effect,
+    Parameter,
+    Place,
+    Registry,
+)
+from youbot_env.physics.namespaces import N, Namespace, Number, Values, floats
 
-Number = Any
-"""A float, array, symbol or tensor."""
-
-Components = tuple[Number, ...]
+Components = tuple[N, ...]
 """Components of a twist, an acceleration, a force, or the torques of joints."""
 
-Geometry = Any
+Geometry = TypeVar("Geometry")
 """Known lengths: any object that has the names in `MechanismKind.lengths`; symbols for codes."""
+
+Lengths = TypeVar("Lengths", contravariant=True)
+N_co = TypeVar("N_co", bound=Number, covariant=True)
 
 
 @dataclass(frozen=True)
-class Instant:
+class Instant(Generic[N_co]):
     """What a motion is at one instant (or at many: components may be arrays of one shape).
 
     twist, acceleration : (A) of the axes; the acceleration is the derivative of the components
@@ -43,28 +52,35 @@ class Instant:
     What is left out is zero, in as many components as a platform has.
     """
 
-    twist: Components
-    acceleration: Components = (0.0,) * 3
-    pose: Components = (0.0,) * 3
-    wheel_angle: Components = (0.0,) * 4
-    torque: Components = (0.0,) * 4
-    torque_rate: Components = (0.0,) * 4
-    time: Number = 0.0
+    twist: Components[N_co]
+    acceleration: Components[N_co | float] = (0.0,) * 3
+    pose: Components[N_co | float] = (0.0,) * 3
+    wheel_angle: Components[N_co | float] = (0.0,) * 4
+    torque: Components[N_co | float] = (0.0,) * 4
+    torque_rate: Components[N_co | float] = (0.0,) * 4
+    time: N_co | float = 0.0
 
 
 @dataclass(frozen=True)
-class Site:
+class Site(Generic[Geometry]):
     """Where effects act on a mechanism.
 
     points(at) : the points there, one for each time that an effect acts
-    force(at, efforts) : generalised force (A) of an effort at each point
+    force(at, efforts) : generalised force (A) of what an effect returns at these points, one number
+        after the other
     """
 
-    points: Callable[[EffectPoints], Sequence[Any]]
-    force: Callable[[EffectPoints, Sequence[Any]], Components]
+    points: Callable[[EffectPoints[Geometry, Number]], Sequence[object]]
+    force: Callable[[EffectPoints[Geometry, Number], Sequence[Number]], Components[Number]]
 
 
-class EffectPoints:
+class LinearMap(Protocol[Lengths]):
+    """A linear map of components that depends on the lengths alone: of rates, or of forces."""
+
+    def __call__(self, geometry: Lengths, values: Sequence[N], /) -> Components[N]: ...
+
+
+class EffectPoints(Generic[Geometry, N_co]):
     """The points at which effects act in a motion, made once for all components.
 
     ``carriers``: loads with their places in theta, which the base parameters are to hold too.
@@ -72,23 +88,23 @@ class EffectPoints:
 
     def __init__(
         self,
-        xp: Any,
-        mechanism: MechanismKind,
+        xp: Namespace,
+        mechanism: MechanismKind[Geometry],
         geometry: Geometry,
-        theta: Any,
-        at: Instant,
+        theta: Values[Number],
+        at: Instant[N_co],
         carriers: Sequence[tuple[Effect, slice]] = (),
     ) -> None:
         self.xp, self.mechanism, self.geometry = xp, mechanism, geometry
         self.theta, self.at, self.carriers = theta, at, carriers
-        self._made: dict[Place, Sequence[Any]] = {}
+        self._made: dict[Place, Sequence[object]] = {}
 
     @cached_property
-    def base(self) -> Any:
+    def base(self) -> BaseParameters:
         """The base parameters with what the mechanism carries, for effects that refer to them."""
-        return self.mechanism.base_of(self)
+        return cast(BaseParameters, self.mechanism.base_of(self))
 
-    def of(self, place: Place) -> Sequence[Any]:
+    def of(self, place: Place) -> Sequence[object]:
         """The points of a place.
 
         Raises
@@ -102,29 +118,33 @@ class EffectPoints:
         return self._made[place]
 
 
-def component_force(item: Effect, values: Any, points: EffectPoints) -> Components:
+def component_force(
+    item: Effect, values: Values[Number], points: EffectPoints[Geometry, N]
+) -> Components[N]:
     """Generalised force (A) of one component: its formula at each point, mapped to the axes."""
-    efforts = [
-        item.evaluate(points.xp, point, values, i)
-        for i, point in enumerate(points.of(item.acts_at))
-    ]
-    return points.mechanism.site(item.acts_at).force(points, efforts)
+    efforts: list[Number] = []
+    for i, point in enumerate(points.of(item.acts_at)):
+        effort = item.evaluate(points.xp, point, values, i)
+        efforts += effort if isinstance(effort, tuple) else (effort,)
+    force = points.mechanism.site(item.acts_at).force(points, efforts)
+    # A formula may take any number; of the motion's kind it makes numbers of that kind.
+    return cast("Components[N]", force)
 
 
-def _as_it_is(item: Effect, geometry: Geometry) -> Effect:
+def _as_it_is(item: Effect, geometry: object) -> Effect:
     return item
 
 
-def _any_effect(item: Effect, geometry: Geometry) -> bool:
+def _any_effect(item: Effect, geometry: object) -> bool:
     return True
 
 
-def _no_fault(geometry: Geometry, values: Mapping[str, float]) -> str:
+def _no_fault(geometry: object, values: Mapping[str, float]) -> str:
     return ""
 
 
 @dataclass(frozen=True, eq=False)
-class MechanismKind:
+class MechanismKind(Generic[Geometry]):
     """One kind of mechanism. It is compared by identity, and pickled as the name of its home.
 
     Attributes
@@ -165,12 +185,14 @@ class MechanismKind:
     drive_state: tuple[str, ...]
     lengths: tuple[str, ...]
     geometry: Geometry
-    sites: Mapping[Place, Site] = field(repr=False)
-    base_of: Callable[[EffectPoints], Any] = field(repr=False)
-    joint_rates: Callable[[Geometry, Components], Components] = field(repr=False)
-    force_of: Callable[[Geometry, Sequence[Number]], Components] = field(repr=False)
-    torque_of: Callable[[Geometry, Components], Components] = field(repr=False)
-    pose_rates: Callable[[Any, Components, Components], Components] = field(repr=False)
+    sites: Mapping[Place, Site[Geometry]] = field(repr=False)
+    base_of: Callable[[EffectPoints[Geometry, Number]], object] = field(repr=False)
+    joint_rates: LinearMap[Geometry] = field(repr=False)
+    force_of: LinearMap[Geometry] = field(repr=False)
+    torque_of: LinearMap[Geometry] = field(repr=False)
+    pose_rates: Callable[[Namespace, Sequence[Number], Sequence[Number]], Components[Number]] = (
+        field(repr=False)
+    )
     full_speed: Callable[[Geometry], tuple[float, ...]] = field(repr=False)
     full_torque: Callable[[Geometry], float] = field(repr=False)
     internal: tuple[float, ...] = ()
@@ -189,7 +211,7 @@ class MechanismKind:
         """Name of the module that states its formulas."""
         return self.home.partition(":")[0]
 
-    def site(self, place: Place) -> Site:
+    def site(self, place: Place) -> Site[Geometry]:
         """Where effects of a place act.
 
         Raises
@@ -201,7 +223,7 @@ class MechanismKind:
             raise InputError(f"mechanism {self.name} has no place {place.name!r} for an effect")
         return self.sites[place]
 
-    def split(self, state: Sequence[Number]) -> tuple[Components, Components, Components, Number]:
+    def split(self, state: Values[N]) -> tuple[Components[N], Components[N], Components[N], N]:
         """Twist, pose, joint angles and time of a state."""
         sizes = (len(self.velocity_state), len(self.pose_state), len(self.angle_state))
         a, b, c = sizes[0], sizes[0] + sizes[1], sum(sizes)
@@ -217,12 +239,12 @@ class MechanismKind:
         """An effect of the catalogue, as the mechanism at hand declares it."""
         return self.declared(self.catalogue[name], geometry)
 
-    def __reduce__(self) -> tuple[Any, tuple[str]]:
+    def __reduce__(self) -> tuple[Callable[[str], object], tuple[str]]:
         # It holds lambdas, which cannot be pickled, and it is compared by identity.
         return _found, (self.home,)
 
 
-def _found(home: str) -> MechanismKind:
+def _found(home: str) -> object:
     module, _, name = home.partition(":")
     return getattr(importlib.import_module(module), name)
 
@@ -232,7 +254,7 @@ def _found(home: str) -> MechanismKind:
 
 
 @dataclass(frozen=True)
-class ModelStructure:
+class ModelStructure(Generic[Geometry]):
     """Which effects a model of a mechanism holds beside the base: fixes the order of theta.
 
     Raises
@@ -242,7 +264,7 @@ class ModelStructure:
     """
 
     effects: tuple[str, ...]
-    mechanism: MechanismKind
+    mechanism: MechanismKind[Geometry]
 
     def __post_init__(self) -> None:
         if len(set(self.effects)) < len(self.effects):
@@ -250,12 +272,12 @@ class ModelStructure:
         if sum(item.acts_at is ACTUATOR for item in self.components) > 1:
             raise InputError("a model holds one actuator effect at most")
 
-    def __getstate__(self) -> dict[str, Any]:
+    def __getstate__(self) -> dict[str, object]:
         # Without the cached properties: effects may hold lambdas, which cannot be pickled. They are
         # found again by name.
         return {"effects": self.effects, "mechanism": self.mechanism}
 
-    def with_effects(self, effects: Sequence[str]) -> ModelStructure:
+    def with_effects(self, effects: Sequence[str]) -> ModelStructure[Geometry]:
         """The structure of the same mechanism with other effects."""
         return ModelStructure(tuple(effects), self.mechanism)
 
@@ -379,7 +401,7 @@ class ModelStructure:
         )
 
     @cached_property
-    def _somewhere(self) -> Instant:
+    def _somewhere(self) -> Instant[float]:
         """A motion without a zero in it, at which effects are evaluated to see what they read."""
         mechanism = self.mechanism
 
@@ -394,10 +416,12 @@ class ModelStructure:
             some(0.6, mechanism.joints),
         )
 
-    def _tried_at(self, at: Instant, base: Sequence[float]) -> EffectPoints:
+    def _tried_at(self, at: Instant[float], base: Sequence[float]) -> EffectPoints[Geometry, float]:
         return EffectPoints(floats, self.mechanism, self.mechanism.geometry, base, at)
 
-    def _telling_apart(self, first: Instant, second: Instant) -> tuple[tuple[Effect, slice], ...]:
+    def _telling_apart(
+        self, first: Instant[float], second: Instant[float]
+    ) -> tuple[tuple[Effect, slice], ...]:
         ones = [1.0] * len(self.base_names)
         here, there = self._tried_at(first, ones), self._tried_at(second, ones)
         return tuple(
@@ -429,5 +453,5 @@ class ModelStructure:
         return all(abs(a + 2 * b - both) <= 1e-9 * (abs(a) + abs(b)) for a, b, both in rows)
 
 
-def _tried(item: Effect, where: slice, points: EffectPoints) -> tuple[Any, ...]:
+def _tried(item: Effect, where: slice, points: EffectPoints[Geometry, float]) -> Components[float]:
     return component_force(item, [0.5] * (where.stop - where.start), points)

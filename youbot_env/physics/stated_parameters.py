@@ -7,23 +7,25 @@ effect's as ``effect.parameter``.
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from youbot_env.physics.effect import Effect, Parameter
 from youbot_env.physics.mechanism import Geometry, ModelStructure
+from youbot_env.physics.namespaces import N, Namespace
 
 Array = NDArray[np.float64]
 
 
-def full_name(structure: ModelStructure, item: Effect, name: str) -> str:
+def full_name(structure: ModelStructure[Geometry], item: Effect, name: str) -> str:
     """``effect.parameter``; a base parameter's own name."""
     return name if item.name in structure.mechanism.base else f"{item.name}.{name}"
 
 
-def public_parameters(structure: ModelStructure, geometry: Geometry) -> dict[str, Parameter]:
+def public_parameters(
+    structure: ModelStructure[Geometry], geometry: Geometry
+) -> dict[str, Parameter]:
     """The declarations of all parameters as people state them, by full name."""
     declared = structure.mechanism.declared
     return {
@@ -33,7 +35,9 @@ def public_parameters(structure: ModelStructure, geometry: Geometry) -> dict[str
     }
 
 
-def to_public(structure: ModelStructure, geometry: Geometry, theta: ArrayLike) -> dict[str, float]:
+def to_public(
+    structure: ModelStructure[Geometry], geometry: Geometry, theta: ArrayLike
+) -> dict[str, float]:
     """Values as people state them, by full name, from theta (P,)."""
     values = np.asarray(theta, float)
     found: dict[str, float] = {}
@@ -44,23 +48,28 @@ def to_public(structure: ModelStructure, geometry: Geometry, theta: ArrayLike) -
     return found
 
 
-def to_theta(structure: ModelStructure, geometry: Geometry, values: Mapping[str, float]) -> Array:
+def to_theta(
+    structure: ModelStructure[Geometry], geometry: Geometry, values: Mapping[str, float]
+) -> Array:
     """theta (P,) from values as people state them, by full name."""
     return np.array(internal_values(np, structure, geometry, values), float)
 
 
 def internal_values(
-    xp: Any, structure: ModelStructure, geometry: Geometry, values: Mapping[str, Any]
-) -> list[Any]:
+    xp: Namespace,
+    structure: ModelStructure[Geometry],
+    geometry: Geometry,
+    values: Mapping[str, N],
+) -> list[N]:
     """The P components of theta in the arithmetic of ``xp``, from values by full name."""
-    theta: list[Any] = []
+    theta: list[N] = []
     for item in structure.components:
         stated = [values[full_name(structure, item, name)] for name in item.public_names]
         theta += item.to_internal(xp, geometry, stated)
     return theta
 
 
-def jacobian(structure: ModelStructure, geometry: Geometry, theta: ArrayLike) -> Array:
+def jacobian(structure: ModelStructure[Geometry], geometry: Geometry, theta: ArrayLike) -> Array:
     """(Q, P): derivatives of ``to_public``'s values with respect to theta.
 
     A row is zero where theta does not determine the value: the place of an anchor that does not
@@ -77,7 +86,7 @@ def jacobian(structure: ModelStructure, geometry: Geometry, theta: ArrayLike) ->
     return np.concatenate(found)
 
 
-def _slopes(item: Effect, geometry: Geometry, theta: Array) -> Array:
+def _slopes(item: Effect, geometry: object, theta: Array) -> Array:
     """(q, p): derivatives of an effect's public values with respect to its own."""
 
     def stated(shifted: Array) -> Array:

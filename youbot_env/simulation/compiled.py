@@ -44,8 +44,8 @@ class Kernel:
     """
 
     structure: Structure
-    advance: Any
-    derivative: Any
+    advance: Callable[..., None]
+    derivative: Callable[..., tuple[float, ...]]
 
 
 @dataclass(frozen=True)
@@ -69,10 +69,10 @@ class InverseKernel:
     """
 
     structure: Structure
-    acting: Any
-    several: Any
-    interface: Any
-    held: Any
+    acting: Callable[..., None]
+    several: Callable[..., None]
+    interface: Callable[..., None]
+    held: Callable[..., None]
 
 
 def kernel(structure: Structure, dynamics: Dynamics) -> Kernel:
@@ -83,7 +83,7 @@ def kernel(structure: Structure, dynamics: Dynamics) -> Kernel:
     return _built(structure, System(dynamics), _compiled)
 
 
-def rollout(structure: Structure, dynamics: Dynamics) -> Any:
+def rollout(structure: Structure, dynamics: Dynamics) -> Callable[..., None]:
     """The compiled free run of the same module, alone: half of what there is to compile.
 
     rollout(start, torque, duration, lengths, theta, substeps, out)
@@ -133,7 +133,7 @@ def _compiled(structure: Structure, path: Path) -> Kernel:
     return found
 
 
-def _compiled_rollout(structure: Structure, path: Path) -> Any:
+def _compiled_rollout(structure: Structure, path: Path) -> Callable[..., None]:
     run = _load(path).rollout
     size, count = len(structure.state_names), len(structure.parameter_names)
     start, torque, out = (

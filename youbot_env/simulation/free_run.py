@@ -63,7 +63,7 @@ def _vector(name: str, value: ArrayLike, size: int) -> Array:
     return array
 
 
-def stiffness(structure: ModelStructure, geometry: Lengths, theta: Array) -> float:
+def stiffness(structure: ModelStructure[Lengths], geometry: Lengths, theta: Array) -> float:
     """Fastest rate [1/s] of the twist (and drives) under full torque.
 
     Evaluated at rest, where dry friction is stiffest, and at full speed, where drag is.
@@ -89,7 +89,9 @@ def stiffness(structure: ModelStructure, geometry: Lengths, theta: Array) -> flo
     if structure.has_actuator:
         slow, quick = (
             dynamics.drive_rates(
-                *(np, structure, theta),
+                np,
+                structure,
+                theta,
                 Instant((0.0,) * size, torque=(t,) * joints),
                 (0.0,) * joints,
             )
@@ -102,7 +104,7 @@ def stiffness(structure: ModelStructure, geometry: Lengths, theta: Array) -> flo
     return float(np.max(rates))  # not max(): a rate that is no number must show
 
 
-def ripple_rate(structure: ModelStructure, geometry: Lengths, theta: Array) -> float:
+def ripple_rate(structure: ModelStructure[Lengths], geometry: Lengths, theta: Array) -> float:
     """Angular frequency [rad/s] at full speed of forces that vary with the joints' angles."""
     mechanism = structure.mechanism
     fast = mechanism.full_speed(geometry)
@@ -131,7 +133,9 @@ def substeps(model: Model, duration: float) -> int:
     return _substeps(model.structure, model.geometry, model.theta, duration)
 
 
-def _substeps(structure: ModelStructure, geometry: Lengths, theta: Array, duration: float) -> int:
+def _substeps(
+    structure: ModelStructure[Lengths], geometry: Lengths, theta: Array, duration: float
+) -> int:
     # A search may try parameters with a singular mass matrix; the check below refuses them.
     with np.errstate(divide="ignore", invalid="ignore"):
         rate = duration * max(stiffness(structure, geometry, theta), SLOWEST) / 0.25
@@ -166,7 +170,7 @@ def simulate(model: Model, time: ArrayLike, torque: ArrayLike, start: ArrayLike)
 
 
 def simulate_theta(
-    structure: ModelStructure,
+    structure: ModelStructure[Lengths],
     geometry: Lengths,
     theta: Array,
     duration: Array,

@@ -11,8 +11,8 @@ from dataclasses import dataclass
 from types import SimpleNamespace
 from typing import Any, ClassVar, Protocol
 
-from youbot_env.physics.mechanism import Components, Instant
-from youbot_env.physics.namespaces import symbols
+from youbot_env.physics.mechanism import Components, Instant, ModelStructure
+from youbot_env.physics.namespaces import Number, symbols
 
 SOURCES = tuple(
     f"youbot_env.{name}"
@@ -28,9 +28,8 @@ SOURCES = tuple(
 cache's key."""
 
 
-Structure = Any
-"""A `ModelStructure`. It is not named, so that this file need not import it; pyright does not match
-a Protocol with cached properties."""
+Structure = ModelStructure[Any]
+"""Of any mechanism: here symbols stand for its lengths, whatever object holds these elsewhere."""
 
 
 class Dynamics(Protocol):
@@ -39,11 +38,11 @@ class Dynamics(Protocol):
     __name__: str
 
     @property
-    def wrench(self) -> Callable[..., Components]: ...
+    def wrench(self) -> Callable[..., Components[Number]]: ...
     @property
-    def interface_torque(self) -> Callable[..., Components]: ...
+    def interface_torque(self) -> Callable[..., Components[Number]]: ...
     @property
-    def state_derivative(self) -> Callable[..., Components]: ...
+    def state_derivative(self) -> Callable[..., Components[Number]]: ...
 
 
 @dataclass(frozen=True)
@@ -101,7 +100,7 @@ def real_symbols(names: Sequence[str]) -> list[Any]:
     return [sympy.Symbol(name, real=True) for name in names]
 
 
-def function_source(name: str, arguments: Sequence[str], results: Sequence[Any]) -> str:
+def function_source(name: str, arguments: Sequence[str], results: Sequence[object]) -> str:
     """A compiled function of scalars that returns a tuple of expressions in its arguments."""
     import sympy
 

@@ -25,10 +25,8 @@ from identification.figures import (
     time_series,
 )
 from identification.fitting.errors import (
-    NoiseLevel,
     SumsOfSquares,
     Traces,
-    force_floor,
     force_traces,
 )
 from identification.fitting.estimate_history import EstimateHistory
@@ -38,7 +36,6 @@ from identification.logs.reading import read_log, write_log
 from identification.logs.recorded_motion import recorded_motion
 from identification.mechanisms.axis_model import base_axis_model
 from identification.mechanisms.quantities import of_platform
-from identification.signals.noise import white_noise
 from tests.identification.mechanisms.test_axis import STAGE, log_of, planted
 from tests.identification.recordings import recording
 from youbot_env.errors import InputError
@@ -459,8 +456,7 @@ class TestFiles:
         assert SumsOfSquares.of(seen["traces"]).ratio == pytest.approx(
             fitted.model.errors["force_error"]
         )
-        noise = NoiseLevel(white_noise(samples.wheel_speed), white_noise(samples.torque))
-        floor = force_floor(fitted.mechanism, fitted.fit.theta, samples, expected, noise, seed=0)
+        (floor,) = fitted.floor.force
         np.testing.assert_allclose(seen["floor"].residual, floor.residual)
 
     def test_recognised_motions_are_marked(
@@ -520,7 +516,7 @@ def test_a_missing_matplotlib_is_one_clear_line(
     compared: Comparison, monkeypatch: pytest.MonkeyPatch, tmp_path: Path
 ):
     monkeypatch.setitem(sys.modules, "matplotlib", None)
-    with pytest.raises(InputError, match=r'pip install "youbot\[plots\]"') as caught:
+    with pytest.raises(InputError, match=r"pip install 'youbot\[plots\]'") as caught:
         figures.plot_comparison(compared, tmp_path / "plots")
     assert "\n" not in str(caught.value)
     assert not (tmp_path / "plots").exists()

@@ -9,6 +9,7 @@ from identification.fitting.errors import NoiseLevel
 from identification.fitting.final_fit import final_fit
 from identification.fitting.least_squares import fit
 from identification.fitting.noise_bias import joint_fit
+from identification.fitting.settings import FitSettings
 from identification.mechanisms.mecanum import Mecanum
 from tests.identification.recordings import recording
 from youbot_env.model.model_file import load_model
@@ -67,6 +68,17 @@ def test_the_last_fit_is_the_same_each_time():
     first, again = (final_fit(mechanism, samples, noise, truth, seed=3) for _ in range(2))
     assert np.array_equal(first.theta, again.theta)
     assert np.array_equal(first.covariance, again.covariance)
+
+
+def test_what_an_early_end_left_of_a_search_is_no_bias():
+    mechanism, samples, _, truth = at_hand(STRIBECK, seeds=(1,))
+    start = truth.copy()
+    start[mechanism.parameter_names.index("wheel_stribeck_friction.stribeck_speed")] = 0.5
+    early = FitSettings(max_steps=1)
+    none = [NoiseLevel(np.zeros(4), np.zeros(4))]
+    found = joint_fit(mechanism, samples, start, early)
+    final = final_fit(mechanism, samples, none, start, seed=0, settings=early)
+    np.testing.assert_allclose(final.theta, found.theta, rtol=1e-12)
 
 
 def test_the_instant_of_a_load_comes_back_with_its_uncertainty():

@@ -20,6 +20,7 @@ from identification.mechanisms.settings import MechanismSettings
 from youbot_env.physics.effect import BODY, WHEEL, WORLD, Parameter, Registry, Wheel, effect
 from youbot_env.physics.mecanum import body_points, into_body, planar_rates
 from youbot_env.physics.mechanism import Components, EffectPoints, MechanismKind, Site
+from youbot_env.physics.namespaces import N, Number
 
 Array = NDArray[np.float64]
 
@@ -35,28 +36,26 @@ class Lengths(NamedTuple):
     R: float = 0.05
 
 
-def wheel_rates(lengths: Any, twist: Components) -> Components:
+def wheel_rates(lengths: Lengths, twist: Sequence[N]) -> Components[N]:
     vx, vy, wz = twist
     return tuple((np.cos(a) * vy - np.sin(a) * vx + lengths.L * wz) / lengths.R for a in ANGLES)
 
 
-def body_force(lengths: Any, torque: Sequence[Any]) -> Components:
-    pushes = [(a, value / lengths.R) for a, value in zip(ANGLES, torque, strict=True)]
-    return (
-        sum(-np.sin(a) * push for a, push in pushes),
-        sum(np.cos(a) * push for a, push in pushes),
-        sum(lengths.L * push for _, push in pushes),
-    )
+def body_force(lengths: Lengths, torque: Sequence[N]) -> Components[N]:
+    f1, f2, f3 = (value / lengths.R for value in torque)
+    (s1, s2, s3), (c1, c2, c3) = np.sin(ANGLES), np.cos(ANGLES)
+    force_x, force_y = -s1 * f1 - s2 * f2 - s3 * f3, c1 * f1 + c2 * f2 + c3 * f3
+    return force_x, force_y, lengths.L * (f1 + f2 + f3)
 
 
-def wheel_torque(lengths: Any, force: Components) -> Components:
+def wheel_torque(lengths: Lengths, force: Sequence[N]) -> Components[N]:
     fx, fy, mz = force
     return tuple(
         lengths.R / 3 * (2 * np.cos(a) * fy - 2 * np.sin(a) * fx + mz / lengths.L) for a in ANGLES
     )
 
 
-def _wheels(points: EffectPoints) -> list[Wheel]:
+def _wheels(points: EffectPoints[Lengths, Number]) -> list[Wheel]:
     at, lengths = points.at, points.geometry
     rows = zip(wheel_rates(lengths, at.twist), wheel_rates(lengths, at.acceleration), strict=True)
     return [Wheel(*row, 0.0, at.torque[i], at.time, points.base) for i, row in enumerate(rows)]
@@ -110,10 +109,10 @@ OMNI = MechanismKind(
     lengths=Lengths._fields,
     geometry=Lengths(),
     sites={
-        BODY: Site(body_points, lambda points, force: force[0]),
+        BODY: Site(body_points, lambda points, force: tuple(force)),
         WHEEL: Site(_wheels, lambda points, torque: body_force(points.geometry, torque)),
         # Neither of the effects there asks where the platform is.
-        WORLD: Site(body_points, lambda points, f: into_body(points.xp, points.at.pose[2], f[0])),
+        WORLD: Site(body_points, lambda points, f: into_body(points.xp, points.at.pose[2], f)),
     },
     base_of=lambda points: tuple(points.theta[:4]),
     joint_rates=wheel_rates,

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+from collections.abc import Sequence
 
 import numpy as np
 import pytest
@@ -55,7 +56,7 @@ def numbers(m: Model, at: Instant) -> dict[str, float]:
     mass = m.values["m0"] - 4 * g.m1
     found = {"m": mass, "aX": m.values["aX"], "aY": m.values["aY"], "t": at.time}
     found |= {"h": g.h, "R": g.R, "r": g.r, "L": g.L}
-    symbols = [s.name for s in Equations(m.structure).theta]
+    symbols = [str(symbol) for symbol in Equations(m.structure).theta]
     found |= dict(zip(symbols, m.theta, strict=True))
     found |= dict(zip(("VX", "VY", "W"), at.twist, strict=True))
     found |= dict(zip(("VX_dot", "VY_dot", "W_dot"), at.acceleration, strict=True))
@@ -157,7 +158,7 @@ def linear_symbols(structure: ModelStructure) -> list[sympy.Symbol]:
     ]
 
 
-def curvature(side: sympy.Expr, symbols: list[sympy.Symbol]) -> sympy.Matrix:
+def curvature(side: sympy.Expr, symbols: Sequence[sympy.Expr]) -> sympy.Matrix:
     return sympy.hessian(side, symbols).applyfunc(sympy.simplify)
 
 

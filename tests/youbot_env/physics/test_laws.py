@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import replace
 from types import SimpleNamespace
+from typing import Any
 
 import numpy as np
 import pytest
@@ -194,20 +195,20 @@ def test_drives_and_channels_are_affine_in_torque_and_parameters(name: str):
     free = [k for k, key in enumerate(item.parameter_names) if not item.parameter(key).is_shape]
     none = values.copy()
     none[free] = 0.0
+
+    def mapped(point: Any, values: np.ndarray, wheel: int) -> np.ndarray:
+        return np.asarray(item.evaluate(np, point, values, wheel))
+
     for wheel in range(4):
-        identity = item.evaluate(np, point, none, wheel)
+        identity = mapped(point, none, wheel)
         np.testing.assert_allclose(identity, torque, rtol=1e-15)
-        columns = [
-            item.evaluate(np, point, with_only(values, free, k), wheel) - torque for k in free
-        ]
+        columns = [mapped(point, with_only(values, free, k), wheel) - torque for k in free]
         predicted = torque + sum(values[k] * c for k, c in zip(free, columns, strict=True))
-        np.testing.assert_allclose(item.evaluate(np, point, values, wheel), predicted, rtol=1e-13)
+        np.testing.assert_allclose(mapped(point, values, wheel), predicted, rtol=1e-13)
         doubled = point._replace(torque=2 * torque)
-        slope = item.evaluate(np, doubled, values, wheel) - item.evaluate(np, point, values, wheel)
+        slope = mapped(doubled, values, wheel) - mapped(point, values, wheel)
         tripled = point._replace(torque=3 * torque)
-        again = item.evaluate(np, tripled, values, wheel) - item.evaluate(
-            np, doubled, values, wheel
-        )
+        again = mapped(tripled, values, wheel) - mapped(doubled, values, wheel)
         np.testing.assert_allclose(again, slope, rtol=1e-12, atol=1e-13)
 
 

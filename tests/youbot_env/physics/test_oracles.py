@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from typing import cast
 
 import numpy as np
 import pytest
@@ -10,7 +11,7 @@ import pytest
 from tests.youbot_env.structures import BASE_ONLY, CASES, model, random_instant
 from youbot_env.model.model import BASE_UNITS, Estimate, Model
 from youbot_env.physics import inverse_dynamics as dynamics
-from youbot_env.physics.effect import BODY, ROLLER, WHEEL, WORLD, Effect
+from youbot_env.physics.effect import BODY, ROLLER, WHEEL, WORLD, Body, Effect
 from youbot_env.physics.geometry import Geometry
 from youbot_env.physics.mecanum import MECANUM
 from youbot_env.physics.mechanism import EffectPoints, Instant
@@ -157,7 +158,7 @@ def _add_effects(
             else:
                 break
             still, moving = (
-                item.evaluate(np, item.acts_at.point(rates[k], a, *rest), values, i)
+                np.asarray(item.evaluate(np, item.acts_at.point(rates[k], a, *rest), values, i))
                 for a in (0.0, 1.0)
             )
             force[k] -= still
@@ -172,7 +173,7 @@ def _add_body_effect(
     to_world = np.array([[c, -s, 0.0], [s, c, 0.0], [0.0, 0.0, 1.0]])
 
     def demanded(acceleration: np.ndarray) -> np.ndarray:
-        point = points.of(BODY)[0]._replace(acceleration=tuple(acceleration))
+        point = cast(Body, points.of(BODY)[0])._replace(acceleration=tuple(acceleration))
         return np.array(item.evaluate(np, point, values), dtype=float)
 
     still = demanded(np.zeros(3))

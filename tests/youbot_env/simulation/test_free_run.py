@@ -13,7 +13,7 @@ from youbot_env.errors import InputError
 from youbot_env.model.model import Model
 from youbot_env.physics import inverse_dynamics as dynamics
 from youbot_env.physics.catalogue import GRAVITY
-from youbot_env.physics.geometry import Triple, body_force, wheel_rates
+from youbot_env.physics.geometry import body_force, wheel_rates
 from youbot_env.physics.mecanum import FULL_SPEED, MECANUM
 from youbot_env.physics.mechanism import EffectPoints, Instant, component_force
 from youbot_env.physics.namespaces import floats
@@ -61,8 +61,8 @@ def instants(m: Model, states: np.ndarray, torque: np.ndarray) -> Instant:
     return replace(at, torque=true)
 
 
-def power(force: Triple, at: Instant) -> np.ndarray:
-    return sum((f * v for f, v in zip(force, at.twist, strict=True)), np.zeros(len(at.time)))
+def power(force: tuple[np.ndarray | float, ...], at: Instant[np.ndarray]) -> np.ndarray:
+    return sum((f * v for f, v in zip(force, at.twist, strict=True)), np.zeros(np.shape(at.time)))
 
 
 @pytest.fixture(scope="module", params=CASES)

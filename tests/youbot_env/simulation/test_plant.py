@@ -7,8 +7,8 @@ import pickle
 
 import numpy as np
 import pytest
-from scipy.integrate import solve_ivp
 
+from tests.youbot_env.structures import exact_step
 from youbot_env import InputError, Plant, load_model
 from youbot_env.physics.geometry import Geometry
 from youbot_env.tracking.env import YouBotTrackingEnv
@@ -39,15 +39,7 @@ def test_error_stays_as_small_as_promised(case):
     plant = Plant(model)
     state, worst = plant.state, 0.0
     for torque in rng.uniform(-2, 2, (25, 4)):
-        exact = solve_ivp(
-            lambda t, x: model.state_derivative(x, torque),  # noqa: B023 - used at once
-            (0.0, 0.01),
-            state,
-            method="DOP853",
-            rtol=1e-11,
-            atol=1e-13,
-        )
-        state = exact.y[:, -1]
+        state = exact_step(model, state, torque, 0.01)
         worst = max(worst, np.abs(plant.step(torque, 0.01) - state)[:3].max())
     assert worst < (2e-5 if case in ("dry friction", "load") else 1e-7)
 

@@ -13,8 +13,8 @@ import numpy as np
 import pytest
 from gymnasium.error import ResetNeeded
 from gymnasium.utils.env_checker import check_env
-from scipy.integrate import solve_ivp
 
+from tests.youbot_env.structures import exact_step
 from youbot_env import Estimate, InputError, Plant, load_model, save_model
 from youbot_env.motions.calibration import motion_iii
 from youbot_env.physics import hardware
@@ -194,15 +194,7 @@ def test_integration_agrees_with_scipy():
     for _ in range(100):
         *_, info = env.step(rng.uniform(-1, 1, 4))
         torque = info["commanded_torque"]
-        exact = solve_ivp(
-            lambda t, x: model.state_derivative(x, torque),  # noqa: B023 - used at once
-            (0.0, 0.01),
-            state,
-            method="DOP853",
-            rtol=1e-11,
-            atol=1e-13,
-        )
-        state = exact.y[:, -1]
+        state = exact_step(model, state, torque, 0.01)
         worst = max(worst, np.abs(env.state - state)[:10].max())
     assert worst < 1e-7
 

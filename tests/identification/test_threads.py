@@ -7,7 +7,7 @@ import time
 
 import pytest
 
-from identification.diagnosis.threads import MAX_THREADS, THREADS, side_by_side, threads
+from identification.threads import MAX_THREADS, THREADS, side_by_side, threads
 from youbot_env.errors import InputError
 
 

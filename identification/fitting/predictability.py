@@ -1,0 +1,395 @@
+"""Is there anything left that can be predicted? The test of what a model leaves, and its noise.
+
+A model is adequate if what it leaves is noise: if nothing that was logged predicts it. This holds
+for noise of any colour, where a comparison with a level of white noise does not. Extremely
+randomised trees (Geurts, Ernst and Wehenkel, Machine Learning 63, 2006) predict the filtered
+residual on stretches of time that they have not seen, from speeds, their signs, accelerations,
+heading, place, wheel angles, time and log. Measured torques are left out: the residual holds their
+noise, so they would predict it always.
+
+What nothing predicts is the noise floor: the error that no model of the motion can go below. The
+same noise, acting as a force, and white noise on the measured speeds make the free run's.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, replace
+from functools import partial
+
+import numpy as np
+from numpy.typing import NDArray
+
+from identification.fitting.errors import (
+    NoiseLevel,
+    SumsOfSquares,
+    Traces,
+    add_up,
+    velocity_traces,
+)
+from identification.fitting.regression import Regression, filtered_rows
+from identification.fitting.repeated_periods import repeated_noise
+from identification.fitting.settings import FitSettings, PredictabilitySettings
+from identification.mechanisms.mechanism import Mechanism
+from identification.mechanisms.samples import Samples
+from identification.signals.resampling import smoothed
+from identification.threads import side_by_side
+
+Array = NDArray[np.float64]
+Indices = NDArray[np.intp]
+
+
+@dataclass(frozen=True)
+class Predictability:
+    """What of a residual can be predicted from the motion, on stretches that were held out.
+
+    Attributes
+    ----------
+    residual, predicted : per log (n, A), rows of the filtered force residual
+    step : per log, from one row to the next [s]
+    settings : of these the share up to which a residual counts as noise
+    """
+
+    residual: tuple[Array, ...]
+    predicted: tuple[Array, ...]
+    step: tuple[float, ...]
+    settings: PredictabilitySettings
+
+    @property
+    def share(self) -> float:
+        """Share of the residual's squares that is predicted; of noise it is below zero."""
+        total = sum(float((r**2).sum()) for r in self.residual)
+        left = sum(float((e**2).sum()) for e in self.unpredicted)
+        return 1.0 - left / total if total > 0 else 0.0
+
+    @property
+    def is_noise(self) -> bool:
+        """Whether nothing is left that can be predicted."""
+        return self.share <= self.settings.max_noise_share
+
+    @property
+    def unpredicted(self) -> list[Array]:
+        """Per log (n, A): residual less its prediction."""
+        return [r - p for r, p in zip(self.residual, self.predicted, strict=True)]
+
+    def predicted_square(self, log: int) -> Array:
+        """(A,) mean square of the predicted part in one log; zero where nothing is predicted."""
+        if self.is_noise:
+            return np.zeros(self.residual[log].shape[1])
+        residual, left = self.residual[log], self.unpredicted[log]
+        return np.maximum((residual**2).mean(axis=0) - (left**2).mean(axis=0), 0.0)
+
+    def noise(self, log: int) -> Array:
+        """(n, A) rows of one log that count as noise."""
+        return self.residual[log] if self.is_noise else self.unpredicted[log]
+
+    @property
+    def correlation_time(self) -> float:
+        """How long the unpredicted part remembers itself [s]: its integral time scale."""
+        times = [step * _integral_scale(self.noise(log)) for log, step in enumerate(self.step)]
+        return float(np.mean(times))
+
+    @property
+    def noise_std(self) -> float:
+        """Relative standard error of the noise's rms, from its spread over blocks of all logs."""
+        blocks = []
+        for log, step in enumerate(self.step):
+            square = (self.noise(log) ** 2).sum(axis=1)
+            size = max(1, round(self.settings.noise_block_duration / step))
+            blocks += [part.mean() for part in np.array_split(square, max(1, len(square) // size))]
+        mean = float(np.mean(blocks))
+        if len(blocks) < 2 or mean <= 0:
+            return 0.0
+        # Half: the relative error of a root is half that of its square.
+        return 0.5 * float(np.std(blocks, ddof=1)) / mean / np.sqrt(len(blocks))
+
+
+def predictability(
+    mechanism: Mechanism,
+    rows: Sequence[Regression],
+    samples: Sequence[Samples],
+    seed: int = 0,
+    settings: FitSettings = FitSettings(),
+) -> Predictability:
+    """Predict the residual rows of a fit from the motion, each stretch from all others.
+
+    Parameters
+    ----------
+    rows : per log, of the fit on these samples with these settings
+    seed : of the trees, and of which stretches are held out together
+    """
+    chosen = settings.predictability
+    thin = max(1, -(-sum(len(row.residual) for row in rows) // chosen.max_rows))
+    residual = [row.residual[::thin] for row in rows]
+    features = list(_all_features(mechanism, rows, samples, thin, settings))
+    fold_of = _folds(rows, thin, seed, chosen.stretch_duration, chosen.folds)
+    joined = np.concatenate(residual)
+    predicted = _held_out(np.concatenate(features), joined, fold_of, seed, settings)
+    edges = np.cumsum([len(part) for part in residual])[:-1]
+    return Predictability(
+        tuple(residual),
+        tuple(np.split(predicted, edges)),
+        tuple(thin * row.step for row in rows),
+        chosen,
+    )
+
+
+def _folds(
+    rows: Sequence[Regression], thin: int, seed: int, duration: float, folds: int
+) -> Indices:
+    """(all rows,) which rows are held out together: whole stretches of time, dealt at random."""
+    stretches, first = [], 0
+    for row in rows:
+        count = len(row.residual[::thin])
+        of_log = (np.arange(count) * thin * row.step // duration).astype(np.intp)
+        stretches.append(first + of_log)
+        first += int(of_log[-1]) + 1 if count else 0
+    dealt = np.random.default_rng(seed).permutation(first) % folds
+    return dealt[np.concatenate(stretches)]
+
+
+def _held_out(
+    features: Array, residual: Array, fold_of: Indices, seed: int, settings: FitSettings
+) -> Array:
+    """(rows, A) the residual of each fold, predicted by trees grown on the others."""
+    # All axes weigh alike; an axis without a residual stays at zero.
+    scale = np.maximum(residual.std(axis=0), 1e-300)
+    work = partial(_predict_fold, features, residual / scale, fold_of, seed, settings)
+    predicted = np.zeros_like(residual)
+    folds = [k for k in range(settings.predictability.folds) if 0 < (fold_of == k).sum()]
+    if len(folds) < 2:  # less than two stretches: nothing can be held out
+        return predicted
+    for k, part in zip(folds, side_by_side(work, folds), strict=True):
+        predicted[fold_of == k] = part * scale
+    return predicted
+
+
+def _predict_fold(
+    features: Array,
+    residual: Array,
+    fold_of: Indices,
+    seed: int,
+    settings: FitSettings,
+    fold: int,
+) -> Array:
+    # Imported here: it takes half a second, and a fit does without.
+    from sklearn.ensemble import ExtraTreesRegressor
+
+    chosen, held = settings.predictability, fold_of == fold
+    # One thread: threads of its own would add the trees up in the order in which they finish, and
+    # the last digit would change from run to run.
+    trees = ExtraTreesRegressor(
+        chosen.trees,
+        min_samples_leaf=chosen.min_rows_of_leaf,
+        max_features=chosen.share_of_features,
+        random_state=seed,
+        n_jobs=1,
+    )
+    known = residual[~held]
+    # Of one axis a vector: scikit-learn warns of a matrix with one column.
+    trees.fit(features[~held], known[:, 0] if known.shape[1] == 1 else known)
+    return trees.predict(features[held]).reshape(-1, residual.shape[1])
+
+
+def _all_features(
+    mechanism: Mechanism,
+    rows: Sequence[Regression],
+    samples: Sequence[Samples],
+    thin: int,
+    settings: FitSettings,
+) -> Iterator[Array]:
+    """Per log (n, Q): what may predict its rows, with the log's number and a time for all logs."""
+    typical = _typical_rates(mechanism, samples)
+    start = 0.0
+    for number, (row, item) in enumerate(zip(rows, samples, strict=True)):
+        known = _motion_features(mechanism, item, typical, settings)[::thin]
+        time = row.time[::thin]
+        log = np.full(len(time), float(number))
+        yield np.column_stack([known[: len(time)], time, start + time, log])
+        start += float(item.time[-1])
+
+
+def _typical_rates(mechanism: Mechanism, samples: Sequence[Samples]) -> Array:
+    """(K,) rms of the rates at which surfaces slide, over all logs."""
+    rates = np.concatenate([mechanism.variables(item).rates for item in samples])
+    return np.maximum(np.sqrt((rates**2).mean(axis=0)), 1e-300)
+
+
+def _motion_features(
+    mechanism: Mechanism, samples: Samples, typical: Array, settings: FitSettings
+) -> Array:
+    """(n, Q) of one log, with the filter and the means of the residual's rows."""
+    chosen, known = settings.predictability, mechanism.variables(samples)
+    signals = [known.twist, known.rates, known.position]
+    signals.append(np.tanh(known.rates / (chosen.sign_width * typical)))
+    if known.speed is not None:
+        signals.append(known.speed)
+    if known.heading is not None:
+        signals.append(np.column_stack([known.heading, np.sin(known.heading)]))
+        signals.append(np.cos(known.heading)[:, None])
+    if known.angle is not None:
+        signals += [np.sin(known.angle), np.cos(known.angle)]
+    joined = np.column_stack(signals)
+    # The mean over some rows: noise of the speeds is in the residual too, through the
+    # acceleration, and would predict it; its difference has next to no mean.
+    sigma = chosen.acceleration_smoothing_time / samples.dt
+    acceleration = np.asarray(np.gradient(known.twist, samples.dt, axis=0))
+    slopes = [smoothed(acceleration[:, k], sigma) for k in range(acceleration.shape[1])]
+    joined = np.column_stack([joined, *slopes])
+    return filtered_rows(np.stack([joined[:-1], joined[1:]]), mechanism, samples, settings)
+
+
+def _integral_scale(signal: Array) -> float:
+    """Integral of the autocorrelation of (n, A) up to its first zero, in rows."""
+    centred = signal - signal.mean(axis=0)
+    size = 2 * len(centred)
+    power = (np.abs(np.fft.rfft(centred, size, axis=0)) ** 2).sum(axis=1)
+    correlation = np.fft.irfft(power, size)[: len(centred)]
+    if correlation[0] <= 0:
+        return 0.0
+    correlation = correlation / correlation[0]
+    zeros = np.flatnonzero(correlation <= 0)
+    end = zeros[0] if zeros.size else len(correlation)
+    return float(0.5 + correlation[1:end].sum())
+
+
+@dataclass(frozen=True)
+class NoiseFloor:
+    """Sums of squares, per log, that noise leaves.
+
+    Attributes
+    ----------
+    force, velocity : of the force residual and of the free run's; velocity may be empty
+    relative_std : standard error of the force floor, as a share of it
+    correlation_time : how long the noise on the filtered forces remembers itself [s]
+    """
+
+    force: tuple[SumsOfSquares, ...]
+    velocity: tuple[SumsOfSquares, ...]
+    relative_std: float
+    correlation_time: float
+
+    def to_dict(self) -> dict[str, float]:
+        """JSON form: both errors over all logs, the first with its uncertainty and colour."""
+        force = add_up(self.force).ratio
+        found = {"force_error": force}
+        if self.velocity:
+            found["velocity_error"] = add_up(self.velocity).ratio
+        return found | {
+            "force_error_std": force * self.relative_std,
+            "correlation_time": self.correlation_time,
+        }
+
+
+def noise_floor(
+    mechanism: Mechanism,
+    theta: Array,
+    samples: Sequence[Samples],
+    rows: Sequence[Regression],
+    found: Predictability,
+    traces: Sequence[Traces],
+    runs: Sequence[Traces] = (),
+    noise: Sequence[NoiseLevel] = (),
+    seed: int = 0,
+    settings: FitSettings = FitSettings(),
+) -> NoiseFloor:
+    """Noise floor of a fit on the logs that it was made on.
+
+    Parameters
+    ----------
+    theta, rows : of the fit
+    found : what of the rows' residual can be predicted
+    traces : force residuals of a model on the same logs (of the fit or another), per log
+    runs, noise : of each log its free run and the white noise on its speeds; none for forces alone
+    """
+    repeated = _repeated_square(mechanism, samples, traces, settings.predictability)
+    force = [
+        force_floor(trace, found.residual[k], found.predicted_square(k), repeated)
+        for k, trace in enumerate(traces)
+    ]
+    velocity = []
+    for k, (item, run, level) in enumerate(zip(samples, runs, noise, strict=False)):
+        disturbed = disturbed_samples(mechanism, item, rows[k], found.noise(k))
+        velocity.append(velocity_floor(mechanism, theta, disturbed, run, level, seed))
+    return NoiseFloor(tuple(force), tuple(velocity), found.noise_std, found.correlation_time)
+
+
+def _repeated_square(
+    mechanism: Mechanism,
+    samples: Sequence[Samples],
+    traces: Sequence[Traces],
+    settings: PredictabilitySettings,
+) -> Array:
+    """(A,) mean square of what does not repeat, over all logs; infinite where nothing repeats."""
+    total, count = np.zeros(len(mechanism.axes)), 0
+    for item, trace in zip(samples, traces, strict=True):
+        speed = mechanism.measured_speed(item)[-len(trace.time) :]
+        parts = [(part.start, part.end) for part in mechanism.parts(item)]
+        square, found = repeated_noise(trace.time, speed, trace.residual, parts, settings)
+        total, count = total + square, count + found
+    return total / count if count else np.full(len(total), np.inf)
+
+
+def force_floor(
+    traces: Traces, residual: Array, predicted_square: Array, repeated_square: Array
+) -> SumsOfSquares:
+    """Squares of a fit's force residual that are noise: neither predicted nor repeated.
+
+    Parameters
+    ----------
+    traces : of the fit, at every sample
+    residual : (n, A) rows of its regression
+    predicted_square : (A,) mean square of what is predicted of the rows; zero if all is noise
+    repeated_square : (A,) mean square of what does not repeat
+    """
+    squares = SumsOfSquares.of(traces)
+    # Means over a row take noise away and hardly any of what the motion makes; a faster filter
+    # than that of the traces lets more of both through. The larger of the two is the measure.
+    of_rows = np.maximum((residual**2).mean(axis=0), 1e-300)
+    of_traces = squares.residual / len(traces.time)
+    share = np.minimum(predicted_square / np.maximum(of_rows, of_traces), 1.0)
+    noise = of_traces * (1.0 - share)
+    if predicted_square.any():
+        # Of a large residual the trees leave some that is no noise: periods tell how much.
+        noise = np.minimum(noise, repeated_square)
+    return SumsOfSquares(noise * len(traces.time), squares.measured)
+
+
+def disturbed_samples(
+    mechanism: Mechanism, samples: Samples, row: Regression, noise: Array
+) -> Samples:
+    """The samples with noise of the filtered forces (n, A) put on their torques once more.
+
+    The noise stands at rows of the regression, or at each j-th of them.
+    """
+    thin = max(1, round(len(row.time) / len(noise)))
+    time = row.time[::thin][: len(noise)] - 0.5 * row.step
+    # The filter undone: f = f_f + f_f' / a_f. What is faster than a row is lost; it would hardly
+    # move a speed, which integrates forces.
+    force = noise + np.gradient(noise, thin * row.step, axis=0) / mechanism.filter_rate
+    at_samples = np.column_stack(
+        [np.interp(samples.time, time, axis, left=0.0, right=0.0) for axis in force.T]
+    )
+    return replace(samples, torque=samples.torque + mechanism.joint_torque(at_samples))
+
+
+def velocity_floor(
+    mechanism: Mechanism,
+    theta: Array,
+    disturbed: Samples,
+    clean: Traces,
+    noise: NoiseLevel,
+    seed: int,
+) -> SumsOfSquares:
+    """What noise leaves in the free run's velocity residual: by putting it on once more.
+
+    Parameters
+    ----------
+    disturbed : samples whose torques carry the noise on the forces twice
+    clean : the free run of the samples as they were logged
+    noise : white noise, of which that on the speeds is put on here
+    """
+    rng = np.random.default_rng(seed)
+    noisy = mechanism.noisy(disturbed, noise.speed, 0.0 * noise.torque, rng)
+    again = velocity_traces(mechanism, theta, noisy)
+    return SumsOfSquares.of(clean, again.residual - clean.residual)

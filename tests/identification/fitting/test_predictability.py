@@ -1,0 +1,100 @@
+"""What is left that the motion predicts, and what noise leaves."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from scipy.signal import lfilter
+
+from identification.fitting.least_squares import fit
+from identification.fitting.predictability import Predictability, predictability
+from identification.fitting.repeated_periods import repeated_noise
+from identification.fitting.settings import FitSettings, PredictabilitySettings
+from identification.logs.log import Log
+from identification.mechanisms.registry import mechanism_of
+from tests.identification.recordings import recording
+from youbot_env.model.model_file import load_model
+
+PAPER = load_model("paper")
+MECHANISM = mechanism_of(PAPER)
+
+
+def left_by_the_base_model(*logs: Log, seed: int = 0) -> Predictability:
+    samples = [MECHANISM.samples(log) for log in logs]
+    fitted = fit(MECHANISM, samples, PAPER.theta)
+    return predictability(MECHANISM, fitted.rows, samples, seed)
+
+
+def coloured(log: Log, memory: float, size: float) -> Log:
+    """The log with AR(1) noise on its torques: a memory [s] and a size [N m]."""
+    keep = np.exp(-log.dt / memory)
+    white = np.random.default_rng(5).standard_normal(log.effort.shape)
+    return replace(
+        log,
+        effort=log.effort
+        + size * np.sqrt(1 - keep**2) * lfilter([1.0], [1.0, -keep], white, axis=0),
+    )
+
+
+@pytest.mark.parametrize("memory", [0.015, 0.3])
+def test_noise_of_any_colour_is_noise(memory):
+    found = left_by_the_base_model(coloured(recording("calibration"), memory, 0.3))
+    assert found.is_noise
+    assert found.correlation_time == pytest.approx(max(memory, 0.1), rel=0.6)
+
+
+@pytest.mark.parametrize(
+    ("effect", "values"),
+    [
+        ("wheel_coulomb_friction", {"torque": 0.1}),
+        ("floor_tilt", {"tilt_x": 0.005}),
+        ("actuator_lag", {"time_constant": 0.05}),
+    ],
+)
+def test_what_is_missing_is_predicted(effect, values):
+    found = left_by_the_base_model(recording("calibration", ((effect, tuple(values.items())),)))
+    assert found.share > 0.3 and not found.is_noise
+
+
+def test_the_same_seed_gives_the_same_bits_and_another_hardly_another_share():
+    log = recording("calibration", (("wheel_coulomb_friction", (("torque", 0.1),)),))
+    first, again, other = (left_by_the_base_model(log, seed=seed) for seed in (0, 0, 1))
+    assert all((a == b).all() for a, b in zip(first.predicted, again.predicted, strict=True))
+    assert other.share == pytest.approx(first.share, abs=0.05) and other.share != first.share
+
+
+def test_a_log_of_one_stretch_predicts_nothing():
+    log = recording("calibration")
+    short = [MECHANISM.samples(log)]
+    rows = fit(MECHANISM, short, PAPER.theta).rows
+    few = [replace(row, time=row.time[:40], residual=row.residual[:40]) for row in rows]
+    assert predictability(MECHANISM, few, short).share == 0.0
+
+
+def test_long_logs_get_fewer_rows_not_more_time():
+    log = recording("calibration")
+    samples = [MECHANISM.samples(log)]
+    rows = fit(MECHANISM, samples, PAPER.theta).rows
+    few = FitSettings(predictability=PredictabilitySettings(max_rows=500))
+    found = predictability(MECHANISM, rows, samples, settings=few)
+    assert len(found.residual[0]) <= 500 < len(rows[0].residual)
+
+
+class TestRepeatedPeriods:
+    TIME = np.arange(0.0, 40.0, 0.01)
+    SPEED = np.column_stack([np.sin(2 * np.pi * TIME / 7.0), np.cos(2 * np.pi * TIME / 3.5)])
+
+    def noise(self, residual: np.ndarray, speed: np.ndarray = SPEED) -> tuple[np.ndarray, int]:
+        return repeated_noise(self.TIME, speed, residual, [(0.0, 40.0)], PredictabilitySettings())
+
+    def test_what_repeats_is_no_noise(self):
+        white = 0.1 * np.random.default_rng(0).standard_normal(self.SPEED.shape)
+        total, count = self.noise(np.sign(self.SPEED) + white)
+        np.testing.assert_allclose(np.sqrt(total / count), 0.1, rtol=0.05)
+
+    def test_a_motion_that_does_not_repeat_tells_nothing(self):
+        chirp = np.sin(0.05 * self.TIME**2)[:, None] * np.ones(2)
+        total, count = self.noise(chirp, chirp)
+        assert count == 0 and not total.any()

@@ -1,0 +1,1 @@
+"""Tests of the blind bench that need no diagnosis."""
