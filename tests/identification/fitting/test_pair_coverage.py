@@ -97,4 +97,5 @@ def test_intervals_with_two_effects_hold_as_often_as_they_say():
 
 if __name__ == "__main__":
     numbers = [int(argument) for argument in sys.argv[1:3]] or [36]
-    print("base parameters %.3f, effects %.3f of the 95 %% intervals hold" % study(*numbers))
+    base, effects = study(*numbers)
+    print(f"95 % intervals that hold: base parameters {base:.3f}, effects {effects:.3f}")
