@@ -19,6 +19,7 @@ from identification.fitting.errors import (
     velocity_traces,
 )
 from identification.fitting.least_squares import fit as fit_model
+from identification.fitting.misfit import misfit_warning
 from identification.fitting.predictability import NoiseFloor, noise_floor, predictability
 from identification.fitting.regression import regression
 from identification.fitting.settings import FitSettings
@@ -107,17 +108,19 @@ class Comparison:
     def to_dict(self) -> dict[str, Any]:
         """JSON form, as the design fixes it."""
         counted = self.counted
+        force_error = add_up(SumsOfSquares.of(item.force) for item in counted).ratio
+        floor = add_up(item.force_floor for item in counted).ratio
         return {
             "logs": {item.log.name: _log_dict(item) for item in self.logs},
+            "misfit": misfit_warning(force_error, floor, settings=self.settings.fit),
             "total": {
-                "force_error": add_up(SumsOfSquares.of(item.force) for item in counted).ratio,
+                "force_error": force_error,
                 "velocity_error": add_up(SumsOfSquares.of(item.velocity) for item in counted).ratio,
             },
             "noise_floor": {
-                "force_error": add_up(item.force_floor for item in counted).ratio,
+                "force_error": floor,
                 "velocity_error": add_up(item.velocity_floor for item in counted).ratio,
-                "force_error_std": self.floor.relative_std
-                * add_up(item.force_floor for item in counted).ratio,
+                "force_error_std": self.floor.relative_std * floor,
                 "correlation_time": self.floor.correlation_time,
             },
             "where": self.where.to_list(),

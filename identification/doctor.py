@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from identification.fitting.observability import Observability, log_observability
+from identification.fitting.observability import Observability, in_motion, log_observability
 from identification.fitting.regression import regression
 from identification.logs.findings import Finding, LogError
 from identification.logs.log import Log
@@ -167,9 +167,13 @@ def joint_units(model: AnyModel) -> dict[str, str]:
 
 
 def log_shows(log: Log, mechanism: Mechanism, theta: np.ndarray) -> LogObservability:
-    """What a log and each of its motions show of a mechanism's parameters around theta (P,)."""
+    """What a log and each of its motions show of a mechanism's parameters around theta (P,).
+
+    What stands still shows nothing: its noise or counts are no evidence of a friction.
+    """
     samples = mechanism.samples(log)
     rows = regression(mechanism, theta, samples, np.flatnonzero(mechanism.free))
+    rows = in_motion(samples, rows)
     total = log_observability(mechanism, [rows])
     motions = []
     for part in mechanism.parts(samples):

@@ -9,7 +9,7 @@ import typer
 
 from youbot_scripts.cli import run_script
 from youbot_scripts.shared import result_tables
-from youbot_scripts.shared.inputs import read_inputs
+from youbot_scripts.shared.inputs import next_diagnosis, read_inputs
 from youbot_scripts.shared.options import (
     EffectsOption,
     JsonOption,
@@ -18,6 +18,7 @@ from youbot_scripts.shared.options import (
     ModelArgument,
     OutputModelOption,
     SeedOption,
+    StrictOption,
     console,
     progress,
     write_result,
@@ -39,6 +40,7 @@ def main(
     output: OutputModelOption = None,
     effects: EffectsOption = None,
     mechanism: MechanismOption = None,
+    strict: StrictOption = False,
     json: JsonOption = None,
     seed: SeedOption = 0,
 ) -> None:
@@ -49,12 +51,22 @@ def main(
     """
     # Imported here: `youbot add --help` does without numpy and scipy.
     from identification.diagnosis.add_effect import add_effect
+    from identification.fitting.misfit import misfit_warning
     from identification.mechanisms.registry import save_any_model
 
-    given = read_inputs(model, logs, effects=effects, mechanism=mechanism)
+    given = read_inputs(model, logs, effects=effects, mechanism=mechanism, strict=strict)
     with progress(2 * len(given.logs) + 2, "add") as advance:
         result = add_effect(given.model, effect, given.logs, seed=seed, progress=advance)
-    out, found = console(json), result.to_dict()
+    out, found = console(json), {**result.to_dict(), **given.to_dict()}
+    command = next_diagnosis(str(output or model), logs)
+    found["misfit"] = misfit_warning(
+        found["after"]["force_error"], found["noise_floor"]["force_error"], next_command=command
+    )
+    if found["misfit"]:
+        found["parameters"] = {
+            name: {**entry, "interval": None} for name, entry in found["parameters"].items()
+        }
+    given.tell(out)
     _print(out, found)
     if output:
         save_any_model(output, result.model)
@@ -63,6 +75,8 @@ def main(
 
 
 def _print(out: Console, found: dict[str, Any]) -> None:
+    if found["misfit"]:
+        out.print(f"warning: {found['misfit']}", style="yellow", soft_wrap=True)
     show(out, [result_tables.addition_errors(found), result_tables.added_parameters(found)])
     out.print(found["words"])
     if found["worthwhile"]:

@@ -11,7 +11,7 @@ import typer
 
 from youbot_scripts.cli import run_script
 from youbot_scripts.shared import result_tables
-from youbot_scripts.shared.inputs import read_inputs
+from youbot_scripts.shared.inputs import next_diagnosis, read_inputs
 from youbot_scripts.shared.options import (
     GeometryOption,
     JsonOption,
@@ -20,6 +20,7 @@ from youbot_scripts.shared.options import (
     PlotsOption,
     ReportOption,
     SeedOption,
+    StrictOption,
     check_pictures,
     console,
     progress,
@@ -54,6 +55,7 @@ def main(
     geometry: GeometryOption = None,
     plots: PlotsOption = None,
     report: ReportOption = None,
+    strict: StrictOption = False,
     json: JsonOption = None,
     seed: SeedOption = 0,
 ) -> None:
@@ -66,14 +68,18 @@ def main(
     """
     # Imported here: `youbot compare --help` does without numpy and scipy.
     from identification.comparison import compare
+    from identification.fitting.misfit import NEXT_COMMAND
 
     check_pictures(plots, report)
-    given = read_inputs(model, logs, geometry=geometry)
+    given = read_inputs(model, logs, geometry=geometry, strict=strict)
     with progress(len(given.logs) + 1, "compare") as advance:
         result = compare(
             given.model, given.logs, geometry=given.geometry, seed=seed, progress=advance
         )
-    out, found = console(json), result.to_dict()
+    out, found = console(json), {**result.to_dict(), **given.to_dict()}
+    if found["misfit"]:
+        found["misfit"] = found["misfit"].replace(NEXT_COMMAND, next_diagnosis(model, logs))
+    given.tell(out)
     _print(out, found)
     if predictions:
         _write_predictions(out, result, predictions)
@@ -92,6 +98,8 @@ def main(
 
 
 def _print(out: Console, found: dict[str, Any]) -> None:
+    if found["misfit"]:
+        out.print(f"warning: {found['misfit']}", style="yellow", soft_wrap=True)
     show(out, [*result_tables.errors_by_axis(found), *result_tables.slip(found["logs"])])
     where = result_tables.residual("What the force residual depends on", found["where"])
     if where.rows:

@@ -21,6 +21,7 @@ from youbot_scripts.shared.options import (
     OutputModelOption,
     ReportOption,
     SeedOption,
+    StrictOption,
     check_pictures,
     console,
     progress,
@@ -58,6 +59,7 @@ def main(
     ] = None,
     mechanism: MechanismOption = None,
     report: ReportOption = None,
+    strict: StrictOption = False,
     json: JsonOption = None,
     seed: SeedOption = 0,
 ) -> None:
@@ -72,10 +74,11 @@ def main(
     from identification.mechanisms.registry import save_any_model
 
     check_pictures(None, report)
-    given = read_inputs(model, logs, effects=effects, mechanism=mechanism)
+    given = read_inputs(model, logs, effects=effects, mechanism=mechanism, strict=strict)
     with progress(40, "diagnose") as advance:
         result = diagnose(given.model, given.logs, seed=seed, progress=advance)
-    out, found = console(json), result.to_dict()
+    out, found = console(json), {**result.to_dict(), **given.to_dict()}
+    given.tell(out)
     _print(out, found)
     if next_motion and found["next_experiment"]:
         write_json(next_motion, found["next_experiment"]["motion"])

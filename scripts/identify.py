@@ -10,7 +10,7 @@ import typer
 
 from youbot_scripts.cli import run_script
 from youbot_scripts.shared import options as common, result_tables
-from youbot_scripts.shared.inputs import read_logs_to_fit
+from youbot_scripts.shared.inputs import next_diagnosis, read_logs_to_fit
 from youbot_scripts.shared.tables import Table, percent, show
 
 if TYPE_CHECKING:
@@ -48,6 +48,7 @@ def main(
     ] = False,
     plots: common.PlotsOption = None,
     report: common.ReportOption = None,
+    strict: common.StrictOption = False,
     json: common.JsonOption = None,
     seed: common.SeedOption = 0,
 ) -> None:
@@ -57,14 +58,15 @@ def main(
     with the columns time, velocity, effort and, where there is one, position.
 
     Prints each parameter with its standard deviation and 95 % interval (true for correlated
-    residuals), what each motion in the logs can show, and what looks implausible.
+    residuals), what each motion in the logs can show, and what looks implausible. Where the model
+    lacks something it is fitted within physical limits, without intervals, and a warning says so.
     """
     # Imported here: `youbot identify --help` does without numpy and scipy.
     from identification.fitting.identify import identify
     from identification.mechanisms.registry import save_any_model
 
     common.check_pictures(plots, report)
-    given = read_logs_to_fit(logs, model, geometry, mechanism, unit)
+    given = read_logs_to_fit(logs, model, geometry, mechanism, unit, strict)
     made = common.provenance(seed)
     with common.progress(60 if output_error else 2, "identify") as advance:
         result = identify(
@@ -78,12 +80,15 @@ def main(
             provenance=made | {"command": "identify", "output_error": output_error},
             progress=advance,
         )
+    known = model or ("paper" if mechanism == "mecanum" and not geometry else "MODEL")
+    result = result.with_next_command(next_diagnosis(str(output or known), logs))
     out = common.console(json)
+    given.tell(out)
     _print(out, result)
     if output:
         save_any_model(output, result.model)
         out.print(f"model written to {output}", soft_wrap=True)
-    common.write_result(json, result.to_dict(), seed)
+    common.write_result(json, {**result.to_dict(), **given.to_dict()}, seed)
     if plots:
         from identification.figures.figures import plot_identification
 
@@ -103,9 +108,12 @@ def _print(out: Console, result: Identification) -> None:
     line = f"force error {percent(errors['force_error'])} on these logs (noise floor {floor})"
     if "velocity_error" in errors:
         line += f", velocity error {percent(errors['velocity_error'])}"
+    # What is wrong with logs or fit comes before the numbers that it makes doubtful.
+    for warning in result.first_warnings:
+        out.print(f"warning: {warning}", style="yellow", soft_wrap=True)
     show(out, _tables(result))
     out.print(line)
-    for warning in result.warnings:
+    for warning in result.warnings[len(result.first_warnings) :]:
         out.print(f"warning: {warning}", style="yellow")
 
 

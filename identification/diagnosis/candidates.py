@@ -124,11 +124,23 @@ def _linear_candidate(
     basis = visible_directions(mechanism, free)
     folds = make_folds(base.rows, joined, base.settings.fit)
     judged = cross_validate(base.residual, joined, folds, basis, base.settings.fit)
-    return Candidate(
+    found = Candidate(
         *(name, mechanism, theta, free, columns, judged, shapes),
         directions=basis.shape[1] - base.basis.shape[1],
         fold_ratio=base.fold_ratio(folds),
     )
+    if _within_bounds(mechanism, new, theta[new] + judged.step[len(base.free) :]):
+        return found
+    # Another shape may do as well with a sign that can be; where none does, the effect explains
+    # nothing.
+    return replace(found, lost_fall=max(base.held_out.square - found.square, 0.0))
+
+
+def _within_bounds(mechanism: Mechanism, which: Indices, values: Array) -> bool:
+    """Whether parameters have values within their bounds, but for rounding."""
+    lower, upper = (bound[which] for bound in mechanism.bounds)
+    rounding = 1e-9 / mechanism.scale[which]
+    return bool(((lower - rounding <= values) & (values <= upper + rounding)).all())
 
 
 def _columns(
@@ -249,6 +261,7 @@ def _joint_fit(
         fitted=joint,
         held_out=joint.held_out,
         added_noise=added,
+        lost_fall=0.0,  # the fit is within bounds
         fold_ratio=base.fold_ratio(joint.held_out.folds),
     )
     # Fall of the fitted squares, scaled to held-out squares. Noise that the effect itself amplifies

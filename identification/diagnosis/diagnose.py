@@ -26,6 +26,7 @@ from identification.diagnosis.report import (
     sentences_of,
     verdict_of,
     warnings_of,
+    without_imitators,
 )
 from identification.diagnosis.settings import DiagnosisSettings
 from identification.diagnosis.structures import (
@@ -78,7 +79,7 @@ def diagnose(
     data = LoggedData(mechanism, logs, seed, progress, settings)
     names = list(effects) if effects is not None else list(mechanism.catalogue.names())
     chosen = select(data, mechanism, model.theta, names, np.random.default_rng(seed))
-    steps = chosen.steps
+    steps = without_imitators(chosen.steps, settings)
     floor = data.floor(steps[-1].fitted).to_dict()
     unexplained = leaves_something(steps, settings)
     accepted = _names(steps)

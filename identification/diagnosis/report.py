@@ -150,6 +150,17 @@ def leaves_something(steps: Sequence[Step], settings: DiagnosisSettings) -> bool
     return not (small and last.predictable.share <= settings.max_small_rest_share)
 
 
+def without_imitators(steps: tuple[Step, ...], settings: DiagnosisSettings) -> tuple[Step, ...]:
+    """The steps; the first alone where more is left than effects explain by far.
+
+    Then what is missing is something else, and effects of the catalogue imitate it in part.
+    """
+    share = explained_share(steps)
+    if not leaves_something(steps, settings) or share is None:
+        return steps
+    return steps if share >= settings.min_explained_share else steps[:1]
+
+
 def verdict_of(unexplained: bool, tied: bool, accepted: bool) -> str:
     """One word for what was found.
 

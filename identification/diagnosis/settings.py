@@ -34,6 +34,14 @@ class DiagnosisSettings(Settings):
             "can be predicted the two are the same",
         },
     )
+    min_explained_share: float = field(
+        default=0.4,
+        metadata={
+            "unit": "share of what was predictable beyond the base model",
+            "reason": "where all effects together take less and the rest is unknown, they imitate "
+            "it: of a carpet's nap, which no effect is, an uneven friction takes 26 %",
+        },
+    )
     max_small_rest: float = field(
         default=0.005,
         metadata={

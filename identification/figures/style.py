@@ -244,4 +244,6 @@ def percent(value: float) -> str:
     """A ratio with two digits for people; "-" where there is none."""
     if not np.isfinite(value):
         return "-"
-    return f"{100 * value:#.2g} %".replace(". %", " %") if value < 1 else f"{100 * value:.0f} %"
+    # 99.5 and more would be 1.0e+02 with two digits.
+    few = value < 0.995
+    return f"{100 * value:#.2g} %".replace(". %", " %") if few else f"{100 * value:.0f} %"

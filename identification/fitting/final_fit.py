@@ -10,6 +10,7 @@ import numpy as np
 from identification.fitting.errors import NoiseLevel
 from identification.fitting.least_squares import Fit
 from identification.fitting.noise_bias import Array, extrapolated_fit, joint_fit
+from identification.fitting.physical_fit import within_limits
 from identification.fitting.settings import FitSettings
 from identification.mechanisms.mechanism import Mechanism
 from identification.mechanisms.samples import Samples
@@ -56,7 +57,7 @@ def without_noise_bias(
 
     Otherwise both fits estimate the same, and where the model is true they differ by less than
     their deviations. What they differ by is added to the covariance: it is larger where the model
-    is not.
+    is not. The parameters are within the limits of what can be.
     """
     counted = any(item.angle_noise is not None for item in samples)
     undone = found
@@ -64,12 +65,13 @@ def without_noise_bias(
         undone = extrapolated_fit(mechanism, samples, noise, found, seed, settings)
     run = _fit_of_free_run(mechanism, samples, undone, settings, progress)
     if run is None:
-        return undone
+        return within_limits(mechanism, undone, settings)
     shift = np.abs(undone.theta - found.theta)[found.free]
     if counted or (shift > settings.max_noise_shift * found.std).any():
-        return run
+        return within_limits(mechanism, run, settings)
     apart = (run.theta - undone.theta)[found.free]
-    return replace(undone, covariance=undone.covariance + np.outer(apart, apart))
+    widened = replace(undone, covariance=undone.covariance + np.outer(apart, apart))
+    return within_limits(mechanism, widened, settings)
 
 
 def _fit_of_free_run(

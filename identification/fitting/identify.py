@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
@@ -19,13 +19,16 @@ from identification.fitting.errors import (
 from identification.fitting.estimate_history import EstimateHistory, recursive_course
 from identification.fitting.final_fit import coarse_speed_warnings, without_noise_bias
 from identification.fitting.least_squares import Fit, fit
+from identification.fitting.misfit import NEXT_COMMAND, misfit_warning
 from identification.fitting.observability import (
     Observability,
     block_estimates,
     combinations,
     log_observability,
     refuse_blind,
+    told_apart_at_rest,
 )
+from identification.fitting.physical_fit import within_limits
 from identification.fitting.predictability import (
     NoiseFloor,
     Predictability,
@@ -88,6 +91,9 @@ class Identification:
     course : the recursive estimator's estimates over time, or None
     settings : all numbers that the fit depends on
     warnings : plain sentences, the most serious first
+    misfit : the first of them, where the model lacks something: no interval is stated then
+    told_first : how many of them, from the first, are of the logs and the misfit
+    at_rest : parameters that only standstill tells apart: no interval is stated of these
     """
 
     model: Any
@@ -102,6 +108,20 @@ class Identification:
     course: EstimateHistory | None = None
     warnings: tuple[str, ...] = field(default_factory=tuple)
     settings: FitSettings = field(default_factory=FitSettings)
+    misfit: str | None = None
+    told_first: int = 0
+    at_rest: tuple[str, ...] = ()
+
+    @property
+    def first_warnings(self) -> tuple[str, ...]:
+        """What makes all numbers doubtful: the misfit, and what is wrong with the logs."""
+        return self.warnings[: self.told_first]
+
+    def with_next_command(self, command: str) -> Identification:
+        """The same, with the command to type next in the place of its pattern."""
+        warnings = tuple(line.replace(NEXT_COMMAND, command) for line in self.warnings)
+        misfit = self.misfit and self.misfit.replace(NEXT_COMMAND, command)
+        return replace(self, warnings=warnings, misfit=misfit)
 
     def to_dict(self) -> dict[str, Any]:
         """JSON form: parameters with 95 % intervals, observability, errors, warnings."""
@@ -117,11 +137,15 @@ class Identification:
             "recursive": self._last_estimates(),
             "logs": [dict(log) for log in self.model.logs],
             "settings": self.settings.to_dict(),
+            "misfit": self.misfit,
             "warnings": list(self.warnings),
         }
 
     def _parameters(self) -> dict[str, Any]:
-        """Value, unit, standard deviation and interval of each parameter; None where unknown."""
+        """Value, unit, standard deviation and interval of each parameter; None where unknown.
+
+        Where the model lacks something no interval would hold, so none is stated.
+        """
         # Rounding can make the variance of an unseen direction slightly negative.
         variance = np.maximum(np.diag(self.model.covariance), 0.0)
         std = dict(zip(self.model.covariance_names, np.sqrt(variance), strict=True))
@@ -130,7 +154,9 @@ class Identification:
         found = {}
         for name, value in self.model.values.items():
             known = std.get(name)
-            interval = None if known is None else [value - reach * known, value + reach * known]
+            interval = None
+            if known is not None and self.misfit is None and name not in self.at_rest:
+                interval = [value - reach * known, value + reach * known]
             found[name] = {"value": value, "unit": units[name], "std": known, "interval": interval}
         return found
 
@@ -155,6 +181,10 @@ class Identification:
             return None
         names = [self.mechanism.parameter_names[k] for k in self.force.free]
         return dict(zip(names, self.course.theta[-1].tolist(), strict=True))
+
+
+def _without_deviations(model: AnyModel) -> AnyModel:
+    return model.with_values({})
 
 
 def _estimates(model: Any) -> dict[str, Any]:
@@ -192,6 +222,9 @@ def identify(
     settings : all numbers that the fit depends on
     seed : of the noise floor's random numbers
 
+    A model is returned whenever the logs show one. Where something is missing from it, it is fitted
+    within physical limits, and ``misfit`` says so.
+
     Raises
     ------
     InputError
@@ -205,7 +238,16 @@ def identify(
     free = np.flatnonzero(mechanism.free)
     rows = [regression(mechanism, start.theta, item, free, settings) for item in samples]
     total = log_observability(mechanism, rows, settings)
-    refuse_blind(mechanism, total, settings)
+    doubt = _doubt_of_unit(mechanism, start.theta, rows, settings)
+    try:
+        refuse_blind(mechanism, total, settings)
+    except InputError:
+        if not doubt:
+            raise
+        # A wrong unit makes what is there too small to see: no motion is missing.
+        unseen = total.describe_blind(settings.min_direction_share)[0]
+        raise InputError(f"{doubt}; as they stand these logs cannot show {unseen}") from None
+    moved = told_apart_at_rest(mechanism, samples, rows, total, settings)
     force = fit(
         *(mechanism, samples, start.theta),
         first=rows,
@@ -213,39 +255,84 @@ def identify(
         settings=settings,
         progress=progress,
     )
+    force = within_limits(mechanism, force, settings)
+    final, refused = force, []
     if output_error:
-        final = _refined(mechanism, samples, force, settings, progress)
-    elif robust:
-        final = force  # simulation and extrapolation would give the outliers their weight back
-    else:
+        final, refused = _refined(mechanism, samples, force, settings, progress)
+    elif not robust:  # simulation and extrapolation would give the outliers their weight back
         noise = [NoiseLevel.of(item, settings) for item in samples]
         args = (mechanism, samples, noise, force, seed, settings, progress)
         final = without_noise_bias(*args)
     predictable = predictability(mechanism, force.rows, samples, seed, settings)
     floor = _floor(mechanism, force, samples, predictable, settings)
     kind = kind_of(start)
+    errors = _errors(mechanism, final, samples, floor, output_error, settings)
+    misfit = misfit_warning(
+        *(errors["force_error"], errors["noise_floor"]["force_error"]),
+        real=not predictable.is_noise,
+    )
     model = kind.fitted_model(
         mechanism,
         final,
         name=name,
         logs=tuple(log.reference for log in logs),
-        errors=_errors(mechanism, final, samples, floor, output_error, settings),
+        errors=errors,
         provenance=provenance,
     )
-    told = (line for log in logs for line in log.warnings)
+    doubts = [line for line in (doubt, misfit) if line]
+    doubts += [line for log in logs for line in log.warnings]
     return Identification(
         *(model, final, force, mechanism, samples, predictable, floor),
         parts=_part_reports(mechanism, start.theta, samples, rows, settings),
         total=total,
         course=_course(mechanism, force, settings) if recursive else None,
         warnings=(
-            *told,
+            *doubts,
             *coarse_speed_warnings(samples, final),
+            *_rest_warnings(mechanism, moved, settings),
+            *refused,
             *_fit_warnings(mechanism, final),
-            *kind.warnings(model, settings.mechanism),
+            # Deviations that do not hold cannot tell what the logs show.
+            *kind.warnings(_without_deviations(model) if misfit else model, settings.mechanism),
         ),
         settings=settings,
+        misfit=misfit,
+        told_first=len(doubts),
+        at_rest=_hidden(moved, settings),
     )
+
+
+def _doubt_of_unit(
+    mechanism: Mechanism, theta: Array, rows: Sequence[Regression], settings: FitSettings
+) -> str:
+    """What the least-norm parameters of the rows at theta (P,) say of a wrong unit."""
+    free = np.flatnonzero(mechanism.free)
+    scale = mechanism.scale[free]
+    columns = np.concatenate([r.columns.reshape(-1, len(free)) for r in rows]) / scale
+    residual = np.concatenate([r.residual.ravel() for r in rows])
+    found, rounding = theta.copy(), settings.min_singular_value_share
+    found[free] += np.linalg.lstsq(columns, residual, rcond=rounding)[0] / scale
+    return mechanism.conventions.doubt_of_unit(mechanism.geometry, found, mechanism.settings)
+
+
+def _hidden(moved: Observability | None, settings: FitSettings) -> tuple[str, ...]:
+    """Names of the parameters in the directions that motion alone does not show."""
+    if moved is None:
+        return ()
+    large = np.abs(moved.blind).max(axis=0) > settings.min_direction_share
+    return tuple(name for name, hidden in zip(moved.names, large, strict=True) if hidden)
+
+
+def _rest_warnings(
+    mechanism: Mechanism, moved: Observability | None, settings: FitSettings
+) -> list[str]:
+    if moved is None:
+        return []
+    return [
+        f"{' and '.join(_hidden(moved, settings))} are told apart by standstill alone, where "
+        "friction may hold anything: no interval is stated of them; "
+        f"{mechanism.advice(moved.blind[0])}"
+    ]
 
 
 def _refined(
@@ -254,11 +341,16 @@ def _refined(
     force: Fit,
     settings: FitSettings,
     progress: Callable[[], None],
-) -> Fit:
+) -> tuple[Fit, list[str]]:
+    """The fit in free run; the fit on forces and a warning where that is no start for one."""
     # Imported here: it loads numba, which takes half a second and which a force fit does not need.
     from identification.fitting.output_error import refine
 
-    return refine(mechanism, samples, force, settings=settings, progress=progress)
+    try:
+        found = refine(mechanism, samples, force, settings=settings, progress=progress)
+    except InputError as error:
+        return force, [f"no fit in free run, the one on forces stands: {error}"]
+    return within_limits(mechanism, found, settings), []
 
 
 def _course(mechanism: Mechanism, force: Fit, settings: FitSettings) -> EstimateHistory:

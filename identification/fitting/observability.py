@@ -12,7 +12,10 @@ from numpy.typing import NDArray
 from identification.fitting.gauge import gauge_groups
 from identification.fitting.regression import Indices, Regression, covariance_of
 from identification.fitting.settings import FitSettings
+from identification.logs.logger_checks import moving
 from identification.mechanisms.mechanism import FitResult, Mechanism
+from identification.mechanisms.samples import Samples
+from identification.signals.noise import white_noise
 from youbot_env.errors import InputError
 
 Array = NDArray[np.float64]
@@ -89,7 +92,8 @@ def observability(
     norm = np.sqrt(np.diag(gramian))
     # Noise alone gives every column some length. Scaling such a short column to unit length would
     # make noise look like information.
-    norm = np.maximum(norm, settings.min_column_share * norm.max())
+    # Without any rows all are zero: nothing is seen.
+    norm = np.maximum(norm, max(settings.min_column_share * norm.max(), 1e-100))
     unit = gramian / np.outer(norm, norm)
     values, vectors = np.linalg.eigh(unit)
     unseen = values < blind
@@ -152,6 +156,41 @@ def log_observability(
     blind = settings.blind_eigenvalue
     # The step only scales the Gramian; rank and blocks come from the normalised one.
     return observability(names, scaled, rows[0].step, gauge, blind=blind, settings=settings)
+
+
+def in_motion(samples: Samples, rows: Regression) -> Regression:
+    """The rows in which some joint moves.
+
+    A joint that stands still shows no friction, whatever its noise or its counts say: what holds it
+    may be anything up to the dry friction.
+    """
+    noise = white_noise(samples.wheel_speed)
+    moves = moving(samples.wheel_speed, noise).any(axis=1)
+    known = np.concatenate([[0], np.cumsum(moves)])
+    ends = np.clip(np.round(rows.time / samples.dt).astype(int) + 1, 0, len(samples))
+    starts = np.clip(
+        np.round((rows.time - rows.step) / samples.dt).astype(int) + 1, 0, len(samples)
+    )
+    # Most of the row: a row at the edge of a standstill is half of it.
+    kept = 2 * (known[ends] - known[starts]) > ends - starts
+    return replace(
+        rows, time=rows.time[kept], residual=rows.residual[kept], columns=rows.columns[kept]
+    )
+
+
+def told_apart_at_rest(
+    mechanism: Mechanism,
+    logs: Sequence[Samples],
+    rows: Sequence[Regression],
+    total: Observability,
+    settings: FitSettings = FitSettings(),
+) -> Observability | None:
+    """What motion alone shows, where it shows less than ``total`` does with the standstill."""
+    moved = [in_motion(item, row) for item, row in zip(logs, rows, strict=True)]
+    if all(len(some.time) == len(row.time) for some, row in zip(moved, rows, strict=True)):
+        return None
+    seen = log_observability(mechanism, moved, settings)
+    return seen if seen.rank < total.rank else None
 
 
 def refuse_blind(

@@ -210,6 +210,24 @@ class FitSettings(Settings):
         },
     )
 
+    # Limits of what can be
+    limit_room: float = field(
+        default=1e-6,
+        metadata={
+            "unit": "parameters' sizes",
+            "reason": "a fit that is pulled beyond a limit stops as far within: above the rounding "
+            "of a model file",
+        },
+    )
+    limit_steps: int = field(
+        default=200,
+        metadata={"unit": "1", "reason": "a bound on time: some 20 are needed"},
+    )
+    limit_halvings: int = field(
+        default=60,
+        metadata={"unit": "1", "reason": "halve a way down to the rounding of a number"},
+    )
+
     # Covariance and intervals
     min_correlation_time: float = field(
         default=0.5,

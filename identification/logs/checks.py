@@ -13,12 +13,21 @@ from numpy.typing import NDArray
 
 from identification.logs import wheel_checks
 from identification.logs.columns import joint_columns
-from identification.logs.findings import Finding, Level
+from identification.logs.findings import Finding, Level, percent
 from identification.logs.log import Log
+from identification.logs.logger_checks import (
+    counted_speeds,
+    counted_step,
+    effort_order,
+    foreign_drive,
+    moving,
+    stale_channels,
+    unsigned_efforts,
+)
 from identification.logs.settings import LogSettings
 from identification.logs.timebase import runs_of
 from identification.logs.wheel_checks import CheckLimits, power_share
-from identification.signals.filters import integral_of
+from identification.signals.filters import block_mean, integral_of
 from identification.signals.noise import thinned, white_noise
 from youbot_env.physics.geometry import WHEELS, Geometry
 
@@ -64,7 +73,7 @@ def check(log: Log, limits: CheckLimits) -> list[Finding]:
     There are three stages. A stage is left out if an earlier one has found an error, because its
     checks assume that the earlier ones passed.
     """
-    wheels = wheel_checks.CHECKS if log.joints == WHEELS else ()
+    wheels = (*wheel_checks.CHECKS, effort_order) if log.joints == WHEELS else ()
     findings: list[Finding] = []
     # Wheels before joints: with columns swapped or of a wrong sign the power of a joint means
     # nothing.
@@ -106,8 +115,10 @@ def _motion(log: Log, limits: CheckLimits) -> Iterator[Finding]:
     cure = "record a motion that excites all wheels, for instance with youbot record"
     by_noise = settings.moving_noise_deviations * noise
     # 1e-9: without noise and motion both other limits are zero, and rounding would count as motion.
-    moving = speed > max(by_noise, settings.moving_speed_share * usual, 1e-9)
-    seconds = float(moving.sum()) * log.dt
+    above = speed > max(by_noise, settings.moving_speed_share * usual, 1e-9)
+    seconds = float(above.sum()) * log.dt
+    if seconds == 0 and counted_step(log.velocity, settings):
+        return  # coarse counts look like noise: told by `counted_speeds`
     if seconds == 0:
         yield _at(log, "error", "nothing moves", cure)
     elif seconds < least <= log.duration:
@@ -182,37 +193,103 @@ def _stale_rows(log: Log, limits: CheckLimits) -> Iterator[Finding]:
     stale = (data[1:] == data[:-1]).all(axis=1) & moving[1:]
     if stale.mean() > limits.settings.max_stale_share:
         at = int(np.argmax(stale)) + 1
-        message = f"{100 * stale.mean():.2g} % of the rows repeat the row before"
+        message = f"{percent(stale.mean())} of the rows repeat the row before"
         yield _at(log, "warning", message, "log at the rate at which is measured", at)
 
 
 def _saturation(log: Log, limits: CheckLimits) -> Iterator[Finding]:
+    """Channels that stay at a limit, which hides the true value.
+
+    A limit is met again and again, from nearby and from ever other values, while the joint moves. A
+    commanded step is met by a jump, a square wave from the same values, and what holds a joint that
+    stands still is met once at each stop.
+    """
     settings = limits.settings
-    for column, signal in _channels(log, "effort", "command"):
+    moves = moving(log.velocity, log.speed_noise, settings)
+    for k, (column, signal) in enumerate(_channels(log, "effort", "command")):
+        span = float(np.ptp(signal))
+        size = float(np.abs(signal).max())
         for extreme in (signal.min(), signal.max()):
-            held = signal == extreme
+            held = (signal == extreme) & moves[:, k % len(log.joints)]
             long = held.sum() >= settings.saturated_samples
             long = long and held.mean() > settings.max_saturated_share
-            # Zero is the value of a channel at rest, not a limit.
-            if extreme != 0 and long and np.ptp(signal) > 0:
-                message = (
-                    f"stays at its extreme {extreme:.4g} for {100 * held.mean():.2g} % of time"
-                )
+            # Zero is the value of a channel at rest, and so may be what is small beside the rest.
+            small = abs(extreme) < settings.min_limit_share * size
+            if small or not long or span == 0:
+                continue
+            if _is_met_as_a_limit(signal, signal == extreme, span, settings):
+                message = f"stays at its extreme {extreme:.4g} for {percent(held.mean())} of time"
                 cure = "drive more gently: a saturated channel hides the true value"
                 yield _at(log, "warning", message, cure, int(np.argmax(held)), column)
 
 
+def _is_met_as_a_limit(
+    signal: NDArray[np.float64], held: NDArray[np.bool_], span: float, settings: LogSettings
+) -> bool:
+    """Whether a signal (n,) comes to where it is held often, from nearby and from other values."""
+    before = [signal[start - 1] for start, _ in runs_of(held) if start > 0]
+    if len(before) < settings.saturated_runs:
+        return False
+    near = np.abs(np.array(before) - signal[held][0]) < settings.max_limit_step * span
+    return len(set(np.array(before)[near].tolist())) >= settings.saturated_runs
+
+
 def _power(log: Log, limits: CheckLimits) -> Iterator[Finding]:
-    """Friction only dissipates energy, so a joint's net power over a log must be positive."""
-    wrong = power_share(log, limits.settings) < -limits.settings.max_fed_back_power
+    """Friction only dissipates energy, so a joint's net power over a log must be positive.
+
+    A load (weight, another wheel) may drive a joint, so the sign is blamed only where what is left
+    beside inertia and load feeds power in as well, in a motion both ways.
+    """
+    settings = limits.settings
+    most = -settings.max_fed_back_power
     # A joint without a share is NaN, and NaN < x is False: it is never reported.
-    if not wrong.any():
+    driven = power_share(log, settings) < most
+    if not driven.any():
         return
+    wrong = driven & (dissipated_share(log, settings) < most)
     columns = joint_columns("effort", log.joints)
-    names = " and ".join(name for name, bad in zip(columns, wrong, strict=True) if bad)
-    message = f"the motion takes power from {names}: its sign is wrong, or columns are swapped"
-    cure = f"multiply {names} by -1, or put the columns in order"
-    yield _at(log, "error", message, cure)
+    if wrong.any():
+        names = " and ".join(name for name, bad in zip(columns, wrong, strict=True) if bad)
+        message = f"the motion takes power from {names}: its sign is wrong, or columns are swapped"
+        cure = f"multiply {names} by -1, or put the columns in order"
+        yield _at(log, "error", message, cure)
+        return
+    names = " and ".join(name for name, bad in zip(columns, driven, strict=True) if bad)
+    message = f"the motion takes power from {names}: a load drives, or its sign is wrong"
+    cure = "a motion both ways, at several speeds, would tell"
+    yield _at(log, "warning", message, cure)
+
+
+def dissipated_share(log: Log, settings: LogSettings = LogSettings()) -> NDArray[np.float64]:
+    """Power (k,) of each joint's friction over its gross power, from -1 to 1 or so.
+
+    Friction is what follows the speed and its sign, fitted together with inertia, a constant load
+    and, of one axis, a load that depends on the position. NaN where a joint moves one way only, or
+    where inertia says that the sign is right.
+    """
+    size = max(round(settings.power_time / log.dt), 1)
+    speed, effort = block_mean(log.velocity, size), block_mean(log.effort, size)
+    place = log.position if log.position is not None else integral_of(log.velocity, log.dt)
+    place = block_mean(place, size)
+    found = np.full(len(log.joints), np.nan)
+    for k in range(len(log.joints)):
+        v, e, q = speed[:, k], effort[:, k], place[:, k]
+        moves = np.abs(v) > settings.moving_speed_share * np.abs(v).max(initial=0.0)
+        ways = [float((moves & (np.sign(v) == way)).mean()) for way in (1.0, -1.0)]
+        if min(ways) < settings.min_share_of_way:
+            continue
+        friction = np.column_stack([v, np.sign(v) * moves])
+        load = [np.ones(len(v)), *([q, np.sin(q), np.cos(q)] if log.joints != WHEELS else [])]
+        columns = np.column_stack([friction, np.gradient(v), *load])
+        fitted = np.linalg.lstsq(columns / _size(columns), e, rcond=None)[0] / _size(columns)
+        if fitted[2] <= 0:
+            gross = max(float(np.abs(v * e).mean()), 1e-300)
+            found[k] = float((friction @ fitted[:2] * v).mean()) / gross
+    return found
+
+
+def _size(columns: NDArray[np.float64]) -> NDArray[np.float64]:
+    return np.maximum(np.sqrt((columns**2).mean(axis=0)), 1e-300)
 
 
 def _position(log: Log, limits: CheckLimits) -> Iterator[Finding]:
@@ -241,6 +318,9 @@ _SENSORS = (
     _dead_channels,
     _frozen_channels,
     _stale_rows,
+    stale_channels,
+    counted_speeds,
+    unsigned_efforts,
     _saturation,
 )
-_JOINTS = (_power, _position)
+_JOINTS = (_power, _position, foreign_drive)

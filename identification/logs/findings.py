@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterable
 from dataclasses import dataclass
 from typing import Literal
@@ -36,6 +37,14 @@ class Finding:
         place += [f"column {self.column}"] if self.column is not None else []
         parts = [", ".join(place)] if place else []
         return ": ".join([*parts, self.message]) + (f"; {self.cure}" if self.cure else "")
+
+
+def percent(share: float) -> str:
+    """A share such as 0.0123 as "1.2 %": two digits, never a power of ten ("100 %")."""
+    size = abs(100 * share)
+    digits = 1 - math.floor(math.log10(size)) if size > 0 and math.isfinite(size) else 0
+    rounded = round(100 * share, digits) if math.isfinite(share) else share
+    return f"{rounded:.{max(digits, 0)}f} %"
 
 
 class LogError(InputError):

@@ -103,9 +103,9 @@ class Log:
 
     @property
     def warnings(self) -> list[str]:
-        """What was repaired or looks wrong, a sentence each."""
+        """What was repaired or looks wrong, a sentence each; of what looks wrong the cure too."""
         told = (f for f in self.findings if f.level in ("warning", "repaired"))
-        return [f"{self.name}: {finding.message}" for finding in told]
+        return [f"{self.name}: {_sentence(finding)}" for finding in told]
 
     @property
     def reference(self) -> dict[str, str]:
@@ -127,6 +127,12 @@ class Log:
     def duration(self) -> float:
         """Time from the first to the last sample [s]."""
         return float(self.time[-1] - self.time[0])
+
+
+def _sentence(finding: Finding) -> str:
+    column = f"{finding.column} " if finding.column else ""
+    cure = f"; {finding.cure}" if finding.cure and finding.level == "warning" else ""
+    return f"{column}{finding.message}{cure}"
 
 
 def _frozen(array: NDArray) -> NDArray:

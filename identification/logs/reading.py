@@ -10,6 +10,7 @@ from __future__ import annotations
 import hashlib
 import os
 from collections.abc import Iterable
+from dataclasses import asdict, dataclass
 from pathlib import Path
 
 import numpy as np
@@ -137,6 +138,56 @@ def _assemble(
     )
 
 
+@dataclass(frozen=True)
+class SetAside:
+    """A log that cannot be used, while others can: its path and why."""
+
+    log: str
+    reason: str
+
+    def __str__(self) -> str:
+        return f"{self.log} set aside: {self.reason}"
+
+    def to_dict(self) -> dict[str, str]:
+        """JSON form."""
+        return asdict(self)
+
+
+def read_usable_logs(
+    paths: Iterable[str | os.PathLike[str]],
+    joints: tuple[str, ...] = WHEELS,
+    *,
+    strict: bool = False,
+    **options: object,
+) -> tuple[list[Log], list[SetAside]]:
+    """Read several logs, whose names must differ; those that cannot be used are set aside.
+
+    Parameters
+    ----------
+    strict : refuse all where one cannot be used
+    options : those of `read_log`
+
+    Raises
+    ------
+    InputError
+        If two files have one stem, no file is given, or none can be used: with the first reason.
+    """
+    read: list[Log] = []
+    aside: list[SetAside] = []
+    first: InputError | None = None
+    for path in _differing(paths):
+        try:
+            read.append(read_log(path, joints, **options))  # type: ignore[arg-type]
+        except InputError as error:
+            if strict:
+                raise
+            first = first or error
+            aside.append(SetAside(str(path), str(error).removeprefix(f"{path}: ")))
+    if first and not read:
+        raise first
+    return read, aside
+
+
 def read_logs(
     paths: Iterable[str | os.PathLike[str]], joints: tuple[str, ...] = WHEELS, **options: object
 ) -> list[Log]:
@@ -147,16 +198,21 @@ def read_logs(
     InputError
         If two files have one stem, no file is given, or one of them cannot be used.
     """
-    paths = [Path(path) for path in paths]
-    if not paths:
+    return read_usable_logs(paths, joints, strict=True, **options)[0]
+
+
+def _differing(paths: Iterable[str | os.PathLike[str]]) -> list[Path]:
+    """The paths, of which there is one at least and no two with one stem."""
+    found = [Path(path) for path in paths]
+    if not found:
         raise InputError("no log given; name at least one .csv, .csv.gz or .parquet file")
     seen: dict[str, Path] = {}
-    for path in paths:
+    for path in found:
         if log_name(path) in seen:
             other = seen[log_name(path)]
             raise fault(str(path), f"has the name of {other}", "rename one; results go by name")
         seen[log_name(path)] = path
-    return [read_log(path, joints, **options) for path in paths]  # type: ignore[arg-type]
+    return found
 
 
 def log_table(log: Log) -> tuple[list[str], NDArray[np.float64]]:

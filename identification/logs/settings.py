@@ -75,6 +75,34 @@ class LogSettings(Settings):
         default=0.25,
         metadata={"unit": "share of the step", "reason": "the same for a single step"},
     )
+    burst_quantile: float = field(
+        default=0.25,
+        metadata={
+            "unit": "1",
+            "reason": "of the steps: a usual one within a burst",
+        },
+    )
+    min_burst_pause: float = field(
+        default=3.0,
+        metadata={
+            "unit": "steps within a burst",
+            "reason": "a longer one is a pause; jitter of a tenth never makes one",
+        },
+    )
+    min_burst_share: float = field(
+        default=0.06,
+        metadata={
+            "unit": "share of the steps",
+            "reason": "pauses more often than that are no lost rows",
+        },
+    )
+    max_burst_share: float = field(
+        default=0.55,
+        metadata={
+            "unit": "share of the steps",
+            "reason": "bursts of two rows have a pause every other step",
+        },
+    )
     bridge_samples: int = field(
         default=4,
         metadata={
@@ -179,6 +207,14 @@ class LogSettings(Settings):
         default=0.05,
         metadata={"unit": "share of the usual speed", "reason": "a speed beyond is motion"},
     )
+    max_resting_speed_share: float = field(
+        default=0.5,
+        metadata={
+            "unit": "share of the usual speed",
+            "reason": "a joint that is faster moves, whatever the noise: that of coarse counts may "
+            "be above all speeds",
+        },
+    )
     usual_speed_quantile: float = field(
         default=0.95,
         metadata={"unit": "1", "reason": "the speed that a log hardly exceeds"},
@@ -214,6 +250,28 @@ class LogSettings(Settings):
         default=0.01,
         metadata={"unit": "share of the samples", "reason": "more at an extreme are a limit"},
     )
+    saturated_runs: int = field(
+        default=3,
+        metadata={
+            "unit": "1",
+            "reason": "times that a limit is met, from as many other values; a step command or a "
+            "square wave is met once, or from one value",
+        },
+    )
+    max_limit_step: float = field(
+        default=0.25,
+        metadata={
+            "unit": "share of the channel's span",
+            "reason": "a limit is met from nearby, a commanded step by a jump",
+        },
+    )
+    min_limit_share: float = field(
+        default=0.5,
+        metadata={
+            "unit": "share of the channel's largest size",
+            "reason": "an extreme that is smaller is what holds a joint, not a limit of its drive",
+        },
+    )
     position_time: float = field(
         default=0.5,
         metadata={
@@ -230,6 +288,108 @@ class LogSettings(Settings):
         },
     )
 
+    # How channels were logged
+    min_zero_share: float = field(
+        default=0.002,
+        metadata={
+            "unit": "share of the samples",
+            "reason": "counted speeds are zero now and then, measured ones hardly ever",
+        },
+    )
+    min_counted_step: float = field(
+        default=0.05,
+        metadata={
+            "unit": "share of the usual speed",
+            "reason": "finer counts are noise like any other",
+        },
+    )
+    max_one_step: float = field(
+        default=1.6,
+        metadata={
+            "unit": "least speeds",
+            "reason": "speeds of one count lie below, those of two above",
+        },
+    )
+    max_counted_step: float = field(
+        default=0.5,
+        metadata={
+            "unit": "share of the usual speed",
+            "reason": "coarser counts show no acceleration",
+        },
+    )
+    min_regular_share: float = field(
+        default=0.8,
+        metadata={
+            "unit": "share of the changes",
+            "reason": "held values change every so many rows; coarse ones at any row",
+        },
+    )
+    small_effort_share: float = field(
+        default=0.05,
+        metadata={
+            "unit": "share of the largest effort",
+            "reason": "below it an effort has come down to zero",
+        },
+    )
+    min_small_share: float = field(
+        default=0.01,
+        metadata={
+            "unit": "share of the time",
+            "reason": "an effort without its sign comes down to zero at each reversal",
+        },
+    )
+    push_window: float = field(
+        default=0.5,
+        metadata={
+            "unit": "s",
+            "reason": "windows in which efforts are told from their noise",
+        },
+    )
+    max_idle_effort: float = field(
+        default=1.5,
+        metadata={
+            "unit": "standard deviations of the noise",
+            "reason": "root mean square of a window in which nothing but noise is measured",
+        },
+    )
+    max_idle_share: float = field(
+        default=0.8,
+        metadata={
+            "unit": "share of the windows",
+            "reason": "with more the efforts are never above noise: nothing to compare with",
+        },
+    )
+    min_pushed_rise: float = field(
+        default=0.3,
+        metadata={
+            "unit": "share of the usual speed",
+            "reason": "a joint that coasts slows down: one that speeds up is driven",
+        },
+    )
+    min_push_windows: int = field(
+        default=2,
+        metadata={
+            "unit": "windows",
+            "reason": "a single one may be chance",
+        },
+    )
+    max_other_force: float = field(
+        default=0.1,
+        metadata={
+            "unit": "share of the efforts' squares",
+            "reason": "that inertia and friction of each axis leave; another order than the right "
+            "one leaves 0.15 to 0.4 (simulated logs)",
+        },
+    )
+    max_other_order_share: float = field(
+        default=0.5,
+        metadata={
+            "unit": "share of what the given order leaves",
+            "reason": "the right order leaves half or less; on 80 logs without fault none of the "
+            "others leaves less than the given one",
+        },
+    )
+
     # Signs and slip of the wheels
     driving_share: float = field(
         default=0.3,
@@ -243,6 +403,21 @@ class LogSettings(Settings):
         metadata={
             "unit": "net over gross power",
             "reason": "an effort that takes more has a wrong sign; sound logs give above 0.9",
+        },
+    )
+    power_time: float = field(
+        default=0.1,
+        metadata={
+            "unit": "s",
+            "reason": "means over it are fitted where a sign is judged: noise of the acceleration "
+            "would hide the inertia",
+        },
+    )
+    min_share_of_way: float = field(
+        default=0.1,
+        metadata={
+            "unit": "share of the time",
+            "reason": "a motion with less of one way is one-way: a load may drive it",
         },
     )
     max_slip: float = field(
@@ -330,6 +505,41 @@ class LogSettings(Settings):
         metadata={
             "unit": "rad/s, rad or m",
             "reason": "root mean square below which the wheels say nothing to compare with",
+        },
+    )
+    scale_time: float = field(
+        default=1.0,
+        metadata={
+            "unit": "s",
+            "reason": "pieces whose way gives the scale of a pose, far above its noise",
+        },
+    )
+    min_scale_difference: float = field(
+        default=0.02,
+        metadata={
+            "unit": "share",
+            "reason": "less may be slip: the contact simulator has 0.5 %",
+        },
+    )
+    scale_deviations: float = field(
+        default=3.0,
+        metadata={
+            "unit": "standard deviations",
+            "reason": "beyond, the pose has another scale than the wheels",
+        },
+    )
+    interval_deviations: float = field(
+        default=1.96,
+        metadata={
+            "unit": "standard deviations",
+            "reason": "either side of a radius: they hold a Gaussian truth in 95 % of cases",
+        },
+    )
+    max_radius_ratio: float = field(
+        default=1.25,
+        metadata={
+            "unit": "1",
+            "reason": "no radius is as wrong: beyond, time or a unit is",
         },
     )
     max_gain_ratio: float = field(

@@ -6,6 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from identification.logs.columns import Draft
+from identification.logs.findings import percent
 from identification.logs.settings import LogSettings
 
 
@@ -112,6 +113,7 @@ def check_time(draft: Draft) -> bool:
         cure = f"record at least {draft.settings.min_rows} rows of motion"
         raise draft.fault(f"has only {len(draft.time)} row(s)", cure)
     _check_order(draft)
+    _check_bursts(draft)
     step = nominal_step(draft.time)
     _check_step(draft, step)
     _check_gaps(draft, step)
@@ -197,6 +199,23 @@ def _check_step(draft: Draft, step: float) -> None:
     raise draft.fault(f"{1 / step:.4g} Hz is below {1 / settings.max_step:g} Hz", cure, 1, "time")
 
 
+def _check_bursts(draft: Draft) -> None:
+    """Refuse times of arrival: rows in bursts, between which nothing comes."""
+    steps, settings = np.diff(draft.time), draft.settings
+    short = float(np.quantile(steps, settings.burst_quantile))
+    pauses = steps > settings.min_burst_pause * short
+    share = float(pauses.mean())
+    if not settings.min_burst_share < share <= settings.max_burst_share:
+        return
+    rows, period = 1 / share, float(np.mean(steps)) / share
+    message = (
+        f"times of arrival, in bursts of some {rows:.2g} rows every {period:.3g} s, not of "
+        "measurement"
+    )
+    cure = "use the message's own stamp (header.stamp), or the sample time times the row's number"
+    raise draft.fault(message, cure, int(np.argmax(pauses)) + 1, "time")
+
+
 def _check_gaps(draft: Draft, step: float) -> None:
     """Refuse a gap too long to bridge, and too many short ones."""
     steps = np.diff(draft.time)
@@ -266,7 +285,7 @@ def resample(draft: Draft) -> None:
     grid = old[0] + step * np.arange(int((old[-1] - old[0]) / step + 1e-6) + 1)
     after = np.clip(np.searchsorted(old, grid, side="right"), 1, len(old) - 1)
     jitter = np.sqrt(np.mean((steps - step) ** 2)) / step
-    message = f"time steps vary by {100 * jitter:.2g} % (rms): interpolated to {1 / step:.6g} Hz"
+    message = f"time steps vary by {percent(jitter)} (rms): interpolated to {1 / step:.6g} Hz"
     at = int(np.argmax(np.abs(steps - step))) + 1
     draft.report("repaired", message, "log at a constant rate", at, "time")
     draft.data = interpolate_at(grid, old, draft.data)

@@ -9,7 +9,7 @@ from itertools import product
 import numpy as np
 from numpy.typing import NDArray
 
-from identification.logs.findings import Finding
+from identification.logs.findings import Finding, percent
 from identification.logs.log import Log
 from identification.logs.settings import LogSettings
 from identification.signals.filters import integral_of
@@ -60,7 +60,7 @@ def _identity(log: Log, limits: CheckLimits) -> Iterator[Finding]:
     noise = float(np.sqrt(np.mean(log.speed_noise**2)))
     along = float(np.sqrt(np.mean((log.velocity @ NO_SLIP) ** 2)))
     measured = (
-        f"phi_1' + phi_2' - phi_3' - phi_4' is {100 * ratio:.2g} % of the wheel speeds "
+        f"phi_1' + phi_2' - phi_3' - phi_4' is {percent(ratio)} of the wheel speeds "
         f"({2 * along:.2g} rad/s rms; noise alone makes {2 * noise:.2g})"
     )
     if ratio < settings.max_slip or along < settings.slip_noise_deviations * noise:
@@ -185,6 +185,64 @@ def _travel(log: Log, limits: CheckLimits) -> Iterator[Finding]:
     yield from _compare("pose_x", way, expected, ("m", 1e3, "millimetres"), limits.settings)
 
 
+UNIT_FACTORS = {
+    "turns/s": (2 * np.pi, "6.28319"),
+    "rpm": (np.pi / 30, "0.104720"),
+    "degrees/s": (np.pi / 180, "0.0174533"),
+}
+"""Units that wheel speeds may be in, by what makes rad/s of them."""
+
+
+def _scale(log: Log, limits: CheckLimits) -> Iterator[Finding]:
+    """What the pose travels and turns over what the wheels say: radius, time scale or unit."""
+    if log.pose is None:
+        return
+    settings, geometry = limits.settings, limits.geometry
+    stride = max(int(settings.scale_time / log.dt), 1)
+    twist, yaw = geometry.body_twist(log.velocity), log.pose[:, 2]
+    c, s = np.cos(yaw), np.sin(yaw)
+    world = np.column_stack([c * twist[:, 0] - s * twist[:, 1], s * twist[:, 0] + c * twist[:, 1]])
+    rolled = np.diff(integral_of(world, log.dt)[::stride], axis=0)
+    travelled = np.diff(log.pose[::stride, :2], axis=0)
+    square = float((rolled**2).sum())
+    if square < len(rolled) * settings.min_compared_size**2:
+        return
+    gain = float((rolled * travelled).sum()) / square
+    left = (rolled * (travelled - gain * rolled)).sum(axis=1)
+    std = float(np.sqrt((left**2).sum())) / square
+    certain = max(settings.min_scale_difference, settings.scale_deviations * std)
+    if gain <= 0 or abs(gain - 1) < certain:
+        return
+    if max(gain, 1 / gain) < settings.max_radius_ratio:
+        radius, reach = geometry.R * gain, settings.interval_deviations * geometry.R * std
+        message = (
+            f"the pose travels {gain:.3g} times what the wheels roll: R = {radius:.5f} m "
+            f"(95 %: {radius - reach:.5f} ... {radius + reach:.5f}) would, where the geometry has "
+            f"{geometry.R:g} m"
+        )
+        cure = "measure the wheels, and give their radius (--geometry), or mend the pose"
+        yield Finding("warning", message, cure=cure)
+        return
+    expected = np.diff(integral_of(twist[:, 2], log.dt)[::stride])
+    turned = np.diff(yaw[::stride])
+    turns = float(expected @ expected) > len(expected) * settings.min_compared_size**2
+    alike = turns and abs(float(expected @ turned / (expected @ expected)) / gain - 1)
+    # A pose in another unit of length turns as the wheels say; time and speeds scale both.
+    if alike > settings.max_other_scale:
+        return
+    near = settings.max_other_scale
+    unit = next((u for u, (f, _) in UNIT_FACTORS.items() if abs(gain / f - 1) < near), "")
+    message = f"the pose travels and turns {gain:.3g} times what the wheels say"
+    if unit:
+        cure = f"velocity_* look like {unit}: multiply them by {UNIT_FACTORS[unit][1]}"
+    else:
+        cure = (
+            f"the time column runs {1 / gain:.3g} times as fast as the motion (wall clock beside "
+            f"simulated time?): multiply time by {gain:.3g}, or mend the unit of the speeds"
+        )
+    yield Finding("error", message, column="time" if not unit else "velocity_*", cure=cure)
+
+
 def _compare(
     column: str,
     measured: NDArray[np.float64],
@@ -217,6 +275,7 @@ def _compare(
 CHECKS: tuple[Callable[[Log, CheckLimits], Iterator[Finding]], ...] = (
     _identity,
     _moments_of_slip,
+    _scale,
     _turning,
     _travel,
 )

@@ -209,6 +209,20 @@ def _advice(scales: Scales, direction: Array) -> str:
     )
 
 
+def _least_inertia(scales: Scales, settings: MechanismSettings) -> float:
+    return settings.min_axis_inertia_share * scales.force / scales.acceleration
+
+
+def _limits(scales: Scales, theta: Array, settings: MechanismSettings) -> dict[str, float]:
+    """How far the inertia is above the least, as a share of what is typical."""
+    typical_inertia = scales.force / scales.acceleration
+    return {"inertia": (theta[0] - _least_inertia(scales, settings)) / typical_inertia}
+
+
+def _inside(scales: Scales, theta: Array, settings: MechanismSettings) -> Array:
+    return np.concatenate([[max(theta[0], 2 * _least_inertia(scales, settings))], theta[1:]])
+
+
 CONVENTIONS: Conventions[Scales] = Conventions(
     kind=AXIS,
     axes=("axis",),
@@ -219,6 +233,8 @@ CONVENTIONS: Conventions[Scales] = Conventions(
     advice=_advice,
     scaling="by what is typical for the axis",
     filter_rate=_filter_rate,
+    limits=_limits,
+    inside=_inside,
 )
 """Of one axis."""
 

@@ -6,7 +6,6 @@ alike.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from functools import partial
 
 import numpy as np
@@ -70,13 +69,52 @@ def _variables(samples: Samples, geometry: Geometry) -> Variables:
     )
 
 
-def _fault_of_fit(geometry: Geometry, values: Mapping[str, float]) -> str:
-    if values["m0"] > 4 * geometry.m1:
+def _limits(geometry: Geometry, theta: Array, settings: MechanismSettings) -> dict[str, float]:
+    """How far m0 and I0 are above what masses can be, in kg: negative where no masses do.
+
+    The platform weighs more than its wheels. Mass m whose centre lies at a distance a from O has a
+    yaw inertia of m a^2 or more about O: [[m, m a], [m a, I0]] is positive semidefinite, and its
+    least eigenvalue, with lengths in units of the wheels' distance, is concave in theta.
+    """
+    inertia = theta[1] / _corner(geometry) ** 2
+    moment = float(np.hypot(theta[2], theta[3])) / _corner(geometry)
+    mass, least = theta[0] - 4 * geometry.m1, _least_mass(geometry, settings)
+    lowest = 0.5 * (mass + inertia - float(np.hypot(mass - inertia, 2 * moment)))
+    # Half of it, so that a mass at its limit leaves room for a centre of mass.
+    return {"m0": mass - least, "I0": lowest - 0.5 * least}
+
+
+def _inside(geometry: Geometry, theta: Array, settings: MechanismSettings) -> Array:
+    """The nearest mass and inertia well within the limits; the centre of mass moves inwards."""
+    least, found = 2 * _least_mass(geometry, settings), theta.copy()
+    mass = max(theta[0] - 4 * geometry.m1, least)
+    inertia = max(theta[1] / _corner(geometry) ** 2, least)
+    found[:2] = mass + 4 * geometry.m1, inertia * _corner(geometry) ** 2
+    moment = float(np.hypot(theta[2], theta[3])) / _corner(geometry)
+    # A quarter of each: the least eigenvalue is then above half of the smaller one.
+    found[2:4] *= min(1.0, 0.25 * min(mass, inertia) / max(moment, 1e-300))
+    return found
+
+
+def _corner(geometry: Geometry) -> float:
+    return float(np.hypot(geometry.l, geometry.h))
+
+
+def _least_mass(geometry: Geometry, settings: MechanismSettings) -> float:
+    """Of the platform without its wheels [kg]."""
+    return max(settings.min_platform_mass_share * 4 * geometry.m1, settings.min_platform_mass)
+
+
+def _doubt_of_unit(geometry: Geometry, theta: Array, settings: MechanismSettings) -> str:
+    """A mass that no such platform has, which speeds in turns/s would make of an ordinary one."""
+    # What a wheel feels of the mass: shown even where m0 and I1 are not told apart.
+    felt = float(theta[0] + 4 * theta[4] / geometry.R**2)
+    if felt < settings.max_platform_mass:
         return ""
+    turn = 2 * np.pi
     return (
-        f"the fitted mass m0 = {values['m0']:.3g} kg is below that of the four wheels "
-        f"({4 * geometry.m1:.3g} kg): the logs do not show it; record motions "
-        "I and II, or check the torques' unit and the geometry"
+        f"the logs show a mass of {felt:.0f} kg: are velocity_* in turns/s? multiplied by "
+        f"{turn:.5f} to rad/s they show {felt / turn:.0f} kg"
     )
 
 
@@ -104,8 +142,10 @@ CONVENTIONS: Conventions[Geometry] = Conventions(
     order=PAPER_ORDER,
     parts=parts_of,
     motions=_motions,
-    fault_of_fit=_fault_of_fit,
     combinations=_combinations,
+    limits=_limits,
+    inside=_inside,
+    doubt_of_unit=_doubt_of_unit,
     motion_that_shows=motion_that_shows,
 )
 """Of the mecanum platform."""

@@ -100,8 +100,16 @@ def _no_scale(known: object) -> dict[str, float]:
     return {}
 
 
-def _no_fault(known: object, values: object) -> str:
+def _no_limits(known: object, theta: Array, settings: MechanismSettings) -> dict[str, float]:
+    return {}
+
+
+def _no_doubt(known: object, theta: Array, settings: MechanismSettings) -> str:
     return ""
+
+
+def _as_it_is(known: object, theta: Array, settings: MechanismSettings) -> Array:
+    return theta
 
 
 def _no_combinations(known: object) -> dict[str, dict[str, float]]:
@@ -130,8 +138,11 @@ class Conventions(Generic[Known]):
     filter_rate(known) : of the filter through which forces are fitted [rad/s]
     parts(samples, settings) : stretches of a log that are judged apart
     motions(known, seed) : motions that could be recorded next
-    fault_of_fit(known, values) : why base parameters that were fitted cannot be, and what to do;
-        "" if they can
+    limits(known, theta, settings) : how far base parameters theta are within what can be, beyond
+        the bounds that they declare, by the name of the parameter that is at its limit: negative
+        where they cannot be; of numbers of one size
+    inside(known, theta, settings) : base parameters near theta that are within these limits
+    doubt_of_unit(known, theta, settings) : what parameters (P,) say of a wrong unit; "" if nothing
     combinations(known) : sums of base parameters that a motion shows better than their members: by
         how people write them, each member's factor
     motion_that_shows(known, direction) : name of the motion that does, where motions have names
@@ -150,7 +161,9 @@ class Conventions(Generic[Known]):
     filter_rate: Callable[[Known], float] = _usual_rate
     parts: Callable[[Samples, MechanismSettings], list[Part]] = _whole
     motions: Callable[[Known, int], Sequence[Experiment]] = _nothing
-    fault_of_fit: Callable[[Known, Mapping[str, float]], str] = _no_fault
+    limits: Callable[[Known, Array, MechanismSettings], Mapping[str, float]] = _no_limits
+    inside: Callable[[Known, Array, MechanismSettings], Array] = _as_it_is
+    doubt_of_unit: Callable[[Known, Array, MechanismSettings], str] = _no_doubt
     combinations: Callable[[Known], Mapping[str, Mapping[str, float]]] = _no_combinations
     motion_that_shows: Callable[[Known, Array], str] | None = None
 

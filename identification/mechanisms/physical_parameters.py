@@ -9,7 +9,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from identification.mechanisms.mechanism import FitResult, Mechanism
-from youbot_env.errors import InputError
 from youbot_env.model.model import Estimate, Model
 from youbot_env.physics.stated_parameters import jacobian, public_parameters, to_public
 
@@ -56,6 +55,41 @@ def physical_covariance(mechanism: Mechanism[Any], fit: FitResult) -> tuple[tupl
     return tuple(names[k] for k in kept), slope[kept] @ fit.covariance @ slope[kept].T
 
 
+def limits(mechanism: Mechanism[Any], theta: Array) -> dict[str, float]:
+    """How far parameters theta (P,) are within what a model may hold, by the parameter's full name.
+
+    Negative beyond; in units of the parameters' sizes. Bounds are those of the parameters as people
+    state them, so the gauge is settled first; beside them, what the base parameters must be
+    together (:class:`~identification.mechanisms.mechanism.Conventions`).
+    """
+    geometry, settled = mechanism.geometry, settle_gauge(mechanism, theta)[0]
+    declared = public_parameters(mechanism.structure, geometry)
+    found = {}
+    for name, value in to_public(mechanism.structure, geometry, settled).items():
+        known = declared[name]
+        room = min(value - known.lower, known.upper - value)
+        if np.isfinite(room) or not np.isfinite(value):
+            found[name] = room / known.size if np.isfinite(value) else -1.0
+    together = mechanism.conventions.limits(geometry, settled, mechanism.settings)
+    return {**found, **together}
+
+
+def well_inside(mechanism: Mechanism[Any], theta: Array) -> Array:
+    """(P,) parameters within all limits: the base near theta, shapes too, effects without strength.
+
+    They are where a search for the best parameters within the limits can always begin.
+    """
+    base = len(mechanism.structure.base_names)
+    lower, upper = mechanism.bounds
+    shapes = np.array([label.parameter.is_shape for label in mechanism.labels])
+    strength = np.where(shapes | (np.arange(len(theta)) < base), theta, 0.0)
+    found = np.clip(np.where(np.isfinite(strength), strength, 0.0), lower, upper)
+    found[:base] = mechanism.conventions.inside(
+        mechanism.geometry, found[:base], mechanism.settings
+    )
+    return found
+
+
 def fitted_model(
     mechanism: Mechanism[Any],
     fit: FitResult,
@@ -65,20 +99,18 @@ def fitted_model(
     errors: Mapping[str, Any] | None = None,
     provenance: Mapping[str, Any] | None = None,
 ) -> Model[Any]:
-    """The model that a fit stands for.
+    """The model that a fit stands for, which is within :func:`limits`.
 
     Raises
     ------
     InputError
-        If the fit is not physical (a negative mass, say): the logs do not show the parameters.
+        If it is not: nothing has that mass, say.
     """
     theta, _ = settle_gauge(mechanism, fit.theta)
     names, covariance = physical_covariance(mechanism, fit)
     std = dict(zip(names, np.sqrt(np.maximum(np.diag(covariance), 0.0)), strict=True))
     declared = public_parameters(mechanism.structure, mechanism.geometry)
     values = to_public(mechanism.structure, mechanism.geometry, theta)
-    if fault := mechanism.conventions.fault_of_fit(mechanism.geometry, values):
-        raise InputError(fault)
 
     def entry(key: str) -> Estimate:
         return Estimate(values[key], declared[key].unit, float(std[key]) if key in std else None)

@@ -8,7 +8,9 @@ from typing import Any
 import numpy as np
 
 from identification.mechanisms.settings import MechanismSettings
-from youbot_env.model.model import Model
+from youbot_env.model.model import Estimate, Model
+from youbot_env.model.model_file import load_model
+from youbot_env.physics.effect import Parameter
 from youbot_env.physics.geometry import Geometry
 
 
@@ -27,7 +29,7 @@ def _inertia(model: Model[Geometry], settings: MechanismSettings) -> list[str]:
     g, value = model.geometry, model.values
     radius = float(np.sqrt(value["I0"] / value["m0"]))
     corner = float(np.hypot(g.l, g.h))
-    if radius > corner:
+    if radius > corner and not _is_published(model, settings):
         return [
             f"I0 = {value['I0']:.3g} kg m^2 with m0 = {value['m0']:.3g} kg is a gyration radius of "
             f"{radius:.2f} m, beyond the wheels' {corner:.2f} m from the centre: hardly possible "
@@ -41,20 +43,42 @@ def _inertia(model: Model[Geometry], settings: MechanismSettings) -> list[str]:
     return []
 
 
+def _is_published(model: Model[Geometry], settings: MechanismSettings) -> bool:
+    """Whether mass and inertia are those that the paper gives for the youBot.
+
+    They are odd together (README says so), and every log of such a platform would be warned of.
+    """
+    paper, near = load_model("paper"), settings.max_published_difference
+    return model.geometry == paper.geometry and all(
+        abs(model.values[name] / paper.values[name] - 1) < near for name in ("m0", "I0")
+    )
+
+
 def _wheel(model: Model[Geometry], settings: MechanismSettings) -> list[str]:
+    found = model.parameters["I1"]
     solid = 0.5 * model.geometry.m1 * model.geometry.R**2
-    ratio = model.values["I1"] / solid if solid > 0 else 1.0
+    if not solid > 0 or _may_be_zero(found, model.base_parameters["I1"], settings):
+        return []  # a ratio of a value that means nothing
+    ratio = found.value / solid
     if ratio > settings.max_wheel_inertia_ratio:
         return [
-            f"I1 = {model.values['I1']:.2g} kg m^2 is {ratio:.1f} times a solid wheel's "
+            f"I1 = {found.value:.2g} kg m^2 is {ratio:.1f} times a solid wheel's "
             f"{solid:.2g} kg m^2: the motor's rotor, seen through the gear, may explain it"
         ]
     if ratio < settings.min_wheel_inertia_ratio:
         return [
-            f"I1 = {model.values['I1']:.2g} kg m^2 is only {ratio:.2f} of a solid wheel's "
+            f"I1 = {found.value:.2g} kg m^2 is only {ratio:.2f} of a solid wheel's "
             f"{solid:.2g} kg m^2: hardly possible; m0 and I1 may be mixed up"
         ]
     return []
+
+
+def _may_be_zero(found: Estimate, declared: Parameter, settings: MechanismSettings) -> bool:
+    """Whether a parameter that cannot be negative stands at zero, or its interval reaches it."""
+    if declared.lower != 0:
+        return False
+    least = settings.negligible_value_share * declared.size
+    return found.value <= max(least, settings.interval_deviations * (found.std or 0.0))
 
 
 def _centre_of_mass(model: Model[Geometry]) -> list[str]:
@@ -89,10 +113,18 @@ def barely_observable(
     for name, estimate in estimates.items():
         size = sizes.get(name, abs(estimate.value))
         effect, _, key = name.partition(".")
+        declared = (
+            model.effect(effect).public_parameter(key) if key else model.base_parameters[name]
+        )
         if key and model.effect(effect).public is not None:
             # A place or a phase may well be zero: judged by its catalogue size.
-            size = max(size, model.effect(effect).public_parameter(key).size)
-        if estimate.std is not None and estimate.std > settings.max_deviation_share * size:
+            size = max(size, declared.size)
+        if estimate.std is None or estimate.std <= settings.max_deviation_share * size:
+            continue
+        if _may_be_zero(estimate, declared, settings):
+            most = estimate.value + settings.interval_deviations * estimate.std
+            found.append(f"{name} is not shown by these logs (below {most:.2g} {estimate.unit})")
+        else:
             found.append(
                 f"{name} = {estimate.value:.3g} +- {estimate.std:.2g} {estimate.unit} is barely "
                 "observable in these logs"

@@ -154,6 +154,34 @@ class MechanismSettings:
         },
     )
 
+    # Limits of a fitted model
+    min_platform_mass_share: float = field(
+        default=0.1,
+        metadata={
+            "unit": "share of the four wheels' mass",
+            "reason": "a platform without its wheels weighs more; a fit that is pulled below stops "
+            "here, where its centre of mass is still defined",
+        },
+    )
+    min_platform_mass: float = field(
+        default=0.01,
+        metadata={"unit": "kg", "reason": "the same where the geometry says that wheels weigh 0"},
+    )
+    max_platform_mass: float = field(
+        default=200.0,
+        metadata={
+            "unit": "kg",
+            "reason": "with what the wheels add; beyond, speeds are in turns/s (35 kg would show "
+            "290), or torques in another unit",
+        },
+    )
+    min_axis_inertia_share: float = field(
+        default=1e-3,
+        metadata={
+            "unit": "share of an axis' typical inertia",
+            "reason": "a fit that is pulled below stops here: an axis without inertia cannot be",
+        },
+    )
     min_moving_speed_share: float = field(
         default=0.02,
         metadata={
@@ -178,6 +206,29 @@ class MechanismSettings:
             "unit": "share of the value",
             "reason": "a parameter with a larger standard deviation is called barely observable: "
             "its 95 % interval is wider than 40 % either side",
+        },
+    )
+    interval_deviations: float = field(
+        default=1.96,
+        metadata={
+            "unit": "standard deviations",
+            "reason": "a parameter that cannot be negative and is within so many of zero is not "
+            "shown; 95 %, as of a fit's intervals",
+        },
+    )
+    negligible_value_share: float = field(
+        default=1e-3,
+        metadata={
+            "unit": "share of the parameter's size",
+            "reason": "below it a value stands at its bound of zero, up to rounding",
+        },
+    )
+    max_published_difference: float = field(
+        default=0.05,
+        metadata={
+            "unit": "share of the value",
+            "reason": "mass and inertia as near to the paper's are the paper's: its gyration "
+            "radius beyond the wheels is known, and is no news from a log",
         },
     )
     min_gyration_radius_share: float = field(
@@ -210,6 +261,8 @@ class MechanismSettings:
             "torque_rate_smoothing_time",
             "part_window_duration",
             "axis_bandwidths",
+            "min_platform_mass",
+            "min_axis_inertia_share",
         ):
             value = getattr(self, name)
             for number in value if isinstance(value, tuple) else (value,):

@@ -106,6 +106,12 @@ UnitOption = Annotated[
     str,
     typer.Option("--unit", help="Of an axis' position: rad (rad/s, N m) or m (m/s, N)."),
 ]
+StrictOption = Annotated[
+    bool,
+    typer.Option(
+        "--strict", help="Refuse all logs where one cannot be used; else it is set aside."
+    ),
+]
 SeedOption = Annotated[
     int, typer.Option("--seed", metavar="N", min=0, help="Seed of all random numbers.")
 ]

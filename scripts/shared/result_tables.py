@@ -36,11 +36,11 @@ TOO_SHORT = "The logs are too short to tell."
 
 def verdict(error: float, floor: float) -> str:
     """A model's force error beside its noise floor, in words."""
-    from identification.diagnosis.settings import DiagnosisSettings
+    from identification.fitting.misfit import misfit
 
     left = f"The model leaves {percent(error)} of the forces unexplained"
     noise = f"measurement noise alone would leave {percent(floor)}"
-    if error <= DiagnosisSettings.max_error_over_floor * floor:
+    if not misfit(error, floor):
         return f"{left}; {noise}: it fits."
     return (
         f"{left}; {noise}: it does not fit. `youbot diagnose` names what is missing, or says that "
@@ -70,13 +70,16 @@ def parameters(found: Mapping[str, Found], title: str = "Parameters") -> Table:
 
 
 def _estimate(entry: Found) -> str:
-    return (
-        with_std(entry["value"], entry["std"]) if _is_estimated(entry) else number(entry["value"])
-    )
+    if not _is_estimated(entry):
+        return number(entry["value"])
+    # Without an interval the deviation does not hold either; the digits are those of the value.
+    if entry.get("interval", ...) is None:
+        return to_digit_of(entry["value"], entry["std"])
+    return with_std(entry["value"], entry["std"])
 
 
 def _interval(entry: Found) -> str:
-    if not _is_estimated(entry):
+    if not _is_estimated(entry) or entry["interval"] is None:
         return "-"
     return " ... ".join(to_digit_of(bound, entry["std"]) for bound in entry["interval"])
 
@@ -86,9 +89,16 @@ def _is_estimated(entry: Found) -> bool:
 
 
 def of_model(model: Any) -> dict[str, dict[str, Any]]:
-    """A model's parameters and those of its effects, as :func:`parameters` takes them."""
+    """A model's parameters and those of its effects, as :func:`parameters` takes them.
+
+    Without intervals where the model did not fit the logs that it was fitted on.
+    """
+    from identification.fitting.misfit import misfit
     from identification.fitting.settings import FitSettings
 
+    floor = model.errors.get("noise_floor")
+    numbers = (model.errors.get("force_error"), floor and floor.get("force_error"))
+    holds = None in numbers or not misfit(*numbers)
     entries = dict(model.parameters) | {
         f"{effect}.{name}": entry
         for effect, inner in model.effects.items()
@@ -96,7 +106,9 @@ def of_model(model: Any) -> dict[str, dict[str, Any]]:
     }
     found = {}
     for name, entry in entries.items():
-        reach = None if entry.std is None else FitSettings.interval_deviations * entry.std
+        reach = None
+        if holds and entry.std is not None:
+            reach = FitSettings.interval_deviations * entry.std
         bounds = None if reach is None else [entry.value - reach, entry.value + reach]
         found[name] = {
             "value": entry.value, "std": entry.std, "interval": bounds, "unit": entry.unit

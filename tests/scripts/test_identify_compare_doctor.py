@@ -83,7 +83,7 @@ class TestIdentify:
             assert shown == pytest.approx(entry["interval"], abs=0.1 * entry["std"])
             assert row.rstrip().endswith(unit)
         assert f"model written to {target}" in out
-        assert "did an arm reach out" in out, "the paper's yaw inertia is implausible"
+        assert "gyration radius" not in out, "that of the paper's platform is no news from a log"
         for motion in ("I", "II", "III", "IV"):
             assert any(line.split()[:2] == ["calibration", motion] for line in out.splitlines())
 
@@ -166,13 +166,65 @@ class TestIdentify:
         assert "Parameters" in printed.err
 
 
+class TestSetAside:
+    """One log of several that cannot be used, and the misfit, in terminal and JSON."""
+
+    @pytest.fixture
+    def broken(self, logs: Path) -> Path:
+        path = logs.parent / "broken.csv"
+        path.write_text("time,velocity_fl\n0.0,1.0\n")
+        return path
+
+    @pytest.mark.parametrize("command", ["identify", "compare"])
+    def test_it_is_named_with_its_reason(
+        self, command: str, logs: Path, model: Path, broken: Path, tmp_path: Path, capsys
+    ):
+        start = ["compare", model] if command == "compare" else ["identify"]
+        found = run_json([*start, broken, logs / "calibration.csv"], tmp_path)
+        (aside,) = found["set_aside"]
+        assert aside["log"] == str(broken) and "missing" in aside["reason"]
+        assert f"warning: {broken} set aside: " in capsys.readouterr().out
+        assert str(broken) not in aside["reason"]
+
+    def test_strict_refuses_all_and_none_left_is_the_first_s_reason(
+        self, logs: Path, broken: Path, tmp_path: Path, capsys
+    ):
+        line = refused(["identify", logs / "calibration.csv", broken, "--strict"], capsys)
+        assert f"{broken}: " in line
+        (tmp_path / "empty.csv").write_text("")
+        assert f"{broken}: " in refused(["identify", broken, tmp_path / "empty.csv"], capsys)
+
+    def test_two_logs_of_one_name_are_refused_as_ever(self, logs: Path, tmp_path: Path, capsys):
+        again = tmp_path / "calibration.csv"
+        again.write_bytes((logs / "calibration.csv").read_bytes())
+        line = refused(["identify", logs / "calibration.csv", again], capsys)
+        assert "has the name of" in line
+
+
+def test_a_misfit_is_the_first_line_without_intervals_and_with_what_to_type(tmp_path: Path, capsys):
+    slope = ("floor_tilt", (("tilt_x", 0.0), ("tilt_y", -0.04)))
+    path, target = tmp_path / "slope.csv", tmp_path / "model.json"
+    write_log(path, recording(effects=(slope,), rate=50.0))
+    found = run_json(["identify", path, "-o", target], tmp_path)
+    out = capsys.readouterr().out
+    command = f"youbot diagnose {target} {path}"
+    assert out.startswith("warning: the force error is ") and command in out.splitlines()[0]
+    assert found["misfit"] == found["warnings"][0] and command in found["misfit"]
+    assert all(entry["interval"] is None for entry in found["parameters"].values())
+    assert "±" not in out and load_model(target).parameters["m0"].std
+    found = run_json(["compare", target, path], tmp_path)
+    assert command in found["misfit"]
+    assert capsys.readouterr().out.startswith("warning: the force error is ")
+
+
 class TestCompare:
     def test_json_has_the_fixed_keys(self, logs: Path, model: Path, tmp_path: Path):
         found = run_json(["compare", model, logs / "a.csv.gz", logs / "b.csv"], tmp_path)
         assert set(found) >= {"logs", "total", "noise_floor", "where", "stretches"}
         assert set(found["logs"]) == {"a", "b"}
         both = {"force_error", "velocity_error"}
-        assert set(found["total"]) == set(found["noise_floor"]) == both
+        assert set(found["total"]) == both <= set(found["noise_floor"])
+        assert found["misfit"] is None and found["set_aside"] == []
         for entry in found["logs"].values():
             assert set(entry) >= {*both, "seen_in_fit", "slip"}
             assert entry["seen_in_fit"] is False

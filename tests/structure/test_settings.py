@@ -22,6 +22,7 @@ NO_SETTING = {
     "threads": {"MAX_THREADS": "threads by default; no result depends on it"},
     "logs": {
         "_UNITS": "units that a time column is recognised in",
+        "UNIT_FACTORS": "units of wheel speeds",
         "NO_SLIP": "geometry: wheel speeds that no rigid motion makes",
         "_DEGREES": "degrees in a radian",
         "DECIMALS": "of a written file",

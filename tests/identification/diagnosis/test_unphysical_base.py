@@ -1,18 +1,19 @@
-"""Where a refitted base is beyond what a platform can be, the verdict is given all the same.
+"""Where a refitted base is beyond what a platform can be, there is a verdict and a model.
 
 A steep slope that no candidate explains is taken up by the base parameters as far as they can: the
-fitted mass ends below that of the wheels.
+fitted mass ends below that of the wheels; the model stops at what can be.
 """
 
 from __future__ import annotations
+
+import json
 
 import pytest
 
 from identification.diagnosis.diagnose import diagnose
 from identification.diagnosis.report import Diagnosis
 from tests.identification.recordings import recording
-from youbot_env.errors import InputError
-from youbot_env.model.model_file import load_model
+from youbot_env.model.model_file import load_model, model_from_dict, model_to_dict
 
 SLOPE = ("floor_tilt", (("tilt_x", 0.0), ("tilt_y", -0.04)))
 DRY = ("wheel_coulomb_friction", (("torque", 1.0),))
@@ -25,22 +26,16 @@ def found() -> Diagnosis:
     return diagnose(load_model("paper"), [log], effects=names)
 
 
-def test_the_verdict_is_given_with_a_warning(found: Diagnosis):
+def test_the_verdict_is_given_and_so_is_a_model(found: Diagnosis):
     content = found.to_dict()
     assert (content["verdict"], content["missing"]) == ("unknown", ["wheel_coulomb_friction"])
-    assert found.fitted_model is None
-    (warning,) = [w for w in content["warnings"] if "do not show the base parameters" in w]
-    assert "m0" in warning and "given model" in warning
     assert content["where"] and content["remaining"]
+    again = model_from_dict(json.loads(json.dumps(model_to_dict(found.model))), "written")
+    assert again.values == found.model.values
+    assert again.values["m0"] > 4 * again.geometry.m1
 
 
-def test_sizes_are_those_beside_the_given_parameters(found: Diagnosis):
-    torque = found.candidates[0]["parameters"]["torque"]
-    assert torque["value"] == pytest.approx(1.0, rel=0.05) and torque["std"] > 0
-    assert f"{torque['value']:.3f} N m of dry friction" in found.sentences[0]
-
-
-def test_there_is_no_model_and_a_line_says_why(found: Diagnosis):
-    with pytest.raises(InputError, match=r"do not show the base parameters \(.*m0") as caught:
-        _ = found.model
-    assert "\n" not in str(caught.value)
+def test_the_sentence_has_the_size_that_the_model_has(found: Diagnosis):
+    torque = found.model.effects["wheel_coulomb_friction"]["torque"]
+    assert torque.value == pytest.approx(1.0, rel=0.05)
+    assert f"{torque.value:.3f} N m of dry friction" in found.sentences[0]

@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 
+from identification.doctor import log_shows
 from identification.fitting.ideal_motions import motion_observability
 from identification.fitting.identify import identify
 from identification.fitting.observability import (
@@ -11,6 +12,8 @@ from identification.fitting.observability import (
     observability,
 )
 from identification.fitting.regression import Regression, regression
+from identification.logs.log import AXIS, Log
+from identification.mechanisms.axis_model import base_axis_model
 from identification.mechanisms.calibration_parts import parts_of
 from identification.mechanisms.mecanum import Mecanum
 from identification.mechanisms.paper_regressor import (
@@ -18,6 +21,7 @@ from identification.mechanisms.paper_regressor import (
     ideal_columns,
     motion_that_shows,
 )
+from identification.mechanisms.registry import mechanism_of
 from tests.identification.recordings import recording
 from youbot_env.errors import InputError
 from youbot_env.model.model_file import load_model
@@ -146,3 +150,43 @@ def test_a_column_of_noise_is_not_taken_for_information():
 def test_rows_need_no_filter_settled_twice():
     rows = Regression(np.arange(5.0), 1.0, np.zeros((5, 3)), np.ones((5, 3, 7)))
     assert len(rows.between(1.0, 3.0).time) == 2
+
+
+class TestStandstill:
+    """A joint that stands still for most of a log and moves one way shows less than it seems."""
+
+    @staticmethod
+    def log(way_back: bool = False, counts: float = 0.0) -> Log:
+        time, rng = np.arange(0, 40, 0.01), np.random.default_rng(0)
+        bump = np.where((time > 5) & (time < 12), 1 - np.cos(2 * np.pi * (time - 5) / 7), 0.0)
+        bump += np.where(
+            (time > 5) & (time < 12), 0.3 - 0.3 * np.cos(4 * np.pi * (time - 5) / 7), 0
+        )
+        speed = bump - np.roll(bump, 1500) if way_back else bump
+        effort = 0.5 * np.gradient(speed, time) + 0.3 * speed + 0.4 * np.tanh(speed / 0.01) + 0.1
+        noisy = speed + 0.003 * rng.standard_normal(len(time))
+        shown = np.round(noisy / counts) * counts if counts else noisy
+        effort = effort + 0.01 * rng.standard_normal(len(time))
+        return Log("drive", AXIS, time, shown[:, None], effort[:, None])
+
+    @pytest.mark.parametrize("counts", [0.0, 0.02])
+    def test_noise_and_counts_at_rest_are_no_evidence_of_friction(self, counts: float):
+        log = self.log(counts=counts)
+        model = base_axis_model([log], every=True)
+        shown = log_shows(log, mechanism_of(model), model.theta)
+        assert shown.total.rank == 3 and shown.total.describe_blind() == ["x3 - x4"]
+        result = identify([log], start=model, recursive=False)
+        assert set(result.at_rest) == {"coulomb", "offset"}
+        assert any("told apart by standstill alone" in line for line in result.warnings)
+        found = result.to_dict()["parameters"]
+        assert found["coulomb"]["interval"] is None and found["coulomb"]["std"] > 0
+
+    def test_with_a_motion_both_ways_they_are_shown(self):
+        log = self.log(way_back=True)
+        model = base_axis_model([log], every=True)
+        assert log_shows(log, mechanism_of(model), model.theta).total.rank == 4
+        assert identify([log], start=model, recursive=False).at_rest == ()
+
+    def test_a_stretch_without_any_motion_shows_nothing(self):
+        seen = observability(("a", "b"), np.zeros((0, 1, 2)), 0.1)
+        assert seen.rank == 0

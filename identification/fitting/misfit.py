@@ -1,0 +1,42 @@
+"""Whether a model fits logs so badly that its intervals say nothing: the only place that judges it.
+
+The covariance takes the model's structure for exact. Where something is missing, parameters are off
+by more than it says, so no interval is stated.
+"""
+
+from __future__ import annotations
+
+import math
+
+from identification.fitting.settings import FitSettings
+
+NEXT_COMMAND = "youbot diagnose MODEL LOG..."
+"""What to do about a misfit; a command puts in the names that it knows."""
+
+
+def misfit(force_error: float, floor: float, settings: FitSettings = FitSettings()) -> bool:
+    """Whether more of a force error's squares is above its noise floor than noise may leave."""
+    if not (math.isfinite(force_error) and math.isfinite(floor)) or force_error <= 0:
+        return False
+    above = 1.0 - (floor / force_error) ** 2
+    return above > settings.predictability.max_noise_share
+
+
+def misfit_warning(
+    force_error: float,
+    floor: float,
+    *,
+    real: bool | None = None,
+    next_command: str = NEXT_COMMAND,
+    settings: FitSettings = FitSettings(),
+) -> str | None:
+    """The sentence that a misfit deserves; None where what is left may be noise.
+
+    ``real``: whether the residual of the fit itself can be predicted, where that is known.
+    """
+    if not (misfit(force_error, floor, settings) if real is None else real):
+        return None
+    size = f"the force error is {force_error / max(floor, 1e-300):.3g} times the noise floor"
+    if not misfit(force_error, floor, settings):
+        size = "the motion predicts a part of what the model leaves, small beside the noise"
+    return f"{size}: the model lacks something, so no 95 % interval is stated; next: {next_command}"
