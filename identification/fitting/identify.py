@@ -162,18 +162,13 @@ class Identification:
 
     def _combinations(self) -> dict[str, Any]:
         """The same of sums that are known better than their members."""
-        reach = self.settings.interval_deviations
-        return {
-            name: {
-                "value": value,
-                "unit": unit,
-                "std": std,
-                "interval": [value - reach * std, value + reach * std],
-            }
-            for name, (value, std, unit) in combinations(
-                self.mechanism, self.fit, self.settings
-            ).items()
-        }
+        reach, told = self.settings.interval_deviations, {}
+        for name, (value, std, unit) in combinations(
+            self.mechanism, self.fit, self.settings
+        ).items():
+            interval = None if self.misfit else [value - reach * std, value + reach * std]
+            told[name] = {"value": value, "unit": unit, "std": std, "interval": interval}
+        return told
 
     def _last_estimates(self) -> dict[str, float] | None:
         """The recursive estimator's last estimates, by name."""
