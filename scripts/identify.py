@@ -121,7 +121,7 @@ def _tables(result: Identification) -> list[Table]:
     """Parameters, and what each motion shows of them."""
     found = result.to_dict()
     return [
-        result_tables.parameters(found["parameters"]),
+        result_tables.parameters(found["combinations"] | found["parameters"]),
         result_tables.observability(found["observability"], result.mechanism.scaling),
     ]
 

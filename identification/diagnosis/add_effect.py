@@ -11,12 +11,12 @@ import numpy as np
 from identification.diagnosis.candidates import (
     fit_base,
     fit_structure,
-    fit_without_noise_bias,
     rank,
 )
 from identification.diagnosis.report import describe_in, estimates
 from identification.diagnosis.settings import DiagnosisSettings
 from identification.diagnosis.structures import LoggedData, Step
+from identification.fitting.final_fit import final_fit
 from identification.fitting.least_squares import Fit
 from identification.logs.log import Log
 from identification.mechanisms.registry import AnyModel, kind_of, mechanism_of
@@ -101,7 +101,8 @@ def add_effect(
     after = data.step(fitted, effect)
     # With the folds of the larger structure: errors can be compared only on the same folds.
     before = data.step(base, None, fitted.held_out.folds)
-    result = fit_without_noise_bias(data, fitted)
+    args = (fitted.mechanism, data.samples, data.noise, fitted.theta, seed, settings.fit)
+    result = final_fit(*args)
     new = kind_of(model).fitted_model(
         fitted.mechanism,
         result,

@@ -25,10 +25,8 @@ from identification.diagnosis.structures import (
     visible_directions,
 )
 from identification.fitting.cross_validation import block_sums, cross_validate, make_folds
-from identification.fitting.least_squares import Fit
-from identification.fitting.noise_bias import final_fit, joint_fit
+from identification.fitting.noise_bias import extrapolated_fit, joint_fit
 from identification.fitting.observability import log_observability, refuse_blind
-from identification.fitting.physical_fit import within_limits
 from identification.fitting.regression import Indices, filtered_residual, filtered_rows
 from identification.mechanisms.mechanism import Mechanism
 from identification.mechanisms.samples import DemandedForce, Samples
@@ -55,16 +53,6 @@ def fit_base(data: LoggedData, mechanism: Mechanism, start: Array) -> FittedStru
     fitted = fit_structure(data, mechanism, start)
     refuse_blind(mechanism, log_observability(mechanism, fitted.rows))
     return fitted
-
-
-def fit_without_noise_bias(data: LoggedData, fitted: FittedStructure) -> Fit:
-    """The last fit of a structure, corrected for noise on the speeds: see :func:`final_fit`.
-
-    It is within the limits of what can be, so that there is a model of it.
-    """
-    settings, mechanism = data.settings.fit, fitted.mechanism
-    found = final_fit(mechanism, data.samples, data.noise, fitted.theta, data.seed, settings)
-    return within_limits(mechanism, found, settings)
 
 
 def try_candidate(base: FittedStructure, name: str) -> Candidate:
@@ -128,7 +116,7 @@ def _linear_candidate(
     new = own[mechanism.free[own]]
     # At zero strength the effect changes no force, so the structure's known demand can be reused.
     columns = tuple(
-        _columns(base, mechanism, mechanism.demand(theta, item, known), item, new)
+        _columns(base, mechanism, mechanism.demand(theta, item.for_fit, known), item, new)
         for item, known in zip(base.samples, base.demands, strict=True)
     )
     joined = [np.concatenate([a, b], axis=-1) for a, b in zip(base.columns, columns, strict=True)]
@@ -335,7 +323,10 @@ def _adds_nothing(
         return True
     if gain > settings.max_noise_gain * square or not larger.fitted:
         return False
-    undone = fit_without_noise_bias(data, larger.fitted).theta
+    there = larger.fitted
+    found = joint_fit(there.mechanism, data.samples, there.theta, settings.fit)
+    args = (there.mechanism, data.samples, data.noise, found, data.seed, settings.fit)
+    undone = extrapolated_fit(*args).theta
     beyond = [
         (row.residual - filtered_residual(larger.mechanism, undone, samples, settings.rows))[
             ..., None

@@ -14,7 +14,6 @@ from numpy.typing import NDArray
 from identification.diagnosis.candidates import (
     fit_base,
     fit_structure,
-    fit_without_noise_bias,
     rank,
     ranking_of,
     with_joint_fit,
@@ -37,6 +36,7 @@ from identification.diagnosis.structures import (
     Ranking,
     Step,
 )
+from identification.fitting.final_fit import coarse_speed_warnings, final_fit
 from identification.fitting.least_squares import Fit
 from identification.logs.log import Log
 from identification.mechanisms.mechanism import Mechanism
@@ -106,7 +106,10 @@ def diagnose(
         noise_floor=floor,
         maps=tuple(maps),
         next_experiment=_next_experiment(mechanism, steps, chosen.rankings, ties, seed),
-        warnings=tuple(warnings_of(logs, given, steps[0], chosen.out_of_time, settings)),
+        warnings=(
+            *warnings_of(logs, given, steps[0], chosen.out_of_time, settings),
+            *coarse_speed_warnings(data.samples, final),
+        ),
         sentences=tuple(sentences_of(fitted_model, steps, verdict, ties, floor, maps[-1])),
         candidates=candidate_rows(chosen.first, steps[0], fitted_model),
         settings=settings,
@@ -380,7 +383,8 @@ def _final_fit_and_maps(data: LoggedData, steps: Sequence[Step]) -> tuple[Fit, l
         )
 
     shown = [steps[0].fitted] if len(steps) == 1 else [steps[0].fitted, last]
-    tasks = [partial(fit_without_noise_bias, data, last), *(partial(mapped, f) for f in shown)]
+    args = (last.mechanism, data.samples, data.noise, last.theta, data.seed, settings.fit)
+    tasks = [partial(final_fit, *args), *(partial(mapped, f) for f in shown)]
     final, *maps = side_by_side(lambda task: task(), tasks, data.progress)
     return final, maps
 

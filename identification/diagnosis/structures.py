@@ -84,7 +84,7 @@ class FittedStructure:
     @cached_property
     def demands(self) -> tuple[DemandedForce, ...]:
         """Demanded force of each log, computed once for all candidates on top of the structure."""
-        return tuple(self.mechanism.demand(self.theta, item) for item in self.samples)
+        return tuple(self.mechanism.demand(self.theta, item.for_fit) for item in self.samples)
 
     @property
     def residual(self) -> list[Array]:

@@ -29,6 +29,10 @@ def hac_covariance(
     prewhitened: because of the filter's memory, a plain window would make standard deviations a
     tenth too small.
 
+    No variance is less than what the spread of the scores between long stretches says (a sandwich
+    over clusters: Liang and Zeger, Biometrika 73(1), 1986). What a model lacks acts for as long as
+    a motion lasts, and no short memory tells of it.
+
     Parameters
     ----------
     residuals, columns : per log (n, A) and (n, A, F)
@@ -41,6 +45,7 @@ def hac_covariance(
     directions = directions / np.linalg.norm(directions, axis=0)
     size = directions.shape[1]
     information, middle = np.zeros((size, size)), np.zeros((size, size))
+    stretches: list[Array] = []
     count = 0
     for residual, column, step in zip(residuals, columns, steps, strict=True):
         scaled = (column / scale) @ directions
@@ -52,6 +57,7 @@ def hac_covariance(
         # The plug-in assumes AR(1) scores. The lower bound covers slower errors that AR(1) does not
         # show.
         middle += long_run(scores, max(lags, round(settings.min_correlation_time / step)))
+        stretches += sums_of_stretches(residual, scaled, step, settings.stretch_time)
         count += residual.size
     rounding = settings.min_information_share
     inverse = np.linalg.pinv(information, rcond=rounding, hermitian=True)
@@ -59,7 +65,31 @@ def hac_covariance(
     # squares.
     covariance = inverse @ middle @ inverse * count / max(count - size, 1)
     to_theta = directions / scale[:, None]
-    return to_theta @ covariance @ to_theta.T
+    found = to_theta @ covariance @ to_theta.T
+    if len(stretches) < settings.min_stretches:
+        return found
+    return _no_less(found, to_theta @ inverse @ _spread(stretches) @ inverse @ to_theta.T)
+
+
+def sums_of_stretches(residual: Array, columns: Array, step: float, length: float) -> list[Array]:
+    """Score (P,) of each stretch of about ``length`` [s] in a log, rows ``step`` [s] apart."""
+    scores = np.einsum("na,nap->np", residual, columns)
+    count = max(1, round(len(scores) * step / length))
+    return [part.sum(axis=0) for part in np.array_split(scores, count)]
+
+
+def _spread(stretches: Sequence[Array]) -> Array:
+    """Sum (P, P) of the squares of the stretches' scores, which add up to zero at the minimum."""
+    scores = np.array(stretches)
+    return scores.T @ scores * len(scores) / (len(scores) - 1)
+
+
+def _no_less(covariance: Array, least: Array) -> Array:
+    """The covariance (F, F) with each variance raised to that of ``least``, correlations kept."""
+    variance = np.diag(covariance)
+    ratio = np.diag(least) / np.where(variance > 0, variance, np.inf)
+    factor = np.sqrt(np.maximum(ratio, 1.0))
+    return covariance * np.outer(factor, factor)
 
 
 def innovation_scores(residual: Array, columns: Array, most: float) -> Array:

@@ -88,7 +88,10 @@ def add_up(parts: Iterable[SumsOfSquares]) -> SumsOfSquares:
 
 @dataclass(frozen=True)
 class NoiseLevel:
-    """Standard deviations (k,) of white noise on the joints' speeds and torques."""
+    """Standard deviations (k,) of the noise on the joints' speeds and torques.
+
+    White, but that of speeds that are differences of angles: see :meth:`Mechanism.noisy`.
+    """
 
     speed: Array
     torque: Array
@@ -98,7 +101,11 @@ class NoiseLevel:
         """Measured from the high-frequency part of a log's channels."""
         speed, torque = samples.channels
         noise = settings.noise
-        return cls(white_noise(speed, settings=noise), white_noise(torque, settings=noise))
+        white = white_noise(torque, settings=noise)
+        if samples.angle_noise is not None:
+            # Over two samples: (e[k + 1] - e[k - 1]) / (2 dt).
+            return cls(np.array(samples.angle_noise) / (np.sqrt(2.0) * samples.dt), white)
+        return cls(white_noise(speed, settings=noise), white)
 
 
 def white_force_floor(

@@ -10,17 +10,20 @@ import numpy as np
 from numpy.typing import NDArray
 
 from identification.fitting.errors import (
+    NoiseLevel,
     SumsOfSquares,
     add_up,
     force_traces,
     velocity_traces,
 )
 from identification.fitting.estimate_history import EstimateHistory, recursive_course
+from identification.fitting.final_fit import coarse_speed_warnings, without_noise_bias
 from identification.fitting.least_squares import Fit, fit
 from identification.fitting.misfit import NEXT_COMMAND, misfit_warning
 from identification.fitting.observability import (
     Observability,
     block_estimates,
+    combinations,
     log_observability,
     refuse_blind,
     told_apart_at_rest,
@@ -124,6 +127,7 @@ class Identification:
         """JSON form: parameters with 95 % intervals, observability, errors, warnings."""
         cutoff = self.settings.min_direction_share
         return {
+            "combinations": self._combinations(),
             "parameters": self._parameters(),
             "errors": dict(self.model.errors),
             "observability": {
@@ -155,6 +159,16 @@ class Identification:
                 interval = [value - reach * known, value + reach * known]
             found[name] = {"value": value, "unit": units[name], "std": known, "interval": interval}
         return found
+
+    def _combinations(self) -> dict[str, Any]:
+        """The same of sums that are known better than their members."""
+        reach, told = self.settings.interval_deviations, {}
+        for name, (value, std, unit) in combinations(
+            self.mechanism, self.fit, self.settings
+        ).items():
+            interval = None if self.misfit else [value - reach * std, value + reach * std]
+            told[name] = {"value": value, "unit": unit, "std": std, "interval": interval}
+        return told
 
     def _last_estimates(self) -> dict[str, float] | None:
         """The recursive estimator's last estimates, by name."""
@@ -240,6 +254,10 @@ def identify(
     final, refused = force, []
     if output_error:
         final, refused = _refined(mechanism, samples, force, settings, progress)
+    elif not robust:  # simulation and extrapolation would give the outliers their weight back
+        noise = [NoiseLevel.of(item, settings) for item in samples]
+        args = (mechanism, samples, noise, force, seed, settings, progress)
+        final = without_noise_bias(*args)
     predictable = predictability(mechanism, force.rows, samples, seed, settings)
     floor = _floor(mechanism, force, samples, predictable, settings)
     kind = kind_of(start)
@@ -265,6 +283,7 @@ def identify(
         course=_course(mechanism, force, settings) if recursive else None,
         warnings=(
             *doubts,
+            *coarse_speed_warnings(samples, final),
             *_rest_warnings(mechanism, moved, settings),
             *refused,
             *_fit_warnings(mechanism, final),

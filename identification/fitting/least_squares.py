@@ -30,7 +30,8 @@ class Fit:
 
     theta (P,): all parameters, shape constants included; free (F,): indices of the fitted ones;
     covariance (F, F): true for correlated residuals; rows: residual and columns at theta, per log;
-    bounded: indices of parameters that stopped at a physical bound.
+    bounded: indices of parameters that stopped at a physical bound;
+    in_free_run: whether the rows are those of an output-error fit.
     """
 
     theta: Array
@@ -38,6 +39,7 @@ class Fit:
     covariance: Array
     rows: tuple[Regression, ...]
     bounded: tuple[int, ...] = ()
+    in_free_run: bool = False
 
     @property
     def std(self) -> Array:

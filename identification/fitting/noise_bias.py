@@ -1,4 +1,4 @@
-"""The last fit of a structure: shape constants free, and the bias by speed noise removed."""
+"""Bias of a force fit by noise on the speeds, measured by adding more, and taken away."""
 
 from __future__ import annotations
 
@@ -18,29 +18,6 @@ from identification.mechanisms.mechanism import Mechanism
 from identification.mechanisms.samples import Samples
 
 Array = NDArray[np.float64]
-
-
-def final_fit(
-    mechanism: Mechanism,
-    samples: Sequence[Samples],
-    noise: Sequence[NoiseLevel],
-    start: Array,
-    seed: int,
-    settings: FitSettings = FitSettings(),
-) -> Fit:
-    """Fit of all parameters that the data determine, shape constants included.
-
-    Shape constants that a search has found (a Stribeck speed, a time constant) are fitted together
-    with the other parameters, so that the covariance contains their uncertainty too.
-
-    Parameters
-    ----------
-    start : (P,) result of the search
-    noise : of each log
-    seed : of the noise that is added to measure its effect
-    """
-    found = joint_fit(mechanism, samples, start, settings)
-    return _without_noise_bias(found, _Noise(mechanism, samples, noise, found, seed, settings))
 
 
 def joint_fit(
@@ -63,6 +40,45 @@ def joint_fit(
     most = settings.max_shape_square_ratio * found.square
     astray = more.square > most or not np.isfinite(more.theta).all()
     return found if astray else more
+
+
+def extrapolated_fit(
+    mechanism: Mechanism,
+    samples: Sequence[Samples],
+    noise: Sequence[NoiseLevel],
+    found: Fit,
+    seed: int,
+    settings: FitSettings = FitSettings(),
+) -> Fit:
+    """Simulation and extrapolation (Cook and Stefanski, JASA 89, 1994) in the speeds' noise.
+
+    Noise on the speeds is noise on the columns. It smooths the step of a dry friction and, in long
+    logs, biases the estimates by several standard deviations. The bias is measured with one and
+    two times more noise variance; a parabola through these points is extrapolated to no noise.
+
+    Parameters
+    ----------
+    noise : of each log
+    found : the fit to correct
+    seed : of the noise that is added
+    """
+    more = _Noise(mechanism, samples, noise, found, seed, settings)
+    (once, first), (twice, second) = more.shift(1.0), more.shift(2.0)
+    lower, upper = (bound[found.free] for bound in mechanism.bounds)
+    theta = found.theta.copy()
+    # The parabola through 0, `once` and `twice` at 0, 1 and 2 times more variance has the value
+    # twice - 3 once at -1, where the measured noise itself is taken away.
+    inside = np.clip(theta[found.free] - 3.0 * once + twice, lower, upper)
+    # If the fit with more noise fails, the estimate stays as it was.
+    theta[found.free] = np.where(np.isfinite(inside), inside, theta[found.free])
+    covariance = found.covariance
+    std = np.maximum(found.std, 1e-300)
+    if (np.abs([first, second]) > settings.min_noise_scatter * std).any():
+        # Two draws exist already: `first` and `second`.
+        draws_left = settings.noise_scatter_draws - 2
+        draws = [first, second, *(more.shift(1.0)[1] for _ in range(draws_left))]
+        covariance = covariance + np.mean([np.outer(d, d) for d in draws], axis=0)
+    return replace(found, theta=theta, covariance=covariance)
 
 
 class _Noise:
@@ -111,28 +127,3 @@ class _Noise:
             self.mechanism, rows, even, found.theta, found.free, self.basis, self.settings
         )
         return step
-
-
-def _without_noise_bias(found: Fit, noise: _Noise) -> Fit:
-    """Simulation and extrapolation (Cook and Stefanski, JASA 89, 1994) in the speeds' noise.
-
-    Noise on the speeds is noise on the columns. It smooths the step of a dry friction and, in long
-    logs, biases the estimates by several standard deviations. The bias is measured with one and
-    two times more noise variance; a parabola through these points is extrapolated to no noise.
-    """
-    (once, first), (twice, second) = noise.shift(1.0), noise.shift(2.0)
-    lower, upper = (bound[found.free] for bound in noise.mechanism.bounds)
-    theta = found.theta.copy()
-    # The parabola through 0, `once` and `twice` at 0, 1 and 2 times more variance has the value
-    # twice - 3 once at -1, where the measured noise itself is taken away.
-    inside = np.clip(theta[found.free] - 3.0 * once + twice, lower, upper)
-    # If the fit with more noise fails, the estimate stays as it was.
-    theta[found.free] = np.where(np.isfinite(inside), inside, theta[found.free])
-    covariance = found.covariance
-    std = np.maximum(found.std, 1e-300)
-    if (np.abs([first, second]) > noise.settings.min_noise_scatter * std).any():
-        # Two draws exist already: `first` and `second`.
-        more = noise.settings.noise_scatter_draws - 2
-        draws = [first, second, *(noise.shift(1.0)[1] for _ in range(more))]
-        covariance = covariance + np.mean([np.outer(d, d) for d in draws], axis=0)
-    return replace(found, theta=theta, covariance=covariance)

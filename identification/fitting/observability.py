@@ -13,7 +13,7 @@ from identification.fitting.gauge import gauge_groups
 from identification.fitting.regression import Indices, Regression, covariance_of
 from identification.fitting.settings import FitSettings
 from identification.logs.logger_checks import moving
-from identification.mechanisms.mechanism import Mechanism
+from identification.mechanisms.mechanism import FitResult, Mechanism
 from identification.mechanisms.samples import Samples
 from identification.signals.noise import white_noise
 from youbot_env.errors import InputError
@@ -205,6 +205,34 @@ def refuse_blind(
         f"({', '.join(seen.names[k] for k in np.flatnonzero(np.abs(direction) > least))}): "
         f"{mechanism.advice(direction)}"
     )
+
+
+def combinations(
+    mechanism: Mechanism,
+    fitted: FitResult,
+    settings: FitSettings = FitSettings(),
+) -> dict[str, tuple[float, float, str]]:
+    """Sums of parameters that are known much better than their members: value, std and unit.
+
+    Only where a member is not well known. Example: without steady turning and fast rolling apart,
+    only m0 + 4 I1/R^2 resists an acceleration that the logs show.
+    """
+    names = [mechanism.parameter_names[k] for k in fitted.free]
+    values = fitted.theta[fitted.free]
+    found = {}
+    for sum_name, factors in mechanism.conventions.combinations(mechanism.geometry).items():
+        if not set(factors) <= set(names):
+            continue
+        weights = np.array([factors.get(name, 0.0) for name in names])
+        members = np.flatnonzero(weights)
+        value = float(weights @ values)
+        std = float(np.sqrt(max(weights @ fitted.covariance @ weights, 0.0)))
+        own = fitted.std[members] / np.maximum(np.abs(values[members]), 1e-300)
+        better = std * settings.min_combination_gain < own.min() * abs(value)
+        if better and own.max() > settings.max_separate_share:
+            unit = mechanism.labels[fitted.free[members[0]]].parameter.unit
+            found[sum_name] = (value, std, unit)
+    return found
 
 
 def _places(mechanism: Mechanism) -> Indices:

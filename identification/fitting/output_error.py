@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -37,80 +38,91 @@ def refine(
     InputError
         If the free run at the start diverges.
     """
+    run = _FreeRuns(mechanism, logs, settings, progress)
     theta, free = start.theta.copy(), start.free
-    basis = gauge_basis(mechanism)
-    rows = [_rows(mechanism, theta, samples, free, settings, progress) for samples in logs]
-    cost = _cost(rows)
+    basis = gauge_basis(mechanism, free)
+    residual = run.residuals(theta)
+    cost = _cost(residual)
     if not np.isfinite(cost):
         raise InputError("the free run diverges: the force fit is no start for an output-error fit")
+    rows = run.rows(theta, free, residual)
     bounded: tuple[int, ...] = ()
     for _ in range(settings.output_error_max_steps):
         weights = [np.ones(len(row.residual)) for row in rows]
         step, bounded = solve_step(mechanism, rows, weights, theta, free, basis, settings)
-        theta, lower = _line_search(mechanism, logs, theta, free, step, cost, settings)
-        fell = (cost - lower) / cost
-        if fell > 0:
-            rows = [_rows(mechanism, theta, samples, free, settings, progress) for samples in logs]
-            cost = lower
+        theta, lower, residual = run.line_search(theta, free, step, cost, residual)
+        fell, cost = (cost - lower) / cost, lower
+        if fell > settings.output_error_max_old_columns_fall:
+            rows = run.rows(theta, free, residual)
+        else:
+            # Columns cost two free runs a parameter, and those of a nearby theta lead there too.
+            rows = [replace(row, residual=r) for row, r in zip(rows, residual, strict=True)]
         # After the update, so that a last small improvement is kept and the rows belong to theta.
         if fell < settings.output_error_min_fall_share:
             break
     covariance = covariance_of(rows, basis, mechanism.scale[free], settings)
-    return Fit(theta, free, covariance, tuple(rows), bounded)
+    return Fit(theta, free, covariance, tuple(rows), bounded, in_free_run=True)
 
 
-def _line_search(
-    mechanism: Mechanism,
-    logs: Sequence[Samples],
-    theta: Array,
-    free: Indices,
-    step: Array,
-    cost: float,
-    settings: FitSettings,
-) -> tuple[Array, float]:
-    """The full step, or a half, a quarter, ... of it, until the cost falls."""
-    for share in settings.output_error_step_shares:
-        tried = theta.copy()
-        tried[free] += share * step
-        lower = sum(float((_residual(mechanism, tried, s, settings) ** 2).sum()) for s in logs)
-        # A diverging free run gives NaN, and NaN < cost is False.
-        if lower < cost:
-            return tried, lower
-    return theta, cost
+def _cost(residual: Sequence[Array]) -> float:
+    return sum(float((part**2).sum()) for part in residual)
 
 
-def _cost(rows: Sequence[Regression]) -> float:
-    return sum(float((row.residual**2).sum()) for row in rows)
+@dataclass(frozen=True)
+class _FreeRuns:
+    """Free runs of some logs: their residuals, and columns, at one theta (P,) or another."""
 
+    mechanism: Mechanism
+    logs: Sequence[Samples]
+    settings: FitSettings
+    progress: Callable[[], None]
 
-def _residual(mechanism: Mechanism, theta: Array, samples: Samples, settings: FitSettings) -> Array:
-    error = mechanism.measured_speed(samples) - mechanism.free_run(theta, samples)
-    return block_mean(error, stride(samples.dt, settings.row_rate))
+    def residuals(self, theta: Array) -> list[Array]:
+        """Per log (n, A): measured less simulated speeds, averaged over each row."""
+        mechanism = self.mechanism
+        return [
+            self._mean(mechanism.measured_speed(item) - mechanism.free_run(theta, item), item)
+            for item in self.logs
+        ]
 
+    def _mean(self, signal: Array, samples: Samples) -> Array:
+        return block_mean(signal, stride(samples.dt, self.settings.row_rate))
 
-def _rows(
-    mechanism: Mechanism,
-    theta: Array,
-    samples: Samples,
-    free: Indices,
-    settings: FitSettings,
-    progress: Callable[[], None],
-) -> Regression:
-    """Residual and columns (sensitivities of the free run) by central differences."""
-    columns = []
-    size = stride(samples.dt, settings.row_rate)
-    for index in free:
+    def line_search(
+        self, theta: Array, free: Indices, step: Array, cost: float, residual: list[Array]
+    ) -> tuple[Array, float, list[Array]]:
+        """The full step, or a half, a quarter, ... of it, until the cost falls."""
+        for share in self.settings.output_error_step_shares:
+            tried = theta.copy()
+            tried[free] += share * step
+            there = self.residuals(tried)
+            # A diverging free run gives NaN, and NaN < cost is False.
+            if (lower := _cost(there)) < cost:
+                return tried, lower, there
+        return theta, cost, residual
+
+    def rows(self, theta: Array, free: Indices, residual: Sequence[Array]) -> list[Regression]:
+        """The rows at theta, whose residuals are known: columns are sensitivities of the free run.
+
+        By forward differences. An error of theirs moves no minimum, since the residuals are exact.
+        """
+        columns = [self._column(theta, index, residual) for index in free]
+        found = []
+        for item, left, *parts in zip(self.logs, residual, *columns, strict=True):
+            # No filter has to settle here, so the first row starts at the first sample.
+            step = stride(item.dt, self.settings.row_rate) * item.dt
+            time = item.time[0] - item.dt + step * np.arange(1, len(left) + 1)
+            found.append(Regression(time, step, left, np.stack(parts, axis=-1)))
+        return found
+
+    def _column(self, theta: Array, index: int, residual: Sequence[Array]) -> list[Array]:
+        """Per log (n, A): slope of the simulated speeds in one parameter."""
+        settings = self.settings
         # The larger of two steps: far above rounding, and small compared with the parameter.
-        step = settings.output_error_scaled_difference / mechanism.scale[index]
+        step = settings.output_error_scaled_difference / self.mechanism.scale[index]
         step = max(step, settings.output_error_relative_difference * abs(theta[index]))
-        ahead, behind = theta.copy(), theta.copy()
-        ahead[index] += step
-        behind[index] -= step
-        difference = mechanism.free_run(ahead, samples) - mechanism.free_run(behind, samples)
-        columns.append(block_mean(difference / (2 * step), size))
-        progress()
-    residual = _residual(mechanism, theta, samples, settings)
-    # No filter has to settle here, so the first row starts at the first sample.
-    step = size * samples.dt
-    time = samples.time[0] - samples.dt + step * np.arange(1, len(residual) + 1)
-    return Regression(time, step, residual, np.stack(columns, axis=-1))
+        moved = theta.copy()
+        moved[index] += step
+        self.progress()
+        there = self.residuals(moved)
+        return [(here - left) / step for here, left in zip(residual, there, strict=True)]

@@ -60,7 +60,8 @@ def regression(
     free: Indices,
     settings: FitSettings = FitSettings(),
 ) -> Regression:
-    """Filtered residual and columns of one log."""
+    """Filtered residual and columns of one log; of coarse speeds what `Samples.for_fit` leaves."""
+    samples = samples.for_fit
     ends = residual_and_columns(mechanism, mechanism.demand(theta, samples), samples, free)
     filtered = filtered_rows(ends, mechanism, samples, settings)
     step = stride(samples.dt, row_rate(mechanism, settings)) * samples.dt
@@ -77,6 +78,7 @@ def filtered_residual(
     settings: FitSettings = FitSettings(),
 ) -> Array:
     """The filtered residual (n, A) of :func:`regression` alone."""
+    samples = samples.for_fit
     residual = residual_ends(mechanism, mechanism.demand(theta, samples), samples)
     return filtered_rows(residual, mechanism, samples, settings)
 

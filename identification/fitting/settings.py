@@ -257,6 +257,19 @@ class FitSettings(Settings):
             "reason": "rounding: directions with less information have no covariance",
         },
     )
+    stretch_time: float = field(
+        default=20.0,
+        metadata={
+            "unit": "s",
+            "reason": "of the stretches whose scores' spread bounds a variance from below: four "
+            "periods of a calibration motion. It raises standard deviations by 3 % where the model "
+            "is true, by 70 % where a tilt and a dry friction are missing or rollers are real",
+        },
+    )
+    min_stretches: int = field(
+        default=8,
+        metadata={"unit": "1", "reason": "fewer tell a spread to a quarter of it only"},
+    )
     interval_deviations: float = field(
         default=1.96,
         metadata={
@@ -304,6 +317,23 @@ class FitSettings(Settings):
         },
     )
 
+    max_separate_share: float = field(
+        default=0.05,
+        metadata={
+            "unit": "standard deviation over value",
+            "reason": "beyond, a parameter counts as not separated from its fellows: I1 has 0.02 "
+            "on good logs of a platform, 0.2 where rollers are real",
+        },
+    )
+    min_combination_gain: float = field(
+        default=2.0,
+        metadata={
+            "unit": "1",
+            "reason": "relative deviation of the best known member over that of a sum that is "
+            "worth telling: 2.8 and 4.7 where rollers are real",
+        },
+    )
+
     # Bias by noise on the speeds
     max_shape_square_ratio: float = field(
         default=1.001,
@@ -326,6 +356,15 @@ class FitSettings(Settings):
         metadata={"unit": "1", "reason": "tell the scatter's size to a quarter of it"},
     )
 
+    max_noise_shift: float = field(
+        default=6.0,
+        metadata={
+            "unit": "standard deviations",
+            "reason": "by which noise on the speeds may bias a force fit. Beyond, the free run is "
+            "fitted: simulation and extrapolation left 0.7 of 5.6, but 7 of 11",
+        },
+    )
+
     # Output error
     output_error_max_steps: int = field(
         default=12,
@@ -336,6 +375,14 @@ class FitSettings(Settings):
         metadata={
             "unit": "share of the squares",
             "reason": "the search stops when a step lowers the squares by less",
+        },
+    )
+    output_error_max_old_columns_fall: float = field(
+        default=0.01,
+        metadata={
+            "unit": "share of the squares",
+            "reason": "a step that lowers the squares by less keeps the columns of the last one: "
+            "they lead to within a tenth of a standard deviation in less than half the time",
         },
     )
     output_error_step_shares: tuple[float, ...] = field(

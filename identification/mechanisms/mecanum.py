@@ -118,6 +118,15 @@ def _doubt_of_unit(geometry: Geometry, theta: Array, settings: MechanismSettings
     )
 
 
+def _combinations(geometry: Geometry) -> dict[str, dict[str, float]]:
+    """What resists when all wheels speed up: the wheels' spin is added to mass and yaw inertia."""
+    spin = 4 / geometry.R**2
+    return {
+        "m0 + 4 I1/R^2": {"m0": 1.0, "I1": spin},
+        "I0 + 4 I1 L^2/R^2": {"I0": 1.0, "I1": spin * geometry.L**2},
+    }
+
+
 BASE = mecanum_structure()
 
 CONVENTIONS: Conventions[Geometry] = Conventions(
@@ -133,6 +142,7 @@ CONVENTIONS: Conventions[Geometry] = Conventions(
     order=PAPER_ORDER,
     parts=parts_of,
     motions=_motions,
+    combinations=_combinations,
     limits=_limits,
     inside=_inside,
     doubt_of_unit=_doubt_of_unit,

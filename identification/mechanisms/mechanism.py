@@ -20,6 +20,7 @@ from identification.mechanisms.quantities import Quantities
 from identification.mechanisms.samples import DemandedForce, Part, Samples
 from identification.mechanisms.settings import MechanismSettings
 from identification.signals.filters import FilterSettings, integral_of
+from identification.signals.noise import differenced_noise
 from youbot_env.physics import inverse_dynamics as dynamics
 from youbot_env.physics.effect import Parameter, Registry
 from youbot_env.physics.mechanism import MechanismKind, ModelStructure
@@ -111,6 +112,10 @@ def _as_it_is(known: object, theta: Array, settings: MechanismSettings) -> Array
     return theta
 
 
+def _no_combinations(known: object) -> dict[str, dict[str, float]]:
+    return {}
+
+
 def _usual_rate(known: object) -> float:
     return FilterSettings.rate
 
@@ -138,6 +143,8 @@ class Conventions(Generic[Known]):
         where they cannot be; of numbers of one size
     inside(known, theta, settings) : base parameters near theta that are within these limits
     doubt_of_unit(known, theta, settings) : what parameters (P,) say of a wrong unit; "" if nothing
+    combinations(known) : sums of base parameters that a motion shows better than their members: by
+        how people write them, each member's factor
     motion_that_shows(known, direction) : name of the motion that does, where motions have names
     """
 
@@ -157,6 +164,7 @@ class Conventions(Generic[Known]):
     limits: Callable[[Known, Array, MechanismSettings], Mapping[str, float]] = _no_limits
     inside: Callable[[Known, Array, MechanismSettings], Array] = _as_it_is
     doubt_of_unit: Callable[[Known, Array, MechanismSettings], str] = _no_doubt
+    combinations: Callable[[Known], Mapping[str, Mapping[str, float]]] = _no_combinations
     motion_that_shows: Callable[[Known, Array], str] | None = None
 
 
@@ -298,8 +306,29 @@ class Mechanism(Generic[Known]):
         return np.asarray(np.linalg.pinv(self.jacobian).T, float)
 
     def samples(self, log: Log) -> Samples:
-        """Motion and torque of a log."""
-        return self.conventions.samples(log, self.geometry, self.settings)
+        """Motion and torque of a log; speeds that are differences of angles are centred."""
+        angle_noise = differenced_noise(log.velocity, log.dt, log.noise_settings)
+        if angle_noise is None:
+            return self.conventions.samples(log, self.geometry, self.settings)
+        # A difference is the speed half a sample ago, and half a sample between speeds and torques
+        # biases inertias. The mean with the next one is the speed at the sample.
+        velocity = np.concatenate([0.5 * (log.velocity[1:] + log.velocity[:-1]), log.velocity[-1:]])
+        centred = replace(log, velocity=velocity)
+        return replace(
+            self.conventions.samples(centred, self.geometry, self.settings),
+            angle_noise=tuple(angle_noise.tolist()),
+            bandwidth=self._bandwidth(velocity, angle_noise, log.dt),
+        )
+
+    def _bandwidth(self, velocity: Array, angle_noise: Array, dt: float) -> float:
+        """[Hz] up to which the noise of differenced angles is a given share of the speeds."""
+        size = float(np.sqrt(np.mean(velocity**2)))
+        allowed = self.settings.max_difference_noise_share * size
+        # Speeds hold the power 2 dt (2 pi f)^2 sigma^2 a hertz of it; its integral up to f.
+        noise = float(np.sqrt(np.mean(angle_noise**2)))
+        found = float(np.cbrt(3 * allowed**2 / (8 * np.pi**2 * dt * noise**2)))
+        least, most = self.settings.min_bandwidth, 0.25 / dt
+        return max(found, least) if found < most else float("inf")
 
     def parts(self, samples: Samples) -> list[Part]:
         """Stretches of a log that are judged apart."""
@@ -328,9 +357,16 @@ class Mechanism(Generic[Known]):
     def noisy(
         self, samples: Samples, speed: Array, torque: Array, rng: np.random.Generator
     ) -> Samples:
-        """The samples with white noise of these standard deviations (J,) put on."""
+        """The samples with noise of these standard deviations (J,) put on.
+
+        It is white, but on speeds that are differences of angles it is such a difference too.
+        """
         shape = samples.torque.shape
-        extra = speed * rng.standard_normal(shape)
+        unit = rng.standard_normal(shape)
+        if samples.angle_noise is not None:
+            # Noise of angles, differenced over two samples as in `samples`.
+            unit = (np.roll(unit, -1, axis=0) - np.roll(unit, 1, axis=0)) / np.sqrt(2.0)
+        extra = speed * unit
         # Angles that are integrated from the speeds drift with their noise; a ripple sees it.
         drifts = samples.wheel_angle.size and not samples.angle_measured
         drift = integral_of(extra, samples.dt) if drifts else 0.0

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, fields, replace
-from functools import cached_property
+from functools import cached_property, partial
 from typing import Generic, NamedTuple
 
 import numpy as np
@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from identification.mechanisms.settings import MechanismSettings
 from identification.signals.filters import integral_of, slope_ends
-from identification.signals.resampling import moved, smoothed
+from identification.signals.resampling import low_passed, moved, smoothed
 from youbot_env.physics import inverse_dynamics as dynamics
 from youbot_env.physics.effect import CHANNEL, Effect, Parameter
 from youbot_env.physics.mechanism import (
@@ -39,6 +39,9 @@ class Samples:
     wheel_angle (N, J) : of the joints; (N, 0) where the pose says it all
     wheel_speed, torque (N, J) : of the joints, as logged
     angle_measured : whether the angles have columns of their own, or are integrated
+    angle_noise : (J,) white noise of the angles [rad] whose differences the speeds are; None where
+        the speeds were measured as such
+    bandwidth : of the speeds [Hz] that is left for a force fit, see :attr:`for_fit`
     """
 
     name: str
@@ -50,9 +53,30 @@ class Samples:
     wheel_speed: Array
     torque: Array
     angle_measured: bool = False
+    angle_noise: tuple[float, ...] | None = None
+    bandwidth: float = np.inf
 
     def __len__(self) -> int:
         return len(self.time)
+
+    @cached_property
+    def for_fit(self) -> Samples:
+        """What columns and forces are computed of: speeds and torques without what is too fast.
+
+        Noise on speeds is noise on columns and biases a fit. Differences of counted angles hold it
+        at high frequencies, where there is no motion. The torques pass the same filter, so what is
+        linear in both stays unbiased.
+        """
+        if not np.isfinite(self.bandwidth):
+            return self
+        slow = partial(low_passed, cutoff=self.bandwidth, dt=self.dt)
+        return replace(
+            self,
+            twist=slow(self.twist),
+            wheel_speed=slow(self.wheel_speed),
+            torque=slow(self.torque),
+            bandwidth=np.inf,
+        )
 
     @property
     def channels(self) -> tuple[Array, Array]:

@@ -39,6 +39,25 @@ class MechanismSettings:
         },
     )
 
+    # Speeds that are differences of counted angles
+    max_difference_noise_share: float = field(
+        default=0.005,
+        metadata={
+            "unit": "share of the speeds' root mean square",
+            "reason": "noise that the low-pass leaves on such speeds: 0.02 rad/s of 4 rad/s, at "
+            "which base parameters were off by 0.4 standard deviations over six platforms; it "
+            "means 5 Hz at 500 counts a turn and 100 Hz",
+        },
+    )
+    min_bandwidth: float = field(
+        default=2.0,
+        metadata={
+            "unit": "Hz",
+            "reason": "less would take the motion away: calibration motions have 0.2 Hz and some "
+            "harmonics, multisines up to 1 Hz",
+        },
+    )
+
     # Wheel angles of a platform
     max_drift_deviations: float = field(
         default=4.0,

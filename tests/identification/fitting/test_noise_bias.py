@@ -6,8 +6,9 @@ import numpy as np
 import pytest
 
 from identification.fitting.errors import NoiseLevel
+from identification.fitting.final_fit import final_fit
 from identification.fitting.least_squares import fit
-from identification.fitting.noise_bias import final_fit, joint_fit
+from identification.fitting.noise_bias import joint_fit
 from identification.fitting.settings import FitSettings
 from identification.mechanisms.mecanum import Mecanum
 from tests.identification.recordings import recording

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from identification.signals.resampling import moved, smoothed
+from identification.signals.resampling import low_passed, moved, smoothed
 
 
 @pytest.mark.parametrize("shift", [0.0, 0.3, 1.0, 2.75, -1.4])
@@ -70,3 +70,23 @@ def test_smoothing_takes_the_noise_of_a_rate():
 
 def test_short_signals_are_smoothed_too():
     assert smoothed(np.array([1.0, 3.0]), 5.0).shape == (2,)
+
+
+def test_a_low_pass_keeps_a_line_and_what_is_slow_and_takes_what_is_fast():
+    t = 0.01 * np.arange(3000)
+    line, slow, fast = 2 + 0.3 * t, np.sin(2 * np.pi * 0.5 * t), np.sin(2 * np.pi * 20 * t)
+    kept = low_passed(np.array([line, slow], np.float64).T, 5.0, 0.01)
+    assert np.abs(kept[:, 0] - line).max() < 1e-3
+    assert np.abs(kept[:, 1] - slow).max() < 1e-3
+    assert np.abs(low_passed(fast, 5.0, 0.01)[200:-200]).max() < 1e-3
+
+
+def test_a_low_pass_has_no_phase_and_is_linear():
+    rng = np.random.default_rng(0)
+    a, b = rng.standard_normal(1001), rng.standard_normal(1001)
+    both = low_passed(a + 2 * b, 3.0, 0.01)
+    assert both == pytest.approx(low_passed(a, 3.0, 0.01) + 2 * low_passed(b, 3.0, 0.01))
+    backwards = np.array(a[::-1], np.float64)
+    assert low_passed(backwards, 3.0, 0.01)[::-1] == pytest.approx(
+        low_passed(a, 3.0, 0.01), abs=0.1
+    )
