@@ -8,14 +8,16 @@ import numpy as np
 import pytest
 
 from identification.fitting.identify import identify
-from identification.fitting.settings import FitSettings
+from identification.fitting.settings import FitSettings, PredictabilitySettings
 from identification.signals.filters import FilterSettings
 from identification.signals.noise import NoiseSettings
 from tests.identification.recordings import recording
 from youbot_env.errors import InputError
 
-FIELDS = [item for item in fields(FitSettings) if item.name not in ("filter", "noise", "mechanism")]
-FIELDS += [*fields(FilterSettings), *fields(NoiseSettings)]
+NESTED = ("filter", "noise", "mechanism", "predictability")
+
+FIELDS = [item for item in fields(FitSettings) if item.name not in NESTED]
+FIELDS += [*fields(FilterSettings), *fields(NoiseSettings), *fields(PredictabilitySettings)]
 
 
 @pytest.mark.parametrize("item", FIELDS, ids=lambda item: item.name)
@@ -42,7 +44,7 @@ def test_impossible_settings_are_refused(changes):
 
 def test_settings_are_obeyed_and_printed():
     log = recording()
-    settings = FitSettings(row_rate=10.0, interval_deviations=3.0)
+    settings = FitSettings(row_rate=10.0, rows_per_filter_rate=1.0, interval_deviations=3.0)
     found = identify([log], settings=settings, recursive=False)
     usual = identify([log], recursive=False)
     assert len(found.fit.rows[0].residual) == len(usual.fit.rows[0].residual) // 2
