@@ -47,12 +47,14 @@ class Predictability:
     ----------
     residual, predicted : per log (n, A), rows of the filtered force residual
     step : per log, from one row to the next [s]
+    wander : share that a drift in time alone predicts, whatever the motion
     settings : of these the share up to which a residual counts as noise
     """
 
     residual: tuple[Array, ...]
     predicted: tuple[Array, ...]
     step: tuple[float, ...]
+    wander: float
     settings: PredictabilitySettings
 
     @property
@@ -64,8 +66,9 @@ class Predictability:
 
     @property
     def is_noise(self) -> bool:
-        """Whether nothing is left that can be predicted."""
-        return self.share <= self.settings.max_noise_share
+        """Whether nothing is left that the motion predicts."""
+        # A sensor's offset that wanders is noise: its neighbours in time tell it, no motion does.
+        return self.share - self.wander <= self.settings.max_noise_share
 
     @property
     def unpredicted(self) -> list[Array]:
@@ -124,14 +127,27 @@ def predictability(
     features = list(_all_features(mechanism, rows, samples, thin, settings))
     fold_of = _folds(rows, thin, seed, chosen.stretch_duration, chosen.folds)
     joined = np.concatenate(residual)
-    predicted = _held_out(np.concatenate(features), joined, fold_of, seed, settings)
+    all_features = np.concatenate(features)
+    predicted = _held_out(all_features, joined, fold_of, seed, settings)
     edges = np.cumsum([len(part) for part in residual])[:-1]
-    return Predictability(
+    found = Predictability(
         tuple(residual),
         tuple(np.split(predicted, edges)),
         tuple(thin * row.step for row in rows),
+        0.0,
         chosen,
     )
+    if found.is_noise:
+        return found
+    by_time = _held_out(all_features[:, -TIMES:], joined, fold_of, seed, settings)
+    by_log = _held_out(all_features[:, -1:], joined, fold_of, seed, settings)
+    # A constant of each log is no drift: a slope, say, or an offset.
+    drift = ((joined - by_log) ** 2).sum() - ((joined - by_time) ** 2).sum()
+    return replace(found, wander=max(float(drift / (joined**2).sum()), 0.0))
+
+
+TIMES = 3
+"""Features at the end of each row that are no motion: time, time over all logs, and the log."""
 
 
 def _folds(

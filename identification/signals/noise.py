@@ -108,8 +108,10 @@ def differenced_noise(
     windowed = (rate - rate.mean(axis=0)) * np.hanning(n)[:, None]
     power = np.abs(np.fft.rfft(windowed, axis=0)) ** 2 / (0.375 * n)
     share = np.arange(len(power)) / n
-    low = power[(share > 0.125) & (share < 0.25)].mean(axis=0)
-    high = power[share > 0.375].mean(axis=0)
+    # Medians: a hum is a line, and a line near half the sampling rate is no such shape. ln 2: from
+    # the median of a noise's power, which is distributed exponentially, to its mean.
+    low = np.median(power[(share > 0.125) & (share < 0.25)], axis=0) / np.log(2.0)
+    high = np.median(power[share > 0.375], axis=0) / np.log(2.0)
     moving = high > 0
     if not moving.any() or (low / np.where(moving, high, np.inf)).sum() > (
         settings.max_differenced_slope * moving.sum()

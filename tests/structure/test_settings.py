@@ -20,6 +20,7 @@ HOMES = ("settings.py", "style.py")
 
 NO_SETTING = {
     "diagnosis": {"SHOWN_VARIABLES": "variables that a sentence names"},
+    "fitting": {"TIMES": "place of features in a row"},
     "threads": {"MAX_THREADS": "threads by default; no result depends on it"},
     "logs": {
         "_UNITS": "units that a time column is recognised in",

@@ -58,6 +58,16 @@ def test_what_is_missing_is_predicted(effect, values):
     assert found.share > 0.3 and not found.is_noise
 
 
+def test_an_offset_that_wanders_is_noise_and_a_constant_one_is_not():
+    log = recording("calibration")
+    phase = 2 * np.pi * (log.time - log.time[0]) / 45.0
+    wave = 0.05 * np.sin(phase[:, None] + np.arange(4))
+    found = left_by_the_base_model(replace(log, effort=log.effort + wave))
+    assert found.share > 0.2 and found.is_noise
+    offset = left_by_the_base_model(replace(log, effort=log.effort + [0.05, 0.0, 0.02, 0.0]))
+    assert not offset.is_noise
+
+
 def test_the_same_seed_gives_the_same_bits_and_another_hardly_another_share():
     log = recording("calibration", (("wheel_coulomb_friction", (("torque", 0.1),)),))
     first, again, other = (left_by_the_base_model(log, seed=seed) for seed in (0, 0, 1))

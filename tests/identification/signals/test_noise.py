@@ -44,3 +44,10 @@ def test_speeds_at_rest_say_nothing():
     speed = np.column_stack([np.diff(angle, axis=0) / DT, np.zeros(5999)])
     found = differenced_noise(speed, DT)
     assert found is not None and found[2] == 0.0
+
+
+def test_a_hum_near_half_the_sampling_rate_is_not():
+    t = DT * np.arange(6000)
+    white = 0.01 * np.random.default_rng(2).standard_normal((6000, 2))
+    hum = 0.02 * np.sin(2 * np.pi * 49.95 * t)[:, None]
+    assert differenced_noise(motion() + white + hum, DT) is None
