@@ -139,11 +139,27 @@ def predictability(
     )
     if found.is_noise:
         return found
-    by_time = _held_out(all_features[:, -TIMES:], joined, fold_of, seed, settings)
-    by_log = _held_out(all_features[:, -1:], joined, fold_of, seed, settings)
+    wander = _wander(all_features, joined, fold_of, seed, settings)
+    return replace(found, wander=wander)
+
+
+def _wander(
+    features: Array, residual: Array, fold_of: Indices, seed: int, settings: FitSettings
+) -> float:
+    """Share that time alone predicts beyond a constant of each log, and better than the motion.
+
+    What a slow motion explains, time explains too: that is no wander.
+    """
+
+    def share(chosen: Array) -> float:
+        predicted = _held_out(chosen, residual, fold_of, seed, settings)
+        return 1.0 - float(((residual - predicted) ** 2).sum() / (residual**2).sum())
+
+    by_time = share(features[:, -TIMES:])
+    if share(features[:, :-TIMES]) >= by_time:
+        return 0.0
     # A constant of each log is no drift: a slope, say, or an offset.
-    drift = ((joined - by_log) ** 2).sum() - ((joined - by_time) ** 2).sum()
-    return replace(found, wander=max(float(drift / (joined**2).sum()), 0.0))
+    return max(by_time - max(share(features[:, -1:]), 0.0), 0.0)
 
 
 TIMES = 3
