@@ -223,7 +223,7 @@ def _with_joint_fits(
     """
     settings, square = data.settings, base.held_out.square
     fall = square - found[0].square
-    if fall < settings.min_share_of_needed_fall * needed * square:
+    if fall < settings.min_share_of_needed_fall * needed * square or data.out_of_time:
         return found
     leaders = [
         item

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import time
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
@@ -150,7 +149,7 @@ def select(
     names : of the candidates
     rng : of the bootstrap's signs
     """
-    settings, ends = data.settings, time.monotonic() + data.settings.max_search_time
+    settings = data.settings
     steps = [data.step(fit_base(data, mechanism, start), None)]
     rankings: list[Ranking] = []
     first: Ranking | None = None
@@ -164,15 +163,13 @@ def select(
         # Without any effect too: the report lists the candidates on top of the base in any case.
         first = first or ranking
         more = _accepted(data, steps[-1], ranking)
-        out_of_time = time.monotonic() > ends
-        if not more and not out_of_time:
-            more = _accepted_pair(data, steps[-1], ranking, rng)
+        more = more or _accepted_pair(data, steps[-1], ranking, rng)
         if not more:
             rankings.append(ranking)
             break
         steps = [*steps, *(step for step, _ in more)]
         rankings = [*rankings, *(won for _, won in more)]
-        if out_of_time:
+        if data.out_of_time:
             break
         # With one accepted effect there is nothing to revise: it has just won.
         if len(steps) > 2:
@@ -186,9 +183,7 @@ def select(
     # max_effects is at least 1, so the loop has made one ranking.
     assert first is not None
     kept = _with_sound_free_runs(data, steps)
-    return Selection(
-        tuple(_judged_alike(data, kept)), tuple(rankings), first, time.monotonic() > ends
-    )
+    return Selection(tuple(_judged_alike(data, kept)), tuple(rankings), first, data.out_of_time)
 
 
 def _names(steps: Sequence[Step]) -> list[str]:
@@ -285,6 +280,8 @@ def _accepted_pair(
     pairs: list[tuple[float, Candidate, Ranking]] = []
     names = [item.name for item in ranking.candidates]
     for item in ranking.candidates[: settings.paired_candidates]:
+        if data.out_of_time:
+            break
         item = item if item.fitted else with_joint_fit(data, base, item)
         assert item.fitted is not None
         second = rank(data, item.fitted, [name for name in names if name != item.name], rng)
@@ -326,6 +323,8 @@ def _revised(
             others = [*names[:index], *names[index + 1 :]]
             if index == len(names) - 1 and names == before and full is steps[-1].fitted:
                 continue  # its ranking was computed with the same other effects just before
+            if data.out_of_time:
+                break
             base = _refitted(data, full, (*given, *others))
             again = rank(data, base, _rivals(won[index], others, data.settings), rng)
             if again.best is None or again.best.fitted is None or not again.is_material:

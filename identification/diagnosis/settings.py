@@ -67,10 +67,10 @@ class DiagnosisSettings(Settings):
 
     # Acceptance of an effect
     max_search_time: float = field(
-        default=40.0,
+        default=30.0,
         metadata={
             "unit": "s",
-            "reason": "no effect is searched for after it; a diagnosis then ends within a minute",
+            "reason": "no ranking is begun after it; a diagnosis then ends within a minute",
         },
     )
     max_effects: int = field(
@@ -119,7 +119,7 @@ class DiagnosisSettings(Settings):
         },
     )
     paired_candidates: int = field(
-        default=3,
+        default=2,
         metadata={
             "unit": "1",
             "reason": "candidates that are tried together with each other one where none is "

@@ -6,6 +6,7 @@ force residual on what it was not fitted on.
 
 from __future__ import annotations
 
+import time
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
@@ -253,8 +254,14 @@ class LoggedData:
         self.samples = [mechanism.samples(log) for log in logs]
         self.noise = [NoiseLevel.of(samples, settings.fit) for samples in self.samples]
         self.seed, self.progress, self.settings = seed, progress, settings
+        self._ends = time.monotonic() + settings.max_search_time
         # By structure: steps that are judged again with other folds need it again.
         self._predictable: dict[int, tuple[FittedStructure, Predictability]] = {}
+
+    @property
+    def out_of_time(self) -> bool:
+        """Whether the search for effects has taken the time that it may."""
+        return time.monotonic() > self._ends
 
     def step(
         self, fitted: FittedStructure, effect: str | None, folds: Sequence[Fold] | None = None
