@@ -225,12 +225,18 @@ def _accepted(data: LoggedData, before: Step, ranking: Ranking) -> list[Accepted
     Empty if there is none.
     """
     excluded: list[str] = []
-    while ranking.best is not None and ranking.best.fitted is not None:
+    # In long logs even tiny effects are significant, so the fall must be material as well.
+    while ranking.best is not None and ranking.is_material:
         best = ranking.best
-        # In long logs even tiny effects are significant, so the fall must be material as well.
-        if not ranking.is_material:
-            break
-        assert best.fitted is not None  # the loop's condition, for the type checker
+        if best.fitted is None:
+            if excluded or not data.out_of_time:
+                break
+            # The time ran out in the midst of the ranking: what it found is not thrown away.
+            best = with_joint_fit(data, before.fitted, best)
+            ranking = replace(ranking, best=best)
+            if not ranking.is_material:
+                break
+        assert best.fitted is not None  # as is every result of a joint fit
         significant = ranking.p_values[best.name] <= data.settings.max_p_value
         if significant and _helps_in_each_log(before.fitted, best, data.settings):
             step = data.step(best.fitted, best.name)
@@ -327,6 +333,9 @@ def _revised(
                 break
             base = _refitted(data, full, (*given, *others))
             again = rank(data, base, _rivals(won[index], others, data.settings), rng)
+            if data.out_of_time and not (again.best and again.best.fitted):
+                # The ranking was cut before its joint fits: it says nothing against the effect.
+                break
             if again.best is None or again.best.fitted is None or not again.is_material:
                 # The other effects were chosen beside the one that is dropped: try them again.
                 del names[index], won[index]

@@ -158,3 +158,26 @@ def test_what_explains_a_crumb_of_the_unknown_is_not_accepted():
     first = found.first
     assert first.fall_of(first.candidates[0]) < first.needed and first.needed > 0.07
     assert accepted(found) == []
+
+
+class Clock(LoggedData):
+    """Logged data whose time for a search ends after a number of looks at it."""
+
+    looks = 10**9
+
+    @property
+    def out_of_time(self) -> bool:
+        self.looks -= 1
+        return self.looks < 0
+
+
+@pytest.mark.parametrize("looks", [0, 5], ids=["in the first ranking", "in the revision"])
+def test_time_that_runs_out_takes_nothing_away(looks: int):
+    square = ("quadratic_friction", (("coefficient", 0.01),))
+    tilt = ("floor_tilt", (("tilt_x", 0.02), ("tilt_y", -0.01)))
+    mechanism = mechanism_of(load_model("paper"))
+    data = Clock(mechanism, [recording("calibration", (square, tilt))])
+    data.looks = looks
+    names = ["floor_tilt", "quadratic_friction"]
+    found = select(data, mechanism, load_model("paper").theta, names, np.random.default_rng(0))
+    assert set(accepted(found)) == set(names if looks else names[:1])
