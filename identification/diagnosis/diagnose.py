@@ -82,11 +82,7 @@ def diagnose(
     floor = data.floor(steps[-1].fitted).to_dict()
     unexplained = leaves_something(steps, settings)
     accepted = _names(steps)
-    ties = {
-        ranking.best.name: list(ranking.tied)
-        for ranking in chosen.rankings
-        if ranking.best and ranking.tied and ranking.best.name in accepted
-    }
+    ties = _ties(chosen.rankings, accepted)
     verdict = verdict_of(unexplained, bool(ties), bool(accepted))
     final, maps = _final_fit_and_maps(data, steps)
     given = data.given_errors(mechanism, model.theta)
@@ -184,6 +180,16 @@ def select(
     assert first is not None
     kept = _with_sound_free_runs(data, steps)
     return Selection(tuple(kept), tuple(rankings), first, data.out_of_time)
+
+
+def _ties(rankings: Sequence[Ranking], accepted: Sequence[str]) -> dict[str, list[str]]:
+    """Of each accepted effect, what tied with it; what is accepted beside it is no rival of it."""
+    rivals = {
+        ranking.best.name: [name for name in ranking.tied if name not in accepted]
+        for ranking in rankings
+        if ranking.best and ranking.best.name in accepted
+    }
+    return {name: others for name, others in rivals.items() if others}
 
 
 def _names(steps: Sequence[Step]) -> list[str]:

@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
 from identification.diagnosis.add_effect import add_effect
 from identification.diagnosis.candidates import fit_base, try_candidate
-from identification.diagnosis.diagnose import diagnose, select
+from identification.diagnosis.diagnose import _ties, diagnose, select
 from identification.diagnosis.structures import LoggedData
 from identification.mechanisms.registry import mechanism_of
 from identification.mechanisms.samples import cut
@@ -181,3 +183,16 @@ def test_time_that_runs_out_takes_nothing_away(looks: int):
     names = ["floor_tilt", "quadratic_friction"]
     found = select(data, mechanism, load_model("paper").theta, names, np.random.default_rng(0))
     assert set(accepted(found)) == set(names if looks else names[:1])
+
+
+def test_what_is_accepted_beside_an_effect_is_no_rival_of_it():
+    _, found = chosen(("wheel_coulomb_friction", (("torque", 0.3),)))
+    first = found.rankings[0]
+    assert first.best is not None
+    name = first.best.name
+    tied = replace(first, tied=("friction_warmup", "torque_delay"))
+    assert _ties([tied], [name]) == {name: ["friction_warmup", "torque_delay"]}
+    # A search that time ends has not ranked the first effect again, with the second one present.
+    assert _ties([tied], [name, "torque_delay"]) == {name: ["friction_warmup"]}
+    assert _ties([replace(first, tied=("torque_delay",))], [name, "torque_delay"]) == {}
+    assert _ties([tied], ["torque_delay"]) == {}
