@@ -107,6 +107,7 @@ def diagnose(
         next_experiment=_next_experiment(mechanism, steps, chosen.rankings, ties, seed),
         warnings=(
             *warnings_of(logs, given, steps[0], chosen.out_of_time, settings),
+            *data.notes,
             *coarse_speed_warnings(data.samples, final),
         ),
         sentences=tuple(sentences_of(fitted_model, steps, verdict, ties, floor, maps[-1])),

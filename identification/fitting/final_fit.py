@@ -8,6 +8,7 @@ from dataclasses import replace
 import numpy as np
 
 from identification.fitting.errors import NoiseLevel
+from identification.fitting.held_channels import doubt_of_held
 from identification.fitting.least_squares import Fit
 from identification.fitting.noise_bias import Array, extrapolated_fit, joint_fit
 from identification.fitting.physical_fit import within_limits
@@ -57,21 +58,37 @@ def without_noise_bias(
 
     Otherwise both fits estimate the same, and where the model is true they differ by less than
     their deviations. What they differ by is added to the covariance: it is larger where the model
-    is not. The parameters are within the limits of what can be.
+    is not. So is what efforts that are held for some rows leave open. The parameters are within
+    the limits of what can be.
     """
+    doubt = doubt_of_held(mechanism, samples, found.theta, found.free, settings)
+    last = _last_fit(mechanism, samples, noise, found, seed, settings, progress)
+    widened = replace(last, covariance=last.covariance + doubt)
+    return within_limits(mechanism, widened, settings)
+
+
+def _last_fit(
+    mechanism: Mechanism,
+    samples: Sequence[Samples],
+    noise: Sequence[NoiseLevel],
+    found: Fit,
+    seed: int,
+    settings: FitSettings,
+    progress: Callable[[], None],
+) -> Fit:
+    """The fit without bias by noise, of force or free run, that may be beyond physical limits."""
     counted = any(item.angle_noise is not None for item in samples)
     undone = found
     if not counted:
         undone = extrapolated_fit(mechanism, samples, noise, found, seed, settings)
     run = _fit_of_free_run(mechanism, samples, undone, settings, progress)
     if run is None:
-        return within_limits(mechanism, undone, settings)
+        return undone
     shift = np.abs(undone.theta - found.theta)[found.free]
     if counted or (shift > settings.max_noise_shift * found.std).any():
-        return within_limits(mechanism, run, settings)
+        return run
     apart = (run.theta - undone.theta)[found.free]
-    widened = replace(undone, covariance=undone.covariance + np.outer(apart, apart))
-    return within_limits(mechanism, widened, settings)
+    return replace(undone, covariance=undone.covariance + np.outer(apart, apart))
 
 
 def _fit_of_free_run(

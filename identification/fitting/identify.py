@@ -18,6 +18,7 @@ from identification.fitting.errors import (
 )
 from identification.fitting.estimate_history import EstimateHistory, recursive_course
 from identification.fitting.final_fit import coarse_speed_warnings, without_noise_bias
+from identification.fitting.held_channels import as_they_mean
 from identification.fitting.least_squares import Fit, fit
 from identification.fitting.misfit import NEXT_COMMAND, misfit_warning
 from identification.fitting.observability import (
@@ -229,7 +230,8 @@ def identify(
         raise InputError("no log given: identify needs at least one")
     start = start or load_model("paper")
     mechanism = mechanism_of(start, geometry, settings.mechanism)
-    samples = tuple(mechanism.samples(log) for log in logs)
+    held = as_they_mean(mechanism, [mechanism.samples(log) for log in logs], settings)
+    samples = held.samples
     free = np.flatnonzero(mechanism.free)
     rows = [regression(mechanism, start.theta, item, free, settings) for item in samples]
     total = log_observability(mechanism, rows, settings)
@@ -276,6 +278,7 @@ def identify(
     )
     doubts = [line for line in (doubt, misfit) if line]
     doubts += [line for log in logs for line in log.warnings]
+    doubts += held.notes
     return Identification(
         *(model, final, force, mechanism, samples, predictable, floor),
         parts=_part_reports(mechanism, start.theta, samples, rows, settings),
