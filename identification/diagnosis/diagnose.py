@@ -184,7 +184,7 @@ def select(
     # max_effects is at least 1, so the loop has made one ranking.
     assert first is not None
     kept = _with_sound_free_runs(data, steps)
-    return Selection(tuple(_judged_alike(data, kept)), tuple(rankings), first, data.out_of_time)
+    return Selection(tuple(kept), tuple(rankings), first, data.out_of_time)
 
 
 def _names(steps: Sequence[Step]) -> list[str]:
@@ -198,11 +198,13 @@ def _held_out_square(first: Step, *others: Step) -> float:
     return first.fitted.fold_ratio(last.fitted.held_out.folds) * last.fitted.held_out.square
 
 
-def _with_sound_free_runs(data: LoggedData, steps: list[Step]) -> list[Step]:
-    """The steps without effects beside whose successors the free run has become worse."""
-    for index in range(1, len(steps)):
-        if not _free_run_holds(data, steps[index - 1], steps[index]):
-            names = [name for k, name in enumerate(_names(steps), start=1) if k != index]
+def _with_sound_free_runs(data: LoggedData, steps: Sequence[Step]) -> list[Step]:
+    """The steps, without effects that make the free run worse."""
+    steps = _judged_alike(data, steps)
+    most = data.settings.max_velocity_error_ratio
+    for index, (before, after) in enumerate(zip(steps, steps[1:], strict=False)):
+        if after.velocity_error > most * before.velocity_error:
+            names = [name for k, name in enumerate(_names(steps)) if k != index]
             return _with_sound_free_runs(data, _walk(data, steps[0], names, steps[-1].fitted))
     return steps
 

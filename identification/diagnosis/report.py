@@ -196,7 +196,7 @@ def _of_the_unknown(steps: Sequence[Step], level: float, remaining: ResidualMap)
         f"predicts {steps[-1].predictable.share:.0%} of its squares"
     )
     if len(steps) > 1 and share is not None:
-        names = " and ".join(step.effect.replace("_", " ") for step in steps[1:] if step.effect)
+        names = _listed([step.effect.replace("_", " ") for step in steps[1:] if step.effect])
         verb = "take" if len(steps) > 2 else "takes"
         found = [
             f"{names} {verb} {share:.0%} of what could be explained; something more is missing: "
@@ -213,6 +213,12 @@ def _of_the_unknown(steps: Sequence[Step], level: float, remaining: ResidualMap)
     else:
         found.append("what remains depends on no single variable more than chance would have it")
     return found
+
+
+def _listed(names: Sequence[str]) -> str:
+    """Names in a sentence: a, b and c."""
+    *most, last = names
+    return f"{', '.join(most)} and {last}" if most else last
 
 
 SHOWN_VARIABLES = 3
@@ -248,8 +254,8 @@ def warnings_of(
         )
     if out_of_time:
         found.append(
-            f"the search was ended after {settings.max_search_time:.0f} s with what it had found: "
-            "give fewer or shorter logs for all of it"
+            f"the search was ended after {settings.max_search_time:.0f} s of computing, with what "
+            "it had found: give fewer or shorter logs for all of it"
         )
     return found
 

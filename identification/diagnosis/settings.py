@@ -67,10 +67,11 @@ class DiagnosisSettings(Settings):
 
     # Acceptance of an effect
     max_search_time: float = field(
-        default=30.0,
+        default=60.0,
         metadata={
-            "unit": "s",
-            "reason": "no ranking is begun after it; a diagnosis then ends within a minute",
+            "unit": "s of all cores together",
+            "reason": "no ranking is begun after it; a diagnosis then ends within a minute on two "
+            "cores. Logs of 260 s at 100 Hz with two effects take 15 s",
         },
     )
     max_effects: int = field(
@@ -106,8 +107,9 @@ class DiagnosisSettings(Settings):
         default=1.02,
         metadata={
             "unit": "velocity error with an effect over that without it, held out",
-            "reason": "an effect that makes the free run worse is not what is missing; 2 % are "
-            "within the scatter of a free run",
+            "reason": "an effect that makes the free run worse is not what is missing; of 36 "
+            "planted effects, a quarter of catalogue size among them, none came above 0.996. The "
+            "rest is for one of two effects that only work together: it may come first",
         },
     )
     max_lost_share: float = field(

@@ -9,7 +9,7 @@ from __future__ import annotations
 import time
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
-from functools import cached_property
+from functools import cached_property, partial
 from typing import Any
 
 import numpy as np
@@ -215,7 +215,7 @@ class Step:
     """One structure on the way: the effect accepted last, and held-out errors.
 
     fold_thetas : (folds, P) parameters that were fitted without each fold
-    predictable : what of its residual the motion can still predict
+    predict : computes ``predictable``: only the last steps need it
     """
 
     effect: str | None
@@ -223,7 +223,12 @@ class Step:
     velocity_error: float
     fitted: FittedStructure
     fold_thetas: Array
-    predictable: Predictability
+    predict: Callable[[], Predictability] = field(repr=False, compare=False)
+
+    @cached_property
+    def predictable(self) -> Predictability:
+        """What of its residual the motion can still predict."""
+        return self.predict()
 
     @property
     def errors(self) -> dict[str, float]:
@@ -256,14 +261,17 @@ class LoggedData:
         self.samples, self.notes = list(held.samples), held.notes
         self.noise = [NoiseLevel.of(samples, settings.fit) for samples in self.samples]
         self.seed, self.progress, self.settings = seed, progress, settings
-        self._ends = time.monotonic() + settings.max_search_time
+        self._ends = time.process_time() + settings.max_search_time
         # By structure: steps that are judged again with other folds need it again.
         self._predictable: dict[int, tuple[FittedStructure, Predictability]] = {}
 
     @property
     def out_of_time(self) -> bool:
-        """Whether the search for effects has taken the time that it may."""
-        return time.monotonic() > self._ends
+        """Whether the search for effects has taken the time that it may.
+
+        Time of this process on all cores, so that the result does not depend on what else runs.
+        """
+        return time.process_time() > self._ends
 
     def step(
         self, fitted: FittedStructure, effect: str | None, folds: Sequence[Fold] | None = None
@@ -283,7 +291,7 @@ class LoggedData:
             velocity.append(SumsOfSquares.of(_free_run(fitted.mechanism, theta, part)))
             self.progress()
         errors = add_up(force).ratio, add_up(velocity).ratio
-        return Step(effect, *errors, fitted, thetas, self.predictability(fitted))
+        return Step(effect, *errors, fitted, thetas, partial(self.predictability, fitted))
 
     def predictability(self, fitted: FittedStructure) -> Predictability:
         """What of a structure's residual the motion predicts."""
