@@ -13,6 +13,7 @@ from identification.fitting.least_squares import Fit
 from identification.fitting.noise_bias import Array, extrapolated_fit, joint_fit
 from identification.fitting.physical_fit import within_limits
 from identification.fitting.settings import FitSettings
+from identification.logs.findings import names_of
 from identification.mechanisms.mechanism import Mechanism
 from identification.mechanisms.samples import Samples
 from youbot_env.errors import InputError
@@ -131,7 +132,7 @@ def coarse_speed_warnings(samples: Sequence[Samples], fitted: Fit) -> list[str]:
     if fitted.in_free_run:
         done.append("kept out of the columns: the free run is fitted (output error)")
     return [
-        f"{', '.join(item.name for item in coarse)}: the speeds {size}, as differences of counted "
+        f"{names_of([item.name for item in coarse])}: the speeds {size}, as differences of counted "
         f"angles do: {'; '.join(done)}. Differences over longer are finer"
     ]
 

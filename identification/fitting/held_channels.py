@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 
 from identification.fitting.regression import Indices, regression
 from identification.fitting.settings import FitSettings
+from identification.logs.findings import names_of
 from identification.mechanisms.mechanism import Mechanism
 from identification.mechanisms.samples import Samples
 from identification.signals.held import between_fresh, fresh_rows, half_a_row_later, ripple
@@ -170,7 +171,7 @@ def _meaning(
 
 
 def _note(held: Sequence[Samples], kinds: Sequence[str], meaning: Meaning) -> str:
-    names = ", ".join(item.name for item in held)
+    names = names_of([item.name for item in held])
     what = {
         "late": "the speeds do not ripple with the steps, so the values are late, not held by the "
         "drive: they are led straight from one new value to the next",

@@ -38,7 +38,7 @@ from identification.fitting.predictability import (
 )
 from identification.fitting.regression import Regression, regression
 from identification.fitting.settings import FitSettings
-from identification.logs.log import Log
+from identification.logs.log import Log, warnings_of_logs
 from identification.mechanisms.mechanism import Mechanism
 from identification.mechanisms.registry import AnyModel, kind_of, mechanism_of
 from identification.mechanisms.samples import Samples
@@ -277,8 +277,8 @@ def identify(
         provenance=provenance,
     )
     doubts = [line for line in (doubt, misfit) if line]
-    doubts += [line for log in logs for line in log.warnings]
-    doubts += held.notes
+    doubts += warnings_of_logs(logs)
+    doubts += [*held.notes, *coarse_speed_warnings(samples, final)]
     return Identification(
         *(model, final, force, mechanism, samples, predictable, floor),
         parts=_part_reports(mechanism, start.theta, samples, rows, settings),
@@ -286,7 +286,6 @@ def identify(
         course=_course(mechanism, force, settings) if recursive else None,
         warnings=(
             *doubts,
-            *coarse_speed_warnings(samples, final),
             *_rest_warnings(mechanism, moved, settings),
             *refused,
             *_fit_warnings(mechanism, final),

@@ -80,7 +80,6 @@ def counted_speeds(log: Log, limits: CheckLimits) -> Iterator[Finding]:
     if share > limits.settings.max_counted_step:
         yield Finding("error", message, cure=cure)
     else:
-        cure += "; `identify --output-error` is not biased by them"
         yield Finding("warning", message, cure=cure)
 
 
