@@ -67,6 +67,7 @@ def main(
             name: {**entry, "interval": None} for name, entry in found["parameters"].items()
         }
     given.tell(out)
+    given.tell_doubts(out)
     _print(out, found)
     if output:
         save_any_model(output, result.model)

@@ -80,6 +80,7 @@ def main(
     if found["misfit"]:
         found["misfit"] = found["misfit"].replace(NEXT_COMMAND, next_diagnosis(model, logs))
     given.tell(out)
+    given.tell_doubts(out)
     _print(out, found)
     if predictions:
         _write_predictions(out, result, predictions)
@@ -130,12 +131,14 @@ def _page(result: Comparison, found: dict[str, Any], geometry: Geometry | None) 
 
 
 def _warnings(result: Comparison) -> Iterator[str]:
+    from identification.logs.log import warnings_of_logs
+
     if all(item.seen_in_fit for item in result.logs):
         yield "The model was fitted on these very logs: compare on others to see what it can do."
     for item in result.logs:
         if item.slip is not None and item.slip.exceeds_noise:
             yield f"{item.log.name}: the wheels slip, or one is not what the geometry says."
-        yield from item.log.warnings
+    yield from warnings_of_logs([item.log for item in result.logs])
 
 
 def _write_predictions(out: Console, result: Comparison, folder: Path) -> None:

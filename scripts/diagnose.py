@@ -79,7 +79,7 @@ def main(
         result = diagnose(given.model, given.logs, seed=seed, progress=advance)
     out, found = console(json), {**result.to_dict(), **given.to_dict()}
     given.tell(out)
-    _print(out, found)
+    _print(out, found, len(result.first_warnings))
     if next_motion and found["next_experiment"]:
         write_json(next_motion, found["next_experiment"]["motion"])
         out.print(f"motion written to {next_motion}", soft_wrap=True)
@@ -95,7 +95,10 @@ def main(
         out.print(f"model written to {output}", soft_wrap=True)
 
 
-def _print(out: Console, found: dict[str, Any]) -> None:
+def _print(out: Console, found: dict[str, Any], told_first: int) -> None:
+    # What is wrong with the logs comes before the numbers that it makes doubtful.
+    for warning in found["warnings"][:told_first]:
+        out.print(f"warning: {warning}", style="yellow", soft_wrap=True)
     show(out, [result_tables.steps(found), result_tables.candidates(found, SHOWN_CANDIDATES)])
     # What remains after the effects found, where there are any: the rest is explained.
     accepted = bool(found["missing"])
@@ -109,7 +112,7 @@ def _print(out: Console, found: dict[str, Any]) -> None:
         out.print(f"- {sentence}")
     for line in _next_experiment(found):
         out.print(line)
-    for warning in found["warnings"]:
+    for warning in found["warnings"][told_first:]:
         out.print(f"warning: {warning}", style="yellow")
 
 

@@ -37,7 +37,7 @@ from identification.diagnosis.structures import (
 )
 from identification.fitting.final_fit import coarse_speed_warnings, final_fit
 from identification.fitting.least_squares import Fit
-from identification.logs.log import Log
+from identification.logs.log import Log, warnings_of_logs
 from identification.mechanisms.mechanism import Mechanism
 from identification.mechanisms.registry import AnyModel, kind_of, mechanism_of
 from identification.residual_map.residual_map import residual_map
@@ -87,6 +87,7 @@ def diagnose(
     final, maps = _final_fit_and_maps(data, steps)
     given = data.given_errors(mechanism, model.theta)
     fitted_model = _model(steps[-1], final, model, logs, floor)
+    of_logs = warnings_of_logs(logs) + [*data.notes, *coarse_speed_warnings(data.samples, final)]
     return Diagnosis(
         verdict=verdict,
         missing=tuple(accepted),
@@ -102,9 +103,10 @@ def diagnose(
         maps=tuple(maps),
         next_experiment=_next_experiment(mechanism, steps, chosen.rankings, ties, seed),
         warnings=(
-            *warnings_of(logs, given, steps[0], chosen.out_of_time, settings),
-            *coarse_speed_warnings(data.samples, final),
+            *of_logs,
+            *warnings_of(given, steps[0], chosen.out_of_time, settings),
         ),
+        told_first=len(of_logs),
         sentences=tuple(sentences_of(fitted_model, steps, verdict, ties, floor, maps[-1])),
         candidates=candidate_rows(chosen.first, steps[0], fitted_model),
         settings=settings,

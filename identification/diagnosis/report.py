@@ -11,7 +11,6 @@ import numpy as np
 from identification.diagnosis.sentences import describe
 from identification.diagnosis.settings import DiagnosisSettings
 from identification.diagnosis.structures import Candidate, Ranking, Step
-from identification.logs.log import Log
 from identification.mechanisms.mechanism import Mechanism
 from identification.mechanisms.samples import Samples
 from identification.residual_map.shares import ResidualMap
@@ -52,6 +51,12 @@ class Diagnosis:
     sentences: tuple[str, ...] = ()
     candidates: list[dict[str, Any]] = field(default_factory=list)
     settings: DiagnosisSettings = field(default_factory=DiagnosisSettings)
+    told_first: int = 0
+
+    @property
+    def first_warnings(self) -> tuple[str, ...]:
+        """What is wrong with the logs, which makes all that follows doubtful."""
+        return self.warnings[: self.told_first]
 
     @property
     def where(self) -> list[dict[str, Any]]:
@@ -259,20 +264,19 @@ def describe_in(model: Any, effect: Any) -> str:
 
 
 def warnings_of(
-    logs: Sequence[Log],
     given: Mapping[str, float],
     refitted: Step,
     out_of_time: bool,
     settings: DiagnosisSettings,
 ) -> list[str]:
-    """What a reader must know to judge the verdict: the logs' warnings first.
+    """What a reader must know to judge the verdict, beside what is wrong with the logs.
 
     Parameters
     ----------
     given, refitted : errors of the model as it was given, and refitted
     out_of_time : whether the search ended before it had come to its own end
     """
-    found = [line for log in logs for line in log.warnings]
+    found: list[str] = []
     if given["force_error"] > settings.min_changed_error_ratio * refitted.force_error:
         found.append(
             f"the given model's own parameters no longer fit (force error "

@@ -32,6 +32,7 @@ from identification.fitting.errors import (
     white_force_floor,
 )
 from identification.fitting.gauge import gauge_basis
+from identification.fitting.held_channels import as_they_mean
 from identification.fitting.predictability import (
     NoiseFloor,
     Predictability,
@@ -256,7 +257,8 @@ class LoggedData:
         progress: Callable[[], None] = lambda: None,
         settings: DiagnosisSettings = DiagnosisSettings(),
     ) -> None:
-        self.samples = [mechanism.samples(log) for log in logs]
+        held = as_they_mean(mechanism, [mechanism.samples(log) for log in logs], settings.fit)
+        self.samples, self.notes = list(held.samples), held.notes
         self.noise = [NoiseLevel.of(samples, settings.fit) for samples in self.samples]
         self.seed, self.progress, self.settings = seed, progress, settings
         self._ends = time.process_time() + settings.max_search_time

@@ -8,10 +8,12 @@ from dataclasses import replace
 import numpy as np
 
 from identification.fitting.errors import NoiseLevel
+from identification.fitting.held_channels import doubt_of_held
 from identification.fitting.least_squares import Fit
 from identification.fitting.noise_bias import Array, extrapolated_fit, joint_fit
 from identification.fitting.physical_fit import within_limits
 from identification.fitting.settings import FitSettings
+from identification.logs.findings import names_of
 from identification.mechanisms.mechanism import Mechanism
 from identification.mechanisms.samples import Samples
 from youbot_env.errors import InputError
@@ -57,21 +59,37 @@ def without_noise_bias(
 
     Otherwise both fits estimate the same, and where the model is true they differ by less than
     their deviations. What they differ by is added to the covariance: it is larger where the model
-    is not. The parameters are within the limits of what can be.
+    is not. So is what efforts that are held for some rows leave open. The parameters are within
+    the limits of what can be.
     """
+    doubt = doubt_of_held(mechanism, samples, found.theta, found.free, settings)
+    last = _last_fit(mechanism, samples, noise, found, seed, settings, progress)
+    widened = replace(last, covariance=last.covariance + doubt)
+    return within_limits(mechanism, widened, settings)
+
+
+def _last_fit(
+    mechanism: Mechanism,
+    samples: Sequence[Samples],
+    noise: Sequence[NoiseLevel],
+    found: Fit,
+    seed: int,
+    settings: FitSettings,
+    progress: Callable[[], None],
+) -> Fit:
+    """The fit without bias by noise, of force or free run, that may be beyond physical limits."""
     counted = any(item.angle_noise is not None for item in samples)
     undone = found
     if not counted:
         undone = extrapolated_fit(mechanism, samples, noise, found, seed, settings)
     run = _fit_of_free_run(mechanism, samples, undone, settings, progress)
     if run is None:
-        return within_limits(mechanism, undone, settings)
+        return undone
     shift = np.abs(undone.theta - found.theta)[found.free]
     if counted or (shift > settings.max_noise_shift * found.std).any():
-        return within_limits(mechanism, run, settings)
+        return run
     apart = (run.theta - undone.theta)[found.free]
-    widened = replace(undone, covariance=undone.covariance + np.outer(apart, apart))
-    return within_limits(mechanism, widened, settings)
+    return replace(undone, covariance=undone.covariance + np.outer(apart, apart))
 
 
 def _fit_of_free_run(
@@ -114,7 +132,7 @@ def coarse_speed_warnings(samples: Sequence[Samples], fitted: Fit) -> list[str]:
     if fitted.in_free_run:
         done.append("kept out of the columns: the free run is fitted (output error)")
     return [
-        f"{', '.join(item.name for item in coarse)}: the speeds {size}, as differences of counted "
+        f"{names_of([item.name for item in coarse])}: the speeds {size}, as differences of counted "
         f"angles do: {'; '.join(done)}. Differences over longer are finer"
     ]
 

@@ -18,6 +18,7 @@ from identification.fitting.errors import (
 )
 from identification.fitting.estimate_history import EstimateHistory, recursive_course
 from identification.fitting.final_fit import coarse_speed_warnings, without_noise_bias
+from identification.fitting.held_channels import as_they_mean
 from identification.fitting.least_squares import Fit, fit
 from identification.fitting.misfit import NEXT_COMMAND, misfit_warning
 from identification.fitting.observability import (
@@ -37,7 +38,7 @@ from identification.fitting.predictability import (
 )
 from identification.fitting.regression import Regression, regression
 from identification.fitting.settings import FitSettings
-from identification.logs.log import Log
+from identification.logs.log import Log, warnings_of_logs
 from identification.mechanisms.mechanism import Mechanism
 from identification.mechanisms.registry import AnyModel, kind_of, mechanism_of
 from identification.mechanisms.samples import Samples
@@ -229,7 +230,8 @@ def identify(
         raise InputError("no log given: identify needs at least one")
     start = start or load_model("paper")
     mechanism = mechanism_of(start, geometry, settings.mechanism)
-    samples = tuple(mechanism.samples(log) for log in logs)
+    held = as_they_mean(mechanism, [mechanism.samples(log) for log in logs], settings)
+    samples = held.samples
     free = np.flatnonzero(mechanism.free)
     rows = [regression(mechanism, start.theta, item, free, settings) for item in samples]
     total = log_observability(mechanism, rows, settings)
@@ -275,7 +277,8 @@ def identify(
         provenance=provenance,
     )
     doubts = [line for line in (doubt, misfit) if line]
-    doubts += [line for log in logs for line in log.warnings]
+    doubts += warnings_of_logs(logs)
+    doubts += [*held.notes, *coarse_speed_warnings(samples, final)]
     return Identification(
         *(model, final, force, mechanism, samples, predictable, floor),
         parts=_part_reports(mechanism, start.theta, samples, rows, settings),
@@ -283,7 +286,6 @@ def identify(
         course=_course(mechanism, force, settings) if recursive else None,
         warnings=(
             *doubts,
-            *coarse_speed_warnings(samples, final),
             *_rest_warnings(mechanism, moved, settings),
             *refused,
             *_fit_warnings(mechanism, final),

@@ -46,6 +46,7 @@ class Predictability:
     Attributes
     ----------
     residual, predicted : per log (n, A), rows of the filtered force residual
+    time : per log (n,), end of each row [s], from the log's start
     step : per log, from one row to the next [s]
     wander : share that a drift in time alone predicts, whatever the motion
     settings : of these the share up to which a residual counts as noise
@@ -53,6 +54,7 @@ class Predictability:
 
     residual: tuple[Array, ...]
     predicted: tuple[Array, ...]
+    time: tuple[Array, ...]
     step: tuple[float, ...]
     wander: float
     settings: PredictabilitySettings
@@ -94,14 +96,14 @@ class Predictability:
     def episodes(self) -> list[tuple[int, float, float]]:
         """Log, start and end [s] of stretches of an episodic residual, the largest first."""
         found: list[tuple[float, int, float, float]] = []
-        for log, (step, square) in enumerate(zip(self.step, self._blocks, strict=True)):
-            length = self._rows_of_block(log) * step
-            loud = np.flatnonzero(self._is_loud(log))
+        for log, (time, square) in enumerate(zip(self.time, self._blocks, strict=True)):
+            block, loud = self._block_of(log), np.flatnonzero(self._is_loud(log))
             # Neighbouring blocks are one stretch.
             for part in np.split(loud, np.flatnonzero(np.diff(loud) > 1) + 1):
                 if part.size:
-                    whole = float(square[part].sum())
-                    found.append((whole, log, part[0] * length, (part[-1] + 1) * length))
+                    inside = time[(block >= part[0]) & (block <= part[-1])]
+                    start = float(inside[0]) - self.step[log]
+                    found.append((float(square[part].sum()), log, start, float(inside[-1])))
         return [(log, start, end) for _, log, start, end in sorted(found, reverse=True)]
 
     def _rows_of_block(self, log: int) -> int:
@@ -198,6 +200,7 @@ def predictability(
     found = Predictability(
         tuple(residual),
         tuple(np.split(predicted, edges)),
+        tuple(row.time[::thin] for row in rows),
         tuple(thin * row.step for row in rows),
         0.0,
         chosen,

@@ -6,6 +6,7 @@ from dataclasses import dataclass, field
 
 from identification.mechanisms.settings import MechanismSettings
 from identification.signals.filters import FilterSettings
+from identification.signals.held import HeldSettings
 from identification.signals.noise import NoiseSettings
 from youbot_env.errors import InputError, Settings, check_settings
 
@@ -145,6 +146,7 @@ class FitSettings(Settings):
 
     filter: FilterSettings = field(default_factory=FilterSettings)
     noise: NoiseSettings = field(default_factory=NoiseSettings)
+    held: HeldSettings = field(default_factory=HeldSettings)
     mechanism: MechanismSettings = field(default_factory=MechanismSettings)
     predictability: PredictabilitySettings = field(default_factory=PredictabilitySettings)
 
@@ -378,6 +380,32 @@ class FitSettings(Settings):
             "unit": "standard deviations",
             "reason": "by which noise on the speeds may bias a force fit. Beyond, the free run is "
             "fitted: simulation and extrapolation left 0.7 of 5.6, but 7 of 11",
+        },
+    )
+
+    # Channels that hold each value for some rows
+    max_start_steps: int = field(
+        default=3,
+        metadata={
+            "unit": "1",
+            "reason": "Gauss-Newton from catalogue sizes to a theta whose inertia makes the right "
+            "ripple; the centre of mass is a quotient, so one step is not enough",
+        },
+    )
+    max_late_ripple: float = field(
+        default=0.35,
+        metadata={
+            "unit": "share of the speeds' ripple",
+            "reason": "that a drive would leave which holds its efforts as logged. Efforts that "
+            "a slow logger held left 0.04 to 0.23 (holds of 20 to 100 ms, three times the noise)",
+        },
+    )
+    min_held_ripple: float = field(
+        default=0.6,
+        metadata={
+            "unit": "share of the speeds' ripple",
+            "reason": "drives that really hold their efforts left 0.94 to 1.03; between the two "
+            "it stays open, and both fits are inside the intervals",
         },
     )
 

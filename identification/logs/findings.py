@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable
+import re
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from typing import Literal
 
@@ -45,6 +46,51 @@ def percent(share: float) -> str:
     digits = 1 - math.floor(math.log10(size)) if size > 0 and math.isfinite(size) else 0
     rounded = round(100 * share, digits) if math.isfinite(share) else share
     return f"{rounded:.{max(digits, 0)}f} %"
+
+
+_NUMBER = re.compile(r"(?<![\w.])-?\d+(?:\.\d+)?(?:e[+-]?\d+)?(?![\w.]*\w)")
+
+
+def names_of(logs: Sequence[str]) -> str:
+    """Names of logs for a sentence: "a, b and c", or of more "a and 11 others"."""
+    match list(logs):
+        case [one]:
+            return one
+        case [one, other]:
+            return f"{one} and {other}"
+        case [one, other, third]:
+            return f"{one}, {other} and {third}"
+        case [first, *others]:
+            return f"{first} and {len(others)} others"
+    return ""
+
+
+def grouped(told: Iterable[tuple[str, str]]) -> list[str]:
+    """Sentences about logs, each told once: "a and 11 others: 43 to 48 % of the rows ...".
+
+    Parameters
+    ----------
+    told : names of logs, each with a sentence; of sentences that differ by their numbers alone
+        one is told, with the least and the largest of each number
+    """
+    alike: dict[str, list[tuple[str, str]]] = {}
+    for name, sentence in told:
+        alike.setdefault(_NUMBER.sub("0", sentence), []).append((name, sentence))
+    return [
+        f"{names_of([name for name, _ in group])}: {_spanned([line for _, line in group])}"
+        for group in alike.values()
+    ]
+
+
+def _spanned(sentences: Sequence[str]) -> str:
+    """One sentence for several that differ by their numbers."""
+    numbers = iter(zip(*(_NUMBER.findall(line) for line in sentences), strict=True))
+
+    def span(_: re.Match[str]) -> str:
+        found = sorted(set(next(numbers)), key=float)
+        return found[0] if len(found) == 1 else f"{found[0]} to {found[-1]}"
+
+    return _NUMBER.sub(span, sentences[0])
 
 
 class LogError(InputError):

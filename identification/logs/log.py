@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from identification.logs.findings import Finding
+from identification.logs.findings import Finding, grouped
 from identification.signals.noise import NoiseSettings, white_noise
 from youbot_env.errors import InputError
 
@@ -104,8 +105,13 @@ class Log:
     @property
     def warnings(self) -> list[str]:
         """What was repaired or looks wrong, a sentence each; of what looks wrong the cure too."""
+        return [f"{self.name}: {sentence}" for sentence in self.doubts]
+
+    @property
+    def doubts(self) -> list[str]:
+        """The same without the log's name."""
         told = (f for f in self.findings if f.level in ("warning", "repaired"))
-        return [f"{self.name}: {_sentence(finding)}" for finding in told]
+        return [_sentence(finding) for finding in told]
 
     @property
     def reference(self) -> dict[str, str]:
@@ -127,6 +133,11 @@ class Log:
     def duration(self) -> float:
         """Time from the first to the last sample [s]."""
         return float(self.time[-1] - self.time[0])
+
+
+def warnings_of_logs(logs: Iterable[Log]) -> list[str]:
+    """What was repaired or looks wrong in some logs; what is wrong with several is told once."""
+    return grouped((log.name, sentence) for log in logs for sentence in log.doubts)
 
 
 def _sentence(finding: Finding) -> str:

@@ -18,6 +18,7 @@ from identification.logs.settings import LogSettings
 from identification.logs.timebase import runs_of
 from identification.logs.wheel_checks import CheckLimits
 from identification.signals.filters import block_mean
+from identification.signals.held import fresh_rows
 from identification.signals.noise import thinned, white_noise
 
 Array = NDArray[np.float64]
@@ -79,26 +80,20 @@ def counted_speeds(log: Log, limits: CheckLimits) -> Iterator[Finding]:
     if share > limits.settings.max_counted_step:
         yield Finding("error", message, cure=cure)
     else:
-        cure += "; `identify --output-error` is not biased by them"
         yield Finding("warning", message, cure=cure)
 
 
 def stale_channels(log: Log, limits: CheckLimits) -> Iterator[Finding]:
     """A kind of channel that takes a new value every few rows only, and always as few."""
-    settings = limits.settings
     for kind in ("velocity", "effort"):
-        block = getattr(log, kind)
-        changed = np.flatnonzero((block[1:] != block[:-1]).any(axis=1))
-        lengths = np.diff(changed)
-        if lengths.size < settings.min_rows:
+        found = fresh_rows(getattr(log, kind), limits.settings.held)
+        if found is None:
             continue
-        usual = int(np.median(lengths))
-        regular = float((lengths % usual == 0).mean()) if usual > 1 else 0.0
-        if regular > settings.min_regular_share:
-            name = kind if len(log.joints) == 1 else f"{kind}_*"
-            message = f"{name} is new every {1e3 * usual * log.dt:.3g} ms only"
-            cure = "log at the rate at which it is measured; what is held is late by half of that"
-            yield Finding("warning", message, int(log.rows[changed[0] + 1]), cure=cure)
+        usual, fresh = found
+        name = kind if len(log.joints) == 1 else f"{kind}_*"
+        message = f"{name} is new every {1e3 * usual * log.dt:.3g} ms only"
+        cure = "log at the rate at which it is measured; what is held is late by half of that"
+        yield Finding("warning", message, int(log.rows[fresh[0]]), cure=cure)
 
 
 def unsigned_efforts(log: Log, limits: CheckLimits) -> Iterator[Finding]:

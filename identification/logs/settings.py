@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field
 
+from identification.signals.held import HeldSettings
 from identification.signals.noise import NoiseSettings
 from youbot_env.errors import InputError, Settings, check_settings
 
@@ -21,6 +22,7 @@ class LogSettings(Settings):
     """
 
     noise: NoiseSettings = field(default_factory=NoiseSettings)
+    held: HeldSettings = field(default_factory=HeldSettings)
 
     # Time column
     min_step: float = field(
@@ -315,13 +317,6 @@ class LogSettings(Settings):
         metadata={
             "unit": "share of the usual speed",
             "reason": "coarser counts show no acceleration",
-        },
-    )
-    min_regular_share: float = field(
-        default=0.8,
-        metadata={
-            "unit": "share of the changes",
-            "reason": "held values change every so many rows; coarse ones at any row",
         },
     )
     small_effort_share: float = field(

@@ -220,7 +220,10 @@ def _scale(log: Log, limits: CheckLimits) -> Iterator[Finding]:
             f"(95 %: {radius - reach:.5f} ... {radius + reach:.5f}) would, where the geometry has "
             f"{geometry.R:g} m"
         )
-        cure = "measure the wheels, and give their radius (--geometry), or mend the pose"
+        cure = (
+            "measure the wheels, and give their radius (--geometry), or mend the pose; until then "
+            f"all intervals are with R = {geometry.R:g} m taken as true"
+        )
         yield Finding("warning", message, cure=cure)
         return
     expected = np.diff(integral_of(twist[:, 2], log.dt)[::stride])

@@ -34,6 +34,13 @@ class Inputs:
         for item in self.set_aside:
             out.print(f"warning: {item}", style="yellow", soft_wrap=True)
 
+    def tell_doubts(self, out: Console) -> None:
+        """Print what is wrong with the logs, for a command whose result does not say it."""
+        from identification.logs.log import warnings_of_logs
+
+        for line in warnings_of_logs(self.logs):
+            out.print(f"warning: {line}", style="yellow", soft_wrap=True)
+
     def to_dict(self) -> dict[str, list[dict[str, str]]]:
         """What a command's JSON holds of them."""
         return {"set_aside": [item.to_dict() for item in self.set_aside]}

@@ -7,9 +7,11 @@ import numpy as np
 
 from controllers.recording import record
 from identification.logs.log import Log
+from identification.mechanisms.mecanum import Mecanum
 from identification.signals.filters import integral_of
 from youbot_env.model.model_file import load_model
 from youbot_env.motions.calibration import calibration, motion_i, motion_iii
+from youbot_env.physics.mecanum import mecanum_structure
 
 MOTIONS = {"calibration": calibration, "I": motion_i, "III": motion_iii}
 
@@ -49,3 +51,37 @@ def counted(log: Log, counts: int, jitter: float = 0.0, seed: int = 0) -> Log:
     angle = step * np.floor(angle / step)
     speed = np.diff(angle, axis=0, prepend=angle[:1]) / log.dt
     return replace(log, velocity=speed)
+
+
+def held_by_the_logger(log: Log, rows: int) -> Log:
+    """The log of a logger that gets a new effort every ``rows`` rows and repeats it in between."""
+    return replace(log, effort=_held(log.effort, rows))
+
+
+def held_by_the_drive(
+    log: Log,
+    rows: int,
+    effects: tuple[tuple[str, tuple[tuple[str, float], ...]], ...] = (),
+    seed: int = 0,
+) -> Log:
+    """What the paper's platform (with effects) does under the log's efforts, held by the drive."""
+    plant = load_model("paper")
+    for name, values in effects:
+        plant = plant.with_effect(name, **dict(values))
+    mechanism = Mecanum(plant.geometry, mecanum_structure(tuple(name for name, _ in effects)))
+    effort, fine = _held(log.effort, rows), 10
+    # A step stands half a row before the row that shows it: there a straight line has its middle.
+    at = np.arange((len(log) - 1) * fine + 1)
+    samples = replace(
+        mechanism.samples(log),
+        time=at * log.dt / fine,
+        dt=log.dt / fine,
+        torque=effort[(at + fine // 2) // fine],
+    )
+    twist = mechanism.free_run(plant.theta, samples)[::fine] / mechanism.speed_scale
+    noise = 0.01 * np.random.default_rng(seed).standard_normal(log.velocity.shape)
+    return replace(log, velocity=plant.geometry.wheel_speeds(twist) + noise, effort=effort)
+
+
+def _held(effort: np.ndarray, rows: int) -> np.ndarray:
+    return np.repeat(effort[::rows], rows, axis=0)[: len(effort)]

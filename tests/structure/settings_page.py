@@ -31,6 +31,7 @@ from identification.logs.settings import LogSettings
 from identification.mechanisms.settings import MechanismSettings
 from identification.residual_map.settings import ResidualMapSettings
 from identification.signals.filters import FilterSettings
+from identification.signals.held import HeldSettings
 from identification.signals.noise import NoiseSettings
 from youbot_env.contact.settings import EngineSettings
 from youbot_env.tracking.task import REWARD_TERMS, TrackingTask
@@ -39,6 +40,7 @@ AREAS = {
     "Identification": (
         FilterSettings,
         NoiseSettings,
+        HeldSettings,
         LogSettings,
         MechanismSettings,
         PredictabilitySettings,

@@ -10,14 +10,16 @@ import pytest
 from identification.fitting.identify import identify
 from identification.fitting.settings import FitSettings, PredictabilitySettings
 from identification.signals.filters import FilterSettings
+from identification.signals.held import HeldSettings
 from identification.signals.noise import NoiseSettings
 from tests.identification.recordings import recording
 from youbot_env.errors import InputError
 
-NESTED = ("filter", "noise", "mechanism", "predictability")
+NESTED = ("filter", "noise", "mechanism", "predictability", "held")
 
 FIELDS = [item for item in fields(FitSettings) if item.name not in NESTED]
 FIELDS += [*fields(FilterSettings), *fields(NoiseSettings), *fields(PredictabilitySettings)]
+FIELDS += fields(HeldSettings)
 
 
 @pytest.mark.parametrize("item", FIELDS, ids=lambda item: item.name)
