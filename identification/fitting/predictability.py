@@ -116,12 +116,13 @@ class Predictability:
 
     @cached_property
     def _blocks(self) -> list[Array]:
-        """Per log, the mean square in blocks of time, all axes together."""
+        """Per log, the mean square in blocks of time, all axes together; zero where all rests."""
         found = []
         for log, residual in enumerate(self.residual):
-            block = self._block_of(log)
-            square = np.bincount(block, (residual**2).sum(axis=1))
-            found.append(square / np.bincount(block))
+            block, square = self._block_of(log), (residual**2).sum(axis=1)
+            # Rows in which the mechanism rests are zero and tell nothing of the noise.
+            rows = np.bincount(block, square > 0)
+            found.append(np.bincount(block, square) / np.maximum(rows, 1))
         return found
 
     def _is_loud(self, log: int) -> NDArray[np.bool_]:
@@ -129,11 +130,16 @@ class Predictability:
 
     @cached_property
     def _median(self) -> float:
-        return float(np.median(np.concatenate(self._blocks)))
+        return float(np.median(self._moving_blocks))
+
+    @cached_property
+    def _moving_blocks(self) -> Array:
+        blocks = np.concatenate(self._blocks)
+        return blocks[blocks > 0] if (blocks > 0).any() else blocks
 
     @property
     def _mean_over_median(self) -> float:
-        mean = float(np.mean(np.concatenate(self._blocks)))
+        mean = float(np.mean(self._moving_blocks))
         return mean / max(self._median, 1e-300) if mean > 0 else 1.0
 
     @property
