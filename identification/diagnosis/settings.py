@@ -112,6 +112,14 @@ class DiagnosisSettings(Settings):
             "rest is for one of two effects that only work together: it may come first",
         },
     )
+    max_free_run_noise: float = field(
+        default=0.3,
+        metadata={
+            "unit": "velocity error that noise alone makes of a free run",
+            "reason": "where it is larger the free run says nothing against an effect: 0.64 of the "
+            "true model of an arm, which falls as a pendulum does; 0.004 to 0.1 of platforms",
+        },
+    )
     max_lost_share: float = field(
         default=0.2,
         metadata={

@@ -12,7 +12,10 @@ import pytest
 from scipy.integrate import solve_ivp
 
 from identification.comparison import compare, write_predictions
-from identification.diagnosis.diagnose import diagnose
+from identification.diagnosis.candidates import fit_base, fit_structure
+from identification.diagnosis.diagnose import _free_run_holds, diagnose
+from identification.diagnosis.settings import DiagnosisSettings
+from identification.diagnosis.structures import LoggedData
 from identification.fitting.errors import SumsOfSquares, force_traces, velocity_traces
 from identification.fitting.identify import identify
 from identification.fitting.least_squares import fit
@@ -555,3 +558,27 @@ class TestRest:
             assert moves is not None
             share = 1 - moves.mean()
             assert 0.5 < share < 0.6 if rests else share == 0.0
+
+
+def test_the_free_run_of_an_arm_says_nothing_against_its_weight():
+    time, rng = np.arange(0, 40, 0.004), np.random.default_rng(2)
+    angle, speed, acceleration = motion(time, 2.0)
+    dry = (0.3 + 0.3 * np.exp(-((speed / 0.3) ** 2))) * np.tanh(speed / 0.01)
+    # The weight grows with the angle around here: no torque alone keeps such an arm in its place.
+    weight = 0.6 * np.sin(angle + np.pi)
+    effort = 0.05 * acceleration + 0.08 * speed + dry + weight
+    shown = speed + 0.006 * rng.standard_normal(len(time))
+    noisy = effort + 0.01 * rng.standard_normal(len(time))
+    log = Log("arm", AXIS, time, shown[:, None], noisy[:, None], angle[:, None])
+    axis = mechanism_of(base_axis_model([log]))
+    data = LoggedData(axis, [log])
+    base = fit_base(data, axis, default_theta(axis))
+    added = axis.extended("arm_weight")
+    full = fit_structure(data, added, axis.extend_theta(base.theta, "arm_weight", {}))
+    before, after = data.step(base, None), data.step(full, "arm_weight")
+    assert after.force_error < 0.3 * before.force_error
+    # As if chance had been kinder to the model without weight; the free runs are chance here.
+    kinder = replace(before, velocity_error=0.5 * after.velocity_error)
+    assert _free_run_holds(data, kinder, after)
+    sure = DiagnosisSettings(max_free_run_noise=1e6)
+    assert not _free_run_holds(LoggedData(axis, [log], settings=sure), kinder, after)
