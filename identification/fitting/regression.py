@@ -111,8 +111,11 @@ def filtered_rows(
     rows = block_mean(filtered[first:], size)
     if samples.moves is None:
         return rows
-    # Most of the row: a row at the edge of a rest is half of it.
-    moved = block_mean(samples.moves[first:].astype(float), size) > 0.5
+    # The filter remembers what was held at rest, and so does a row soon after it.
+    rests = (~samples.moves).astype(float)
+    memory = first_order(rests[:-1], rests[1:], mechanism.filter_rate, samples.dt)
+    forgotten = np.exp(-settings.filter.settling_time_constants)
+    moved = block_mean(memory[first:], size) < forgotten
     return rows * moved.reshape(-1, *[1] * (rows.ndim - 1))
 
 

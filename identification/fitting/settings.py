@@ -28,7 +28,7 @@ class PredictabilitySettings(Settings):
         },
     )
     max_mean_over_median: float = field(
-        default=3.0,
+        default=4.0,
         metadata={
             "unit": "mean over median of the squares in blocks of time",
             "reason": "above it the residual lives at times only: noise of ten kinds has 1.0 to "
