@@ -161,7 +161,7 @@ def rank(
     rng: np.random.Generator,
 ) -> Ranking:
     """Try each candidate on top of a structure."""
-    needed = needed_share(data.predictability(base).share, data.settings)
+    needed = needed_share(data.predictability(base).systematic_share, data.settings)
     if not names:
         return Ranking((), {}, (), None, base.held_out.square, needed)
     _ = base.demands  # a cached property: computed here once, or each thread would compute it

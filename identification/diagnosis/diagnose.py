@@ -82,11 +82,7 @@ def diagnose(
     floor = data.floor(steps[-1].fitted).to_dict()
     unexplained = leaves_something(steps, settings)
     accepted = _names(steps)
-    ties = {
-        ranking.best.name: list(ranking.tied)
-        for ranking in chosen.rankings
-        if ranking.best and ranking.tied and ranking.best.name in accepted
-    }
+    ties = _ties(chosen.rankings, accepted)
     verdict = verdict_of(unexplained, bool(ties), bool(accepted))
     final, maps = _final_fit_and_maps(data, steps)
     given = data.given_errors(mechanism, model.theta)
@@ -188,6 +184,16 @@ def select(
     return Selection(tuple(kept), tuple(rankings), first, data.out_of_time)
 
 
+def _ties(rankings: Sequence[Ranking], accepted: Sequence[str]) -> dict[str, list[str]]:
+    """Of each accepted effect, what tied with it; what is accepted beside it is no rival of it."""
+    rivals = {
+        ranking.best.name: [name for name in ranking.tied if name not in accepted]
+        for ranking in rankings
+        if ranking.best and ranking.best.name in accepted
+    }
+    return {name: others for name, others in rivals.items() if others}
+
+
 def _names(steps: Sequence[Step]) -> list[str]:
     """The accepted effects, in order."""
     return [step.effect for step in steps if step.effect]
@@ -229,12 +235,18 @@ def _accepted(data: LoggedData, before: Step, ranking: Ranking) -> list[Accepted
     Empty if there is none.
     """
     excluded: list[str] = []
-    while ranking.best is not None and ranking.best.fitted is not None:
+    # In long logs even tiny effects are significant, so the fall must be material as well.
+    while ranking.best is not None and ranking.is_material:
         best = ranking.best
-        # In long logs even tiny effects are significant, so the fall must be material as well.
-        if not ranking.is_material:
-            break
-        assert best.fitted is not None  # the loop's condition, for the type checker
+        if best.fitted is None:
+            if excluded or not data.out_of_time:
+                break
+            # The time ran out in the midst of the ranking: what it found is not thrown away.
+            best = with_joint_fit(data, before.fitted, best)
+            ranking = replace(ranking, best=best)
+            if not ranking.is_material:
+                break
+        assert best.fitted is not None  # as is every result of a joint fit
         significant = ranking.p_values[best.name] <= data.settings.max_p_value
         if significant and _helps_in_each_log(before.fitted, best, data.settings):
             step = data.step(best.fitted, best.name)
@@ -331,6 +343,9 @@ def _revised(
                 break
             base = _refitted(data, full, (*given, *others))
             again = rank(data, base, _rivals(won[index], others, data.settings), rng)
+            if data.out_of_time and not (again.best and again.best.fitted):
+                # The ranking was cut before its joint fits: it says nothing against the effect.
+                break
             if again.best is None or again.best.fitted is None or not again.is_material:
                 # The other effects were chosen beside the one that is dropped: try them again.
                 del names[index], won[index]

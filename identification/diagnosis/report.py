@@ -77,6 +77,11 @@ class Diagnosis:
         return explained_share(self.steps)
 
     @property
+    def _episodes(self) -> list[tuple[int, float, float]]:
+        found = self.steps[-1].predictable
+        return found.episodes if found.is_episodic else []
+
+    @property
     def explained(self) -> list[dict[str, Any]]:
         """Each accepted effect's own part of that share, in order."""
         whole = _predictable_square(self.steps)
@@ -100,6 +105,10 @@ class Diagnosis:
             "explained_share": self.explained_share,
             "explained": self.explained,
             "predictable_share": self.steps[-1].predictable.share,
+            "episodes": [
+                {"log": self.samples[log].name, "from": start, "to": end}
+                for log, start, end in self._episodes
+            ],
             "given_model": self.given_model,
             "noise_floor": self.noise_floor,
             "candidates": self.candidates,
@@ -115,7 +124,7 @@ class Diagnosis:
 def _predictable_square(steps: Sequence[Step]) -> float:
     """Squared force error of the base model that is no noise: what a model could still explain."""
     last = steps[-1]
-    share = 0.0 if last.predictable.is_noise else last.predictable.share
+    share = last.predictable.systematic_share
     return steps[0].force_error ** 2 - last.force_error**2 * (1.0 - share)
 
 
@@ -133,7 +142,7 @@ def leaves_something(steps: Sequence[Step], settings: DiagnosisSettings) -> bool
     if last.predictable.is_noise:
         return False
     small = share is not None and 1.0 - share <= settings.max_small_rest
-    return not (small and last.predictable.share <= settings.max_small_rest_share)
+    return not (small and last.predictable.systematic_share <= settings.max_small_rest_share)
 
 
 def without_imitators(steps: tuple[Step, ...], settings: DiagnosisSettings) -> tuple[Step, ...]:
@@ -198,7 +207,7 @@ def _of_the_unknown(steps: Sequence[Step], level: float, remaining: ResidualMap)
     last, share = steps[-1].force_error, explained_share(steps)
     left = (
         f"a force error of {last:.2%} remains where noise would leave {level:.2%}, and the motion "
-        f"predicts {steps[-1].predictable.share:.0%} of its squares"
+        f"predicts {max(steps[-1].predictable.share, 0.0):.0%} of its squares"
     )
     if len(steps) > 1 and share is not None:
         names = _listed([step.effect.replace("_", " ") for step in steps[1:] if step.effect])
@@ -211,13 +220,30 @@ def _of_the_unknown(steps: Sequence[Step], level: float, remaining: ResidualMap)
         found = [
             f"something is missing that no effect of the catalogue explains well enough: {left}"
         ]
+    if steps[-1].predictable.is_episodic:
+        found.append(f"what remains is large at times only: {_episodes(steps[-1])}")
     if remaining.leading:
         shown = [item for item in remaining.shares if item.share > 0][:SHOWN_VARIABLES]
         parts = ", ".join(f"{item.variable} ({item.share:.0%})" for item in shown)
         found.append(f"what remains depends on {parts}")
-    else:
+    elif not steps[-1].predictable.is_episodic:
         found.append("what remains depends on no single variable more than chance would have it")
     return found
+
+
+def _episodes(step: Step) -> str:
+    """Where in the logs most of the residual is, the largest stretches first."""
+    names = [item.name for item in step.fitted.samples]
+    found = step.predictable.episodes
+    parts = [
+        f"{names[log]} at {start:.0f}-{end:.0f} s" for log, start, end in found[:SHOWN_STRETCHES]
+    ]
+    more = len(found) - len(parts)
+    return ", ".join(parts) + (f" and {more} more" if more else "")
+
+
+SHOWN_STRETCHES = 3
+"""Stretches of logs that a sentence names."""
 
 
 def _listed(names: Sequence[str]) -> str:

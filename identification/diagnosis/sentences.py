@@ -31,12 +31,17 @@ def describe(effect: Any, values: Values, base: Values) -> str:
     return f"{effect.name.replace('_', ' ')} ({numbers}): {effect.recognise}"
 
 
+def _heading(x: float, y: float) -> str:
+    """Direction of a vector in the world, in words; "of the start heading" goes with it."""
+    angle = math.degrees(math.atan2(y, x))
+    side = "left" if angle > 0 else "right"
+    return "straight ahead" if abs(angle) < 1 else f"{abs(angle):.0f} degrees {side}"
+
+
 def _tilt(values: Values, base: Values) -> str:
     x, y = values["tilt_x"], values["tilt_y"]
     slope = math.hypot(math.tan(x), math.tan(y))
-    falls = math.degrees(math.atan2(-math.tan(y), -math.tan(x)))
-    side = "left" if falls > 0 else "right"
-    where = "straight ahead" if abs(falls) < 1 else f"{abs(falls):.0f} degrees {side}"
+    where = _heading(-math.tan(x), -math.tan(y))
     force = base["m0"] * GRAVITY * math.hypot(math.sin(x), math.sin(y))
     return (
         f"the floor falls by {math.degrees(math.atan(slope)):.2f} degrees towards {where} of the "
@@ -106,9 +111,18 @@ def _ripple(values: Values, base: Values) -> str:
 
 
 def _tether(values: Values, base: Values) -> str:
+    x, y, stiffness = values["anchor_x"], values["anchor_y"], values["stiffness"]
+    distance = math.hypot(x, y)
+    if distance > 100.0:
+        # No cable is as long: within a room such a pull is the same everywhere.
+        return (
+            f"a force of {stiffness * distance:.1f} N pulls the robot towards "
+            f"{_heading(x, y)} of the start heading, wherever it stands and however it is turned, "
+            "as a slope does; to confirm, start turned around: it must then pull the other way"
+        )
     return (
-        f"something pulls the robot towards ({values['anchor_x']:.2f}, {values['anchor_y']:.2f}) m "
-        f"with {values['stiffness']:.2g} N/m: a cable, perhaps; to confirm, unplug it"
+        f"something pulls the robot towards ({x:.2f}, {y:.2f}) m with {stiffness:.2g} N/m: "
+        "a cable, perhaps; to confirm, unplug it"
     )
 
 

@@ -15,7 +15,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
-from functools import partial
+from functools import cached_property, partial
 
 import numpy as np
 from numpy.typing import NDArray
@@ -66,9 +66,73 @@ class Predictability:
 
     @property
     def is_noise(self) -> bool:
-        """Whether nothing is left that the motion predicts."""
+        """Whether nothing is left that the motion predicts, and nothing happens at times only."""
+        return not self._is_predicted and not self.is_episodic
+
+    @property
+    def _is_predicted(self) -> bool:
         # A sensor's offset that wanders is noise: its neighbours in time tell it, no motion does.
-        return self.share - self.wander <= self.settings.max_noise_share
+        return self.share - self.wander > self.settings.max_noise_share
+
+    @property
+    def is_episodic(self) -> bool:
+        """Whether the residual is large at times and small at most others: a bump, a contact.
+
+        Such a thing happens too seldom to be learnt elsewhere, but noise is not like that.
+        """
+        return self._mean_over_median > self.settings.max_mean_over_median
+
+    @property
+    def systematic_share(self) -> float:
+        """Share of the residual's squares that is no noise."""
+        if self.is_noise:
+            return 0.0
+        episodes = 1.0 - 1.0 / self._mean_over_median if self.is_episodic else 0.0
+        return max(self.share, episodes)
+
+    @property
+    def episodes(self) -> list[tuple[int, float, float]]:
+        """Log, start and end [s] of stretches of an episodic residual, the largest first."""
+        found: list[tuple[float, int, float, float]] = []
+        for log, (step, square) in enumerate(zip(self.step, self._blocks, strict=True)):
+            length = self._rows_of_block(log) * step
+            loud = np.flatnonzero(self._is_loud(log))
+            # Neighbouring blocks are one stretch.
+            for part in np.split(loud, np.flatnonzero(np.diff(loud) > 1) + 1):
+                if part.size:
+                    whole = float(square[part].sum())
+                    found.append((whole, log, part[0] * length, (part[-1] + 1) * length))
+        return [(log, start, end) for _, log, start, end in sorted(found, reverse=True)]
+
+    def _rows_of_block(self, log: int) -> int:
+        return max(1, round(self.settings.episode_duration / self.step[log]))
+
+    def _block_of(self, log: int) -> Indices:
+        """(n,) block that each row is in; the last one takes what fills no other."""
+        size, rows = self._rows_of_block(log), len(self.residual[log])
+        return np.minimum(np.arange(rows) // size, max(rows // size - 1, 0))
+
+    @cached_property
+    def _blocks(self) -> list[Array]:
+        """Per log, the mean square in blocks of time, all axes together."""
+        found = []
+        for log, residual in enumerate(self.residual):
+            block = self._block_of(log)
+            square = np.bincount(block, (residual**2).sum(axis=1))
+            found.append(square / np.bincount(block))
+        return found
+
+    def _is_loud(self, log: int) -> NDArray[np.bool_]:
+        return self._blocks[log] > self.settings.max_mean_over_median * self._median
+
+    @cached_property
+    def _median(self) -> float:
+        return float(np.median(np.concatenate(self._blocks)))
+
+    @property
+    def _mean_over_median(self) -> float:
+        mean = float(np.mean(np.concatenate(self._blocks)))
+        return mean / max(self._median, 1e-300) if mean > 0 else 1.0
 
     @property
     def unpredicted(self) -> list[Array]:
@@ -76,15 +140,16 @@ class Predictability:
         return [r - p for r, p in zip(self.residual, self.predicted, strict=True)]
 
     def predicted_square(self, log: int) -> Array:
-        """(A,) mean square of the predicted part in one log; zero where nothing is predicted."""
-        if self.is_noise:
-            return np.zeros(self.residual[log].shape[1])
-        residual, left = self.residual[log], self.unpredicted[log]
-        return np.maximum((residual**2).mean(axis=0) - (left**2).mean(axis=0), 0.0)
+        """(A,) mean square of what is no noise in one log; zero where all is noise."""
+        residual, noise = self.residual[log], self.noise(log)
+        return np.maximum((residual**2).mean(axis=0) - (noise**2).mean(axis=0), 0.0)
 
     def noise(self, log: int) -> Array:
         """(n, A) rows of one log that count as noise."""
-        return self.residual[log] if self.is_noise else self.unpredicted[log]
+        rows = self.unpredicted[log] if self._is_predicted else self.residual[log]
+        if not self.is_episodic:
+            return rows
+        return rows * ~self._is_loud(log)[self._block_of(log), None]
 
     @property
     def correlation_time(self) -> float:
@@ -137,7 +202,7 @@ def predictability(
         0.0,
         chosen,
     )
-    if found.is_noise:
+    if found.share <= chosen.max_noise_share:
         return found
     wander = _wander(all_features, joined, fold_of, seed, settings)
     return replace(found, wander=wander)

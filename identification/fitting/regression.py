@@ -101,10 +101,19 @@ def residual_and_columns(
 def filtered_rows(
     ends: Array, mechanism: Mechanism, samples: Samples, settings: FitSettings = FitSettings()
 ) -> Array:
-    """Filter interval ends (2, N - 1, ...) and average into regression rows (n, ...)."""
+    """Filter interval ends (2, N - 1, ...) and average into regression rows (n, ...).
+
+    Rows in which the mechanism rests are zero: they neither ask nor tell anything.
+    """
     filtered = first_order(ends[0], ends[1], mechanism.filter_rate, samples.dt)
     size = stride(samples.dt, row_rate(mechanism, settings))
-    return block_mean(filtered[_settled(mechanism, samples, settings) :], size)
+    first = _settled(mechanism, samples, settings)
+    rows = block_mean(filtered[first:], size)
+    if samples.moves is None:
+        return rows
+    # Most of the row: a row at the edge of a rest is half of it.
+    moved = block_mean(samples.moves[first:].astype(float), size) > 0.5
+    return rows * moved.reshape(-1, *[1] * (rows.ndim - 1))
 
 
 def _settled(mechanism: Mechanism, samples: Samples, settings: FitSettings) -> int:

@@ -27,6 +27,22 @@ class PredictabilitySettings(Settings):
             "more for 49 of 57 kinds of missing effects",
         },
     )
+    max_mean_over_median: float = field(
+        default=3.0,
+        metadata={
+            "unit": "mean over median of the squares in blocks of time",
+            "reason": "above it the residual lives at times only: noise of ten kinds has 1.0 to "
+            "1.4, a bump and a sticky patch of the floor 7 to 27",
+        },
+    )
+    episode_duration: float = field(
+        default=1.0,
+        metadata={
+            "unit": "s",
+            "reason": "of such a block: an outlier is gone within a filter's "
+            "memory, what a floor does lasts longer",
+        },
+    )
     stretch_duration: float = field(
         default=6.0,
         metadata={

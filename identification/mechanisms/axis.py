@@ -6,6 +6,7 @@ Units are those of the log: m, m/s, N of an axis that slides, rad, rad/s, N m of
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -179,7 +180,31 @@ def _rms(parts: list[Array]) -> float:
 
 
 def _samples(log: Log, scales: Scales, settings: MechanismSettings) -> Samples:
-    return axis_samples(log)
+    samples = axis_samples(log)
+    speed = samples.twist[:, 0]
+    means = block_mean(speed, max(1, round(settings.acceleration_averaging_time / log.dt)))
+    if not scales.one_way and _is_one_way(means, _rms([speed]), settings):
+        # Rest alone tells dry friction and offset apart here: it stays, and `identify` warns.
+        return samples
+    return replace(samples, moves=_moves(speed, log.dt, settings))
+
+
+def _moves(speed: Array, dt: float, settings: MechanismSettings) -> NDArray[np.bool_]:
+    """(N,) False where an axis rests: for longer than a passage through standstill takes.
+
+    The averaged speed is judged by its noise alone, so that a creeping motion counts as one.
+    """
+    size = min(max(1, round(settings.acceleration_averaging_time / dt)), len(speed))
+    mean = np.convolve(speed, np.full(size, 1.0 / size), mode="same")
+    noise = white_noise(speed[:, None])[0] / np.sqrt(size)
+    least = max(
+        settings.min_creep_deviations * noise, settings.min_creep_share * np.abs(speed).max()
+    )
+    moves = np.abs(mean) > least
+    for stretch in np.split(np.arange(len(speed)), np.flatnonzero(np.diff(moves)) + 1):
+        if len(stretch) * dt < settings.min_rest_duration:
+            moves[stretch] = True
+    return moves
 
 
 def _variables(samples: Samples, scales: Scales) -> Variables:

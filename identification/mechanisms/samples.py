@@ -42,6 +42,8 @@ class Samples:
     angle_noise : (J,) white noise of the angles [rad] whose differences the speeds are; None where
         the speeds were measured as such
     bandwidth : of the speeds [Hz] that is left for a force fit, see :attr:`for_fit`
+    moves : (N,) False where the mechanism rests, and dry friction may hold any force up to its
+        own: no row of a fit is made of it. None: it is not known to rest
     """
 
     name: str
@@ -55,6 +57,7 @@ class Samples:
     angle_measured: bool = False
     angle_noise: tuple[float, ...] | None = None
     bandwidth: float = np.inf
+    moves: NDArray[np.bool_] | None = None
 
     def __len__(self) -> int:
         return len(self.time)

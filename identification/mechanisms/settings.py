@@ -190,6 +190,28 @@ class MechanismSettings:
             "not a motion back",
         },
     )
+    min_creep_deviations: float = field(
+        default=6.0,
+        metadata={
+            "unit": "standard deviations of an averaged speed's noise",
+            "reason": "a faster axis moves; chance exceeds it nowhere in a log",
+        },
+    )
+    min_creep_share: float = field(
+        default=0.001,
+        metadata={
+            "unit": "share of the fastest speed",
+            "reason": "the same where speeds have no noise: the tail of a control loop's approach",
+        },
+    )
+    min_rest_duration: float = field(
+        default=0.5,
+        metadata={
+            "unit": "s",
+            "reason": "a shorter standstill is a passage through it. Longer rests are no rows of "
+            "a fit: held torques made 39 to 69 % of a residual predictable, and a cogging",
+        },
+    )
     max_other_way_share: float = field(
         default=0.01,
         metadata={

@@ -19,7 +19,10 @@ HOMES = ("settings.py", "style.py")
 """Files that may hold numbers: settings, and what figures look like."""
 
 NO_SETTING = {
-    "diagnosis": {"SHOWN_VARIABLES": "variables that a sentence names"},
+    "diagnosis": {
+        "SHOWN_VARIABLES": "variables that a sentence names",
+        "SHOWN_STRETCHES": "stretches that a sentence names",
+    },
     "fitting": {"TIMES": "place of features in a row"},
     "threads": {"MAX_THREADS": "threads by default; no result depends on it"},
     "logs": {

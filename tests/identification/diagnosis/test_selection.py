@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
 from identification.diagnosis.add_effect import add_effect
 from identification.diagnosis.candidates import fit_base, try_candidate
-from identification.diagnosis.diagnose import diagnose, select
+from identification.diagnosis.diagnose import _ties, diagnose, select
 from identification.diagnosis.structures import LoggedData
 from identification.mechanisms.registry import mechanism_of
 from identification.mechanisms.samples import cut
@@ -158,3 +160,39 @@ def test_what_explains_a_crumb_of_the_unknown_is_not_accepted():
     first = found.first
     assert first.fall_of(first.candidates[0]) < first.needed and first.needed > 0.07
     assert accepted(found) == []
+
+
+class Clock(LoggedData):
+    """Logged data whose time for a search ends after a number of looks at it."""
+
+    looks = 10**9
+
+    @property
+    def out_of_time(self) -> bool:
+        self.looks -= 1
+        return self.looks < 0
+
+
+@pytest.mark.parametrize("looks", [0, 5], ids=["in the first ranking", "in the revision"])
+def test_time_that_runs_out_takes_nothing_away(looks: int):
+    square = ("quadratic_friction", (("coefficient", 0.01),))
+    tilt = ("floor_tilt", (("tilt_x", 0.02), ("tilt_y", -0.01)))
+    mechanism = mechanism_of(load_model("paper"))
+    data = Clock(mechanism, [recording("calibration", (square, tilt))])
+    data.looks = looks
+    names = ["floor_tilt", "quadratic_friction"]
+    found = select(data, mechanism, load_model("paper").theta, names, np.random.default_rng(0))
+    assert set(accepted(found)) == set(names if looks else names[:1])
+
+
+def test_what_is_accepted_beside_an_effect_is_no_rival_of_it():
+    _, found = chosen(("wheel_coulomb_friction", (("torque", 0.3),)))
+    first = found.rankings[0]
+    assert first.best is not None
+    name = first.best.name
+    tied = replace(first, tied=("friction_warmup", "torque_delay"))
+    assert _ties([tied], [name]) == {name: ["friction_warmup", "torque_delay"]}
+    # A search that time ends has not ranked the first effect again, with the second one present.
+    assert _ties([tied], [name, "torque_delay"]) == {name: ["friction_warmup"]}
+    assert _ties([replace(first, tied=("torque_delay",))], [name, "torque_delay"]) == {}
+    assert _ties([tied], ["torque_delay"]) == {}

@@ -68,6 +68,27 @@ def test_an_offset_that_wanders_is_noise_and_a_constant_one_is_not():
     assert not offset.is_noise
 
 
+def test_what_happens_at_times_only_is_no_noise_and_is_told_where():
+    log = recording("calibration")
+    push = np.zeros_like(log.effort)
+    struck = (log.time > log.time[0] + 40.0) & (log.time < log.time[0] + 43.0)
+    push[struck] = 1.5
+    found = left_by_the_base_model(replace(log, effort=log.effort + push))
+    assert found.is_episodic and not found.is_noise
+    (at, start, end), *_ = found.episodes
+    assert at == 0 and start <= 41.0 and end >= 42.0 and end - start < 15.0
+    assert found.systematic_share > 0.5
+    quiet = left_by_the_base_model(log)
+    assert found.noise(0).std() < 3 * quiet.noise(0).std()
+
+
+def test_outliers_are_noise():
+    log = recording("calibration")
+    rng = np.random.default_rng(0)
+    spikes = 2.0 * rng.standard_normal(log.effort.shape) * (rng.random(log.effort.shape) < 0.003)
+    assert left_by_the_base_model(replace(log, effort=log.effort + spikes)).is_noise
+
+
 def test_the_same_seed_gives_the_same_bits_and_another_hardly_another_share():
     log = recording("calibration", (("wheel_coulomb_friction", (("torque", 0.1),)),))
     first, again, other = (left_by_the_base_model(log, seed=seed) for seed in (0, 0, 1))

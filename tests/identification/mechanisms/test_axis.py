@@ -514,3 +514,44 @@ def test_no_effect_acts_as_a_second_drive():
     with pytest.raises(InputError, match="named twice"):
         ModelStructure(("spring", "spring"), KIND)
     assert sum(item.acts_at is ACTUATOR for item in AXIS_CATALOGUE) == 1
+
+
+class TestRest:
+    """An arm that moves for 6 s and rests for 8, held by friction, which takes any torque."""
+
+    @staticmethod
+    def log(cosine: float = 0.5) -> Log:
+        time, rng = np.arange(0, 70, 0.01), np.random.default_rng(1)
+        _, speed, _ = motion(time, 2.0)
+        into = np.clip(np.minimum(time % 14, 6 - time % 14), 0, 1)
+        speed = np.where(time % 14 < 6, speed * into**2 * (3 - 2 * into), 0.0)
+        angle = np.cumsum(speed) * 0.01
+        acceleration = np.gradient(speed, 0.01)
+        held = np.repeat(rng.uniform(-0.3, 0.3, 5), 1400)
+        friction = np.where(speed == 0, held, 0.08 * speed + 0.3 * np.tanh(speed / 0.01))
+        effort = 0.05 * acceleration + friction + cosine * np.cos(angle)
+        effort = effort + 0.01 * rng.standard_normal(len(time))
+        shown = speed + 0.006 * rng.standard_normal(len(time))
+        return Log("arm", AXIS, time, shown[:, None], effort[:, None], angle[:, None])
+
+    def test_what_friction_holds_at_rest_is_no_evidence(self):
+        log = self.log(cosine=0.0)
+        result = identify([log], start=base_axis_model([log]), recursive=False)
+        assert result.misfit is None
+        for name, true in (("inertia", 0.05), ("viscous", 0.08), ("coulomb", 0.3), ("offset", 0.0)):
+            found = result.model.parameters[name]
+            assert found.std and abs(found.value - true) < 4 * found.std + 0.005
+
+    def test_an_arm_that_rests_has_a_weight_and_nothing_else(self):
+        log = self.log()
+        found = diagnose(base_axis_model([log]), [log])
+        assert (found.verdict, found.missing) == ("effect", ("arm_weight",))
+
+    def test_creeping_is_motion_and_a_passage_through_standstill_is_no_rest(self):
+        log = self.log()
+        crept = replace(log, velocity=log.velocity + 0.05)
+        for item, rests in ((log, True), (crept, False)):
+            moves = mechanism_of(base_axis_model([item])).samples(item).moves
+            assert moves is not None
+            share = 1 - moves.mean()
+            assert 0.5 < share < 0.6 if rests else share == 0.0

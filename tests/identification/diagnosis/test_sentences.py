@@ -1,0 +1,37 @@
+"""Sentences on effects: directions and sizes that a reader can check at the robot."""
+
+from __future__ import annotations
+
+import pytest
+
+from identification.diagnosis.sentences import describe
+from youbot_env.model.model_file import load_model
+from youbot_env.physics.effect import CATALOGUE
+
+BASE = {name: entry.value for name, entry in load_model("paper").parameters.items()}
+
+
+@pytest.mark.parametrize(
+    ("anchor", "words"),
+    [
+        ((0.5, -1.25), "towards (0.50, -1.25) m with 4 N/m: a cable"),
+        ((0.0, 2000.0), "a force of 8000.0 N pulls the robot towards 90 degrees left"),
+        ((-300.0, -300.0), "towards 135 degrees right of the start heading, wherever it stands"),
+    ],
+)
+def test_an_anchor_beyond_any_cable_is_a_force_that_is_the_same_everywhere(anchor, words):
+    values = {"stiffness": 4.0, "anchor_x": anchor[0], "anchor_y": anchor[1]}
+    assert words in describe(CATALOGUE["tether"], values, BASE)
+
+
+@pytest.mark.parametrize(
+    ("tilt", "words"),
+    [
+        ((-0.02, 0.0), "straight ahead of"),
+        ((0.0, -0.02), "90 degrees left"),
+        ((0.02, 0.02), "135 degrees right"),
+    ],
+)
+def test_the_floor_falls_where_a_ball_would_roll(tilt, words):
+    values = {"tilt_x": tilt[0], "tilt_y": tilt[1]}
+    assert words in describe(CATALOGUE["floor_tilt"], values, BASE)
