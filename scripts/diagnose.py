@@ -96,7 +96,11 @@ def main(
 
 
 def _print(out: Console, found: dict[str, Any], told_first: int) -> None:
-    # What is wrong with the logs comes before the numbers that it makes doubtful.
+    # What makes the numbers doubtful comes before them.
+    if found["verdict"] == "unknown":
+        line = "warning: verdict unknown: these logs hold something that no effect explains"
+        line += "; what is named below is not all of it" if found["missing"] else ""
+        out.print(line, style="yellow", soft_wrap=True)
     for warning in found["warnings"][:told_first]:
         out.print(f"warning: {warning}", style="yellow", soft_wrap=True)
     show(out, [result_tables.steps(found), result_tables.candidates(found, SHOWN_CANDIDATES)])

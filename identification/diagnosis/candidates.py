@@ -161,7 +161,7 @@ def rank(
     rng: np.random.Generator,
 ) -> Ranking:
     """Try each candidate on top of a structure."""
-    needed = needed_share(data.predictability(base).systematic_share, data.settings)
+    needed = _needed(data, base)
     if not names:
         return Ranking((), {}, (), None, base.held_out.square, needed)
     _ = base.demands  # a cached property: computed here once, or each thread would compute it
@@ -200,6 +200,17 @@ def ranking_of(
         rivals.remove(best)
         best, tied = _best_and_tied(data, base, rivals)
     return Ranking(tuple(found), p_values, tied, best, square, needed)
+
+
+def _needed(data: LoggedData, base: FittedStructure) -> float:
+    """Share of a structure's squares that an effect must take away to be accepted."""
+    found, settings = data.predictability(base), data.settings
+    if not found.is_noise:
+        return needed_share(found.systematic_share, settings)
+    # Noise beyond the white may be a force that acts: the loop that drives answers it, and what
+    # was measured is then correlated with it, which imitates a small delay or lag.
+    coloured = 1.0 - 1.0 / max(data.above_white_floor(base), 1.0) ** 2
+    return max(settings.min_share_of_residual, settings.min_share_of_coloured_noise * coloured)
 
 
 def needed_share(predictable: float, settings: DiagnosisSettings) -> float:

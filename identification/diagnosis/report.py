@@ -190,7 +190,8 @@ def sentences_of(
         others = ties.get(step.effect)
         if others:
             sentence += f"; these logs cannot tell it from {' or '.join(others)}"
-        found.append(sentence)
+        # Beside an unknown rest an effect may only imitate what is missing.
+        found.append(f"in part: {sentence}" if verdict == "unknown" else sentence)
     last, level = steps[-1].force_error, floor["force_error"]
     if verdict == "adequate":
         found.append(

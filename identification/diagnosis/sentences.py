@@ -89,8 +89,9 @@ def _gain(values: Values, base: Values) -> str:
 
 def _lag(values: Values, base: Values) -> str:
     return (
-        f"the drives follow their commands with a lag of {1e3 * values['time_constant']:.0f} ms; "
-        "to confirm, command a step of torque with the wheels held"
+        f"the drives follow their commands with a lag of {1e3 * values['time_constant']:.0f} ms, "
+        "or the speeds are filtered by as much; to confirm, command a step of torque with the "
+        "wheels held"
     )
 
 

@@ -103,6 +103,14 @@ class DiagnosisSettings(Settings):
             "Of a real positioning axis three true effects take 61, 11 and 34 %, one after another",
         },
     )
+    min_share_of_coloured_noise: float = field(
+        default=0.2,
+        metadata={
+            "unit": "share of the squares beyond white noise, where nothing is predictable",
+            "reason": "a delay took 10 % of the squares of a floor's joints, which act as noise 9 "
+            "times the white one; a quarter of each effect beside white noise takes 11 % and more",
+        },
+    )
     max_velocity_error_ratio: float = field(
         default=1.02,
         metadata={

@@ -143,6 +143,7 @@ CONVENTIONS: Conventions[Geometry] = Conventions(
     parts=parts_of,
     motions=_motions,
     combinations=_combinations,
+    least=lambda geometry: {"m0": 4 * geometry.m1},
     limits=_limits,
     inside=_inside,
     doubt_of_unit=_doubt_of_unit,

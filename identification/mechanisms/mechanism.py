@@ -138,6 +138,7 @@ class Conventions(Generic[Known]):
     filter_rate(known) : of the filter through which forces are fitted [rad/s]
     parts(samples, settings) : stretches of a log that are judged apart
     motions(known, seed) : motions that could be recorded next
+    least(known) : lower bounds of base parameters by name, beyond those that are declared
     limits(known, theta, settings) : how far base parameters theta are within what can be, beyond
         the bounds that they declare, by the name of the parameter that is at its limit: negative
         where they cannot be; of numbers of one size
@@ -161,6 +162,7 @@ class Conventions(Generic[Known]):
     filter_rate: Callable[[Known], float] = _usual_rate
     parts: Callable[[Samples, MechanismSettings], list[Part]] = _whole
     motions: Callable[[Known, int], Sequence[Experiment]] = _nothing
+    least: Callable[[Known], Mapping[str, float]] = _no_scale
     limits: Callable[[Known, Array, MechanismSettings], Mapping[str, float]] = _no_limits
     inside: Callable[[Known, Array, MechanismSettings], Array] = _as_it_is
     doubt_of_unit: Callable[[Known, Array, MechanismSettings], str] = _no_doubt
@@ -259,7 +261,12 @@ class Mechanism(Generic[Known]):
         """(P,) and (P,): physical bounds; none on values relative to each other."""
         free = Parameter("", "")
         declared = [free if label.group else label.parameter for label in self.labels]
-        return np.array([p.lower for p in declared]), np.array([p.upper for p in declared])
+        least = self.conventions.least(self.geometry)
+        lower = [
+            max(p.lower, least.get(label.name, -np.inf))
+            for p, label in zip(declared, self.labels, strict=True)
+        ]
+        return np.array(lower), np.array([p.upper for p in declared])
 
     @cached_property
     def scale(self) -> Array:
