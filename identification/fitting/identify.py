@@ -235,15 +235,7 @@ def identify(
     free = np.flatnonzero(mechanism.free)
     rows = [regression(mechanism, start.theta, item, free, settings) for item in samples]
     total = log_observability(mechanism, rows, settings)
-    doubt = _doubt_of_unit(mechanism, start.theta, rows, settings)
-    try:
-        refuse_blind(mechanism, total, settings)
-    except InputError:
-        if not doubt:
-            raise
-        # A wrong unit makes what is there too small to see: no motion is missing.
-        unseen = total.describe_blind(settings.min_direction_share)[0]
-        raise InputError(f"{doubt}; as they stand these logs cannot show {unseen}") from None
+    doubt = _doubt_unless_blind(mechanism, start.theta, rows, total, settings)
     moved = told_apart_at_rest(mechanism, samples, rows, total, settings)
     force = fit(
         *(mechanism, samples, start.theta),
@@ -253,13 +245,9 @@ def identify(
         progress=progress,
     )
     force = within_limits(mechanism, force, settings)
-    final, refused = force, []
-    if output_error:
-        final, refused = _refined(mechanism, samples, force, settings, progress)
-    elif not robust:  # simulation and extrapolation would give the outliers their weight back
-        noise = [NoiseLevel.of(item, settings) for item in samples]
-        args = (mechanism, samples, noise, force, seed, settings, progress)
-        final = without_noise_bias(*args)
+    final, refused = _last_fit(
+        *(mechanism, samples, force, seed, settings, progress), output_error, robust
+    )
     predictable = predictability(mechanism, force.rows, samples, seed, settings)
     floor = _floor(mechanism, force, samples, predictable, settings)
     kind = kind_of(start)
@@ -297,6 +285,52 @@ def identify(
         told_first=len(doubts),
         at_rest=_hidden(moved, settings),
     )
+
+
+def _doubt_unless_blind(
+    mechanism: Mechanism,
+    theta: Array,
+    rows: Sequence[Regression],
+    total: Observability,
+    settings: FitSettings,
+) -> str:
+    """What speaks for a wrong unit, or nothing.
+
+    Raises
+    ------
+    InputError
+        If the logs cannot show the model: with the motion that would, or the unit.
+    """
+    doubt = _doubt_of_unit(mechanism, theta, rows, settings)
+    try:
+        refuse_blind(mechanism, total, settings)
+    except InputError:
+        if not doubt:
+            raise
+        # A wrong unit makes what is there too small to see: no motion is missing.
+        unseen = total.describe_blind(settings.min_direction_share)[0]
+        raise InputError(f"{doubt}; as they stand these logs cannot show {unseen}") from None
+    return doubt
+
+
+def _last_fit(
+    mechanism: Mechanism,
+    samples: Sequence[Samples],
+    force: Fit,
+    seed: int,
+    settings: FitSettings,
+    progress: Callable[[], None],
+    output_error: bool,
+    robust: bool,
+) -> tuple[Fit, list[str]]:
+    """The fit of forces, refined in free run or corrected for noise; and why it was not."""
+    if output_error:
+        return _refined(mechanism, samples, force, settings, progress)
+    if robust:  # simulation and extrapolation would give the outliers their weight back
+        return force, []
+    noise = [NoiseLevel.of(item, settings) for item in samples]
+    args = (mechanism, samples, noise, force, seed, settings, progress)
+    return without_noise_bias(*args), []
 
 
 def _doubt_of_unit(
