@@ -26,14 +26,6 @@ class DiagnosisSettings(Settings):
     residual_map: ResidualMapSettings = field(default_factory=ResidualMapSettings)
 
     # Verdict
-    max_error_over_floor: float = field(
-        default=1.03,
-        metadata={
-            "unit": "force error over the noise floor",
-            "reason": "in words on a comparison: above it more is left than noise; where nothing "
-            "can be predicted the two are the same",
-        },
-    )
     min_explained_share: float = field(
         default=0.4,
         metadata={

@@ -262,8 +262,7 @@ class LoggedData:
         self.noise = [NoiseLevel.of(samples, settings.fit) for samples in self.samples]
         self.seed, self.progress, self.settings = seed, progress, settings
         self._ends = time.process_time() + settings.max_search_time
-        # By structure: steps that are judged again with other folds need it again.
-        self._predictable: dict[int, tuple[FittedStructure, Predictability]] = {}
+        self._remainders: dict[int, _Remainder] = {}
 
     @property
     def out_of_time(self) -> bool:
@@ -295,21 +294,18 @@ class LoggedData:
 
     def predictability(self, fitted: FittedStructure) -> Predictability:
         """What of a structure's residual the motion predicts."""
-        known = self._predictable.get(id(fitted))
-        if known is None or known[0] is not fitted:
-            rows, settings = self._rows(fitted), self.settings.fit
-            found = predictability(fitted.mechanism, rows, self.samples, self.seed, settings)
-            known = self._predictable[id(fitted)] = (fitted, found)
-            self.progress()
-        return known[1]
+        return self._remainder(fitted).predictability
 
-    def _rows(self, fitted: FittedStructure) -> list[Regression]:
-        """Its residual at the rate of a fit, which is lower than that of the choice of effects."""
-        settings, none = self.settings.fit, fitted.free[:0]
-        return [
-            regression(fitted.mechanism, fitted.theta, item, none, settings)
-            for item in self.samples
-        ]
+    def above_white_floor(self, fitted: FittedStructure) -> float:
+        """Force error of the fit on its own logs, over what white noise alone would leave."""
+        return self._remainder(fitted).above_white_floor
+
+    def _remainder(self, fitted: FittedStructure) -> _Remainder:
+        """What a structure leaves: asked for by the search, the next ranking and the verdict."""
+        known = self._remainders.get(id(fitted))
+        if known is None:
+            known = self._remainders[id(fitted)] = _Remainder(self, fitted)
+        return known
 
     def _part(self, fold: Fold) -> Any:
         """The samples of a fold."""
@@ -335,24 +331,62 @@ class LoggedData:
 
     def floor(self, fitted: FittedStructure) -> NoiseFloor:
         """What noise leaves at the fitted structure."""
-        traces = [self._force(fitted.mechanism, fitted.theta, item)[0] for item in self.samples]
+        left = self._remainder(fitted)
         # A diverging free run has no floor: its squares are NaN, and so is the ratio.
         runs = [_free_run(fitted.mechanism, fitted.theta, item) for item in self.samples]
-        found = self.predictability(fitted)
         return noise_floor(
-            *(fitted.mechanism, fitted.theta, self.samples, self._rows(fitted), found, traces),
+            *(fitted.mechanism, fitted.theta, self.samples),
+            *(left.rows, left.predictability, left.traces),
             *(runs, self.noise, self.seed, self.settings.fit),
         )
 
-    def above_white_floor(self, fitted: FittedStructure) -> float:
-        """Force error of the fit on its own logs, over what white noise alone would leave."""
-        left, floor = [], []
-        for samples, noise in zip(self.samples, self.noise, strict=True):
-            traces, squares = self._force(fitted.mechanism, fitted.theta, samples)
-            left.append(squares)
-            args = (fitted.mechanism, fitted.theta, samples, traces, noise)
-            floor.append(white_force_floor(*args, self.seed, self.settings.fit))
-        return add_up(left).ratio / add_up(floor).ratio
+
+@dataclass(frozen=True)
+class _Remainder:
+    """What a structure leaves of the logs; each part is computed once, when it is asked for."""
+
+    data: LoggedData
+    fitted: FittedStructure
+
+    @cached_property
+    def rows(self) -> list[Regression]:
+        """Its residual at the rate of a fit, which is lower than that of the choice of effects."""
+        fitted, settings = self.fitted, self.data.settings.fit
+        return [
+            regression(fitted.mechanism, fitted.theta, item, fitted.free[:0], settings)
+            for item in self.data.samples
+        ]
+
+    @cached_property
+    def traces(self) -> list[Traces]:
+        """Force traces of each log."""
+        fitted, settings = self.fitted, self.data.settings.fit
+        return [
+            force_traces(fitted.mechanism, fitted.theta, item, settings)
+            for item in self.data.samples
+        ]
+
+    @cached_property
+    def predictability(self) -> Predictability:
+        """What of it the motion predicts."""
+        data = self.data
+        args = (self.fitted.mechanism, self.rows, data.samples, data.seed, data.settings.fit)
+        found = predictability(*args)
+        data.progress()
+        return found
+
+    @cached_property
+    def above_white_floor(self) -> float:
+        """Force error over what white noise alone would leave."""
+        data, fitted = self.data, self.fitted
+        floor = [
+            white_force_floor(
+                *(fitted.mechanism, fitted.theta, samples, traces, noise),
+                *(data.seed, data.settings.fit),
+            )
+            for samples, traces, noise in zip(data.samples, self.traces, data.noise, strict=True)
+        ]
+        return add_up(map(SumsOfSquares.of, self.traces)).ratio / add_up(floor).ratio
 
 
 def _free_run(mechanism: Mechanism, theta: Array, samples: Samples) -> Traces:

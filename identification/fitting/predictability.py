@@ -106,12 +106,10 @@ class Predictability:
                     found.append((float(square[part].sum()), log, start, float(inside[-1])))
         return [(log, start, end) for _, log, start, end in sorted(found, reverse=True)]
 
-    def _rows_of_block(self, log: int) -> int:
-        return max(1, round(self.settings.episode_duration / self.step[log]))
-
     def _block_of(self, log: int) -> Indices:
         """(n,) block that each row is in; the last one takes what fills no other."""
-        size, rows = self._rows_of_block(log), len(self.residual[log])
+        size = _rows_in(self.settings.episode_duration, self.step[log])
+        rows = len(self.residual[log])
         return np.minimum(np.arange(rows) // size, max(rows // size - 1, 0))
 
     @cached_property
@@ -171,7 +169,7 @@ class Predictability:
         blocks = []
         for log, step in enumerate(self.step):
             square = (self.noise(log) ** 2).sum(axis=1)
-            size = max(1, round(self.settings.noise_block_duration / step))
+            size = _rows_in(self.settings.noise_block_duration, step)
             blocks += [part.mean() for part in np.array_split(square, max(1, len(square) // size))]
         mean = float(np.mean(blocks))
         if len(blocks) < 2 or mean <= 0:
@@ -343,6 +341,11 @@ def _motion_features(
     slopes = [smoothed(acceleration[:, k], sigma) for k in range(acceleration.shape[1])]
     joined = np.column_stack([joined, *slopes])
     return filtered_rows(np.stack([joined[:-1], joined[1:]]), mechanism, samples, settings)
+
+
+def _rows_in(duration: float, step: float) -> int:
+    """Rows, ``step`` [s] apart, in a duration [s]; at least one."""
+    return max(1, round(duration / step))
 
 
 def _integral_scale(signal: Array) -> float:
