@@ -108,6 +108,8 @@ def _print(out: Console, found: dict[str, Any]) -> None:
     else:
         out.print("The force residual depends on no variable more than chance would have it.\n")
     show(out, [result_tables.stretches(found)])
+    for sentence in found["changes"]["words"]:
+        out.print(f"- {sentence}", soft_wrap=True)
 
 
 def _page(result: Comparison, found: dict[str, Any], geometry: Geometry | None) -> Iterator[Part]:
@@ -117,6 +119,7 @@ def _page(result: Comparison, found: dict[str, Any], geometry: Geometry | None) 
 
     error, floor = found["total"], found["noise_floor"]
     yield Words([result_tables.verdict(error["force_error"], floor["force_error"])], "verdict")
+    yield Words(found["changes"]["words"], "verdict")
     yield Words(list(_warnings(result)), "warning")
     rows = [("the model", error), ("noise floor", floor)]
     yield result_tables.errors("Errors, all logs that count", rows)

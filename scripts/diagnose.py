@@ -112,7 +112,7 @@ def _print(out: Console, found: dict[str, Any], told_first: int) -> None:
         result_tables.leading_variables(found["remaining" if accepted else "where"], title=title),
     )
     out.print(f"Verdict: {found['verdict']}", style="bold")
-    for sentence in found["words"]:
+    for sentence in [*found["words"], *found["changes"]["words"]]:
         out.print(f"- {sentence}")
     for line in _next_experiment(found):
         out.print(line)
@@ -134,7 +134,8 @@ def _page(result: Diagnosis, found: dict[str, Any], given: Inputs) -> Iterator[P
     from identification.figures.figures import figures_of_diagnosis
     from youbot_scripts.shared.report_page import Words, pictures
 
-    sentences = [f"Verdict: {found['verdict']}", *found["words"], *_next_experiment(found)]
+    sentences = [f"Verdict: {found['verdict']}", *found["words"], *found["changes"]["words"]]
+    sentences += _next_experiment(found)
     yield Words(sentences, "verdict")
     yield Words(found["warnings"], "warning")
     yield result_tables.steps(found)
