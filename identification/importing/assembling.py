@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 from scipy import signal
 
 from identification.importing.clock_columns import clock_named
+from identification.importing.clocks import spread
 from identification.importing.import_map import QUANTITIES, ROW, Channels, ImportMap, Pose
 from identification.importing.settings import ImportSettings
 from identification.importing.tables import Array, Table, find, rate_of
@@ -229,10 +230,13 @@ def _ordered(
     time, values = time[used], values[used]
     if len(time) < 2:
         raise fault(table.source, "has no rows with numbers in these columns", "check the map")
-    time = _spread(time, made)
     back = int((np.diff(time) < 0).sum())
     order = np.argsort(time, kind="stable")
     whole, merged, mixed = _merged(time[order], values[order])
+    even = spread(time) if mixed > settings.max_repeated_share else None
+    if even is not None:
+        _note(made, 1, "the clock is coarse: times are spread evenly over the rows between")
+        return Series(even - delay, values)
     if back and (mixed > settings.max_repeated_share or not _is_regular(whole, settings)):
         row = int(np.argmax(np.diff(time) < 0)) + 1
         message = f"time runs back from {time[row - 1]:.9g} to {time[row]:.9g} s: two runs in one"
@@ -263,20 +267,6 @@ def _merged(time: Array, values: Array) -> tuple[Array, Array, float]:
 def _note(made: Assembled, count: int, message: str) -> None:
     if count and not any(finding.message == message for finding in made.findings):
         made.findings.append(Finding("repaired", message, column="time"))
-
-
-def _spread(time: Array, made: Assembled) -> Array:
-    """Times that a coarse clock holds for several rows each, spread evenly over them."""
-    changes = np.flatnonzero(np.diff(time) != 0) + 1
-    if len(changes) < 3 or len(time) < 2 * len(changes):
-        return time
-    held = np.diff(changes)
-    # As many rows each time, but for one: the rows come evenly, and only the clock is coarse.
-    if np.ptp(held) > 1 or (np.diff(time) < 0).any():
-        return time
-    _note(made, len(time), "the clock is coarse: times are spread evenly over the rows between")
-    slope, start = np.polyfit(changes, time[changes] - time[0], 1)
-    return time[0] + start + slope * np.arange(len(time))
 
 
 def _is_regular(time: Array, settings: ImportSettings) -> bool:

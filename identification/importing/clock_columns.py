@@ -55,6 +55,8 @@ def add_clocks(table: Table, settings: ImportSettings = ImportSettings()) -> Non
             if unit:
                 table.units[name] = unit
                 table.note(f"column {name}: {why}")
+            if unit == "ms" and _counts(time):
+                table.questions.append(f"column {name} counts by ones: milliseconds, or rows?")
         if unit:
             found[name] = time * TIME_UNITS[unit]
     order = sorted(found, key=lambda name: _rank(name, found[name]))
@@ -77,6 +79,12 @@ def moves(time: Array) -> bool:
     return len(known) > 1 and len(np.unique(known)) > len(known) / 2
 
 
+def _counts(time: Array) -> bool:
+    """Whether a column goes up by one each row: a time in ms at 1 kHz, or a row's number."""
+    steps = np.diff(time[np.isfinite(time)])
+    return bool(len(steps) and (steps == 1).mean() > ImportSettings.min_number_share)
+
+
 def _rank(name: str, time: Array) -> tuple[bool, int]:
     words = set(words_of(name))
     kind = 2 if words & _ARRIVAL or name.startswith("%") else 0 if words & _MEASURED else 1
@@ -89,7 +97,8 @@ def _single_columns(table: Table) -> dict[str, Array]:
     return {
         name: values
         for name, values in table.columns.items()
-        if name not in halves and meaning(name).quantity == "time" and not meaning(name).wheel
+        if name in table.dates
+        or (name not in halves and meaning(name).quantity == "time" and not meaning(name).wheel)
     }
 
 

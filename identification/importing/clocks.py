@@ -19,6 +19,7 @@ TIME_UNITS = {
     "us": 1e-6,
     "ns": 1e-9,
     "min": 60.0,
+    "day": 86400.0,
 }
 """Seconds in a unit of time."""
 
@@ -26,7 +27,7 @@ _ISO = re.compile(
     r"(\d{4}-\d\d?-\d\d?|\d{4}/\d\d?/\d\d?|\d\d?\.\d\d?\.\d{4})[T _]+"
     r"(\d\d?:\d\d(?::\d\d(?:[.,]\d+)?)?)\s*(Z|UTC|[+-]\d\d:?\d\d)?"
 )
-_OF_DAY = re.compile(r"(\d\d?):(\d\d):(\d\d(?:[.,]\d+)?)")
+_OF_DAY = re.compile(r"(?:(\d\d?):)?(\d\d?):(\d\d[.,]\d+|(?<=:\d\d:)\d\d)")
 
 
 def seconds_of_texts(cells: Iterable[str]) -> Array | None:
@@ -51,7 +52,8 @@ def _seconds(text: str) -> float | None:
             return _of_date(date, clock, zone or "Z")
         match = _OF_DAY.fullmatch(text)
         if match:
-            hours, minutes, seconds = (float(part.replace(",", ".")) for part in match.groups())
+            parts = (float((part or "0").replace(",", ".")) for part in match.groups())
+            hours, minutes, seconds = parts
             return (hours * TIME_UNITS["min"] + minutes) * TIME_UNITS["min"] + seconds
     except (ValueError, OverflowError):
         pass
@@ -81,18 +83,34 @@ def unit_of_time(time: Array, settings: ImportSettings = ImportSettings()) -> tu
     first = float(np.median(known))
     if step == 0:
         return "", "it does not move"
-    fitting = {
-        unit: scale
-        for unit, scale in TIME_UNITS.items()
-        if unit != "min" and settings.min_step <= step * scale <= settings.max_step
-    }
-    # A date goes first: the step alone does not tell a slow log in ms from a fast one in s.
-    for unit, scale in fitting.items():
-        if settings.min_epoch < first * scale < settings.max_epoch:
+    scales = {unit: scale for unit, scale in TIME_UNITS.items() if unit not in ("min", "day")}
+    # A date goes first: the step alone does not tell a slow log in ms from a fast one in s. Its
+    # step may be coarse (whole seconds), but is never hours.
+    for unit, scale in scales.items():
+        dated = settings.min_epoch < first * scale < settings.max_epoch
+        if dated and settings.min_step <= step * scale <= settings.max_coarse_step:
             return unit, f"a date in {unit}: {datetime.fromtimestamp(first * scale, UTC).date()}"
-    for unit, scale in fitting.items():
-        return unit, f"steps of {step:.4g}, {1 / (step * scale):.4g} Hz"
+    if settings.min_day < first < settings.max_day and step * TIME_UNITS["day"] < settings.max_step:
+        return "day", f"days since 1900, as a spreadsheet has them: steps of {step:.4g}"
+    for unit, scale in scales.items():
+        if settings.min_step <= step * scale <= settings.max_step:
+            return unit, f"steps of {step:.4g}, {1 / (step * scale):.4g} Hz"
     return "", f"steps of {step:.4g}"
+
+
+def spread(time: Array) -> Array | None:
+    """Times (n,) of a clock that holds each for several rows, spread evenly over them.
+
+    None where rows do not come evenly, or the clock tells the rows apart.
+    """
+    changes = np.flatnonzero(np.diff(time) != 0) + 1
+    if len(changes) < 3 or len(time) < 2 * len(changes) or (np.diff(time) < 0).any():
+        return None
+    # As many rows each time, but for one: the rows come evenly, and only the clock is coarse.
+    if np.ptp(np.diff(changes)) > 1:
+        return None
+    slope, start = np.polyfit(changes, time[changes] - time[0], 1)
+    return time[0] + start + slope * np.arange(len(time))
 
 
 def glued_nanoseconds(cells: list[str]) -> Array | None:

@@ -35,6 +35,7 @@ def name_joints(table: Table, settings: ImportSettings = ImportSettings()) -> No
     _rename(table, renamed)
     if not renamed and all(_UNNAMED.fullmatch(name) for name in table.columns):
         _name_echoed(table, settings)
+        _name_by_place(table)
 
 
 def _rename(table: Table, renamed: dict[str, str]) -> None:
@@ -76,6 +77,23 @@ def _name_echoed(table: Table, settings: ImportSettings) -> None:
         for joint, column in zip(listed, block, strict=True)
     }
     _rename(table, named)
+
+
+def _name_by_place(table: Table) -> None:
+    """Names the columns of a table without header by their place: time, speeds, efforts."""
+    names = list(table.columns)
+    if len(names) < 5 or not all(_UNNAMED.fullmatch(name) for name in names):
+        return
+    first = table.columns[names[0]]
+    if not (np.diff(first[np.isfinite(first)]) > 0).mean() > ImportSettings.min_number_share:
+        return
+    parts = (VELOCITY, EFFORT, POSITION)
+    named = {names[0]: "time"}
+    for part, start in zip(parts, range(1, len(names) - 3, 4), strict=False):
+        named |= {names[start + k]: f"{part}[{k}]" for k in range(4)}
+    _rename(table, named)
+    told = ", ".join(parts[: (len(named) - 1) // 4])
+    table.questions.append(f"there is no header: are its columns time and, of four wheels, {told}?")
 
 
 def _stamp(table: Table, before: list[str]) -> Array | None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import re
 from collections.abc import Iterator, Mapping, Sequence
 from typing import Any
@@ -123,6 +124,38 @@ class _Rows:
             table.note("its stamps are empty: the times of arrival are taken")
         table.clocks[RECEIVED] = np.array(self.received, float) * 1e-9
         return table
+
+
+def read_json_table(source: str, content: bytes, settings: ImportSettings) -> Table:
+    """The table of a text of JSON objects, one a line or all in one list.
+
+    Raises
+    ------
+    InputError
+        If it is no JSON, or holds no objects with numbers.
+    """
+    try:
+        text = content.decode("utf-8-sig")
+        found = [json.loads(line) for line in text.splitlines() if line.strip()]
+    except (ValueError, RecursionError):
+        try:
+            found = json.loads(content)
+        except (ValueError, RecursionError) as error:
+            cure = "write an object a line, or a list of objects"
+            raise fault(source, f"begins as JSON and is none ({error})", cure) from None
+    if len(found) == 1 and isinstance(found[0], list):
+        found = found[0]
+    rows = _Rows()
+    for row, message in enumerate(found if isinstance(found, list) else []):
+        if isinstance(message, Mapping):
+            rows.add(row, message, settings)
+    table = rows.table(source, "", "")
+    if table is None:
+        raise fault(source, "holds no objects with numbers", "write an object a line")
+    table.kind = "json"
+    # No logger wrote down when these rows arrived.
+    del table.clocks[RECEIVED]
+    return table
 
 
 def _field(message: Any, name: str) -> Any:

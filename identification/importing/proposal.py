@@ -10,6 +10,7 @@ import numpy as np
 
 from identification.importing.assembling import assemble
 from identification.importing.clock_columns import moves
+from identification.importing.clocks import spread
 from identification.importing.groups import (
     WheelGroup,
     gyro_columns,
@@ -126,9 +127,11 @@ def _propose_time(found: Proposal, speeds: WheelGroup, settings: ImportSettings)
     found.say("time", f"{clock}: {rate_of(time):.4g} Hz{f', in {unit}' if unit else ''}{beside}")
     if clock == RECEIVED:
         found.say("time", "the times of arrival: no stamp of measurement is in the messages")
-    if not moves(time):
+    for question in table.questions:
+        found.ask("time", question)
+    if not moves(time) and spread(time[np.isfinite(time)]) is None:
         distinct = len(np.unique(time[np.isfinite(time)]))
-        if distinct < len(time) / settings.max_array:
+        if distinct < settings.min_distinct_share * len(time):
             rate = settings.assumed_rate
             found.map = replace(found.map, time=Time(ROW, "", rate))
             found.ask(
@@ -147,8 +150,8 @@ def _propose_speeds(
     found.say("velocity", f"{_named(group)}: the four wheels, up to {group.peak:.4g}")
     if not group.quantity:
         found.ask("velocity", "no name says what these columns are: wheel speeds?")
-    unit = _unit_of_speeds(found, group, settings)
-    found.map = replace(found.map, velocity=Channels(group.columns, unit))
+    unit, gear = _unit_of_speeds(found, group, settings)
+    found.map = replace(found.map, velocity=Channels(group.columns, unit, gear))
     values = assemble(_only(found.map, "velocity"), tables, settings).channels["velocity"]
     values = values[np.isfinite(values).all(axis=1)]
     if len(values) > 1:
@@ -159,25 +162,31 @@ def _named(group: WheelGroup) -> str:
     return ", ".join(group.columns)
 
 
-def _unit_of_speeds(found: Proposal, group: WheelGroup, settings: ImportSettings) -> str:
+def _unit_of_speeds(
+    found: Proposal, group: WheelGroup, settings: ImportSettings
+) -> tuple[str, float]:
+    """Unit of the speeds, and the gear between motor and wheel."""
     if group.unit:
         found.say("velocity", f"unit {group.unit}: its header says so")
-        return group.unit
+        return group.unit, 1.0
     if group.quantity == POSITION:
         peak = max(float(np.ptp(v[np.isfinite(v)])) for v in group.values)
         found.say("velocity", "no column holds speeds: positions are differenced")
         whole = all((v[np.isfinite(v)] % 1 == 0).all() for v in group.values)
         if whole and peak > settings.max_array:
             found.ask("velocity", "positions are counts: how many are a turn (counts_per_turn)?")
-            return "count"
-        return "rad"
+            return "count", 1.0
+        return "rad", 1.0
     peak = group.peak
     if peak <= settings.max_speed:
         why = "ROS has it so" if group.is_joint_state else "the size is usual"
         found.say("velocity", f"unit rad/s: {why}, and no header says otherwise")
-        return "rad/s"
+        return "rad/s", 1.0
     guesses = _guessed_units(peak, settings)
-    told = ", ".join(f"{name} ({size:.3g} rad/s)" for name, size in guesses)
+    told = ", ".join(
+        f"{unit}{f' of a motor at {gear:g}:1' if gear != 1 else ''} ({size:.3g} rad/s)"
+        for unit, gear, size in guesses
+    )
     sentence = (
         f"speeds up to {peak:.4g} are no rad/s of a wheel; they may be {told}, or of a motor "
         "behind another gear"
@@ -187,17 +196,18 @@ def _unit_of_speeds(found: Proposal, group: WheelGroup, settings: ImportSettings
             "velocity",
             f"{sentence}: kept as they stand; `youbot kinematics` finds unit and gear by the pose",
         )
-        return UNKNOWN
+        return UNKNOWN, 1.0
     found.ask("velocity", f"{sentence}: unit and gear?")
-    return guesses[0][0] if guesses and guesses[0][0] in UNITS else UNKNOWN
+    return guesses[0][:2] if guesses else (UNKNOWN, 1.0)
 
 
-def _guessed_units(peak: float, settings: ImportSettings) -> list[tuple[str, float]]:
-    """Units in which a peak would be a wheel's, with that peak in rad/s, the likeliest first."""
-    sizes = [(unit, peak * UNITS[unit][1]) for unit in ("rpm", "deg/s", "rad/min")]
-    sizes.append((f"rad/s of a motor at {hardware.GEAR_RATIO:.4g}:1", peak / hardware.GEAR_RATIO))
-    near = [(name, size) for name, size in sizes if 0.5 < size <= settings.max_speed]
-    return sorted(near, key=lambda one: abs(np.log(one[1] / settings.usual_peak)))
+def _guessed_units(peak: float, settings: ImportSettings) -> list[tuple[str, float, float]]:
+    """Units and gears at which a peak is a wheel's, with it in rad/s, the likeliest first."""
+    gear = round(hardware.GEAR_RATIO, 2)
+    trials = [("rpm", 1.0), ("deg/s", 1.0), ("rad/min", 1.0), ("rad/s", gear), ("rpm", gear)]
+    sizes = [(unit, gear, peak * UNITS[unit][1] / gear) for unit, gear in trials]
+    near = [one for one in sizes if settings.least_peak < one[2] <= settings.max_speed]
+    return sorted(near, key=lambda one: abs(np.log(one[2] / settings.usual_peak)))
 
 
 def _slip(values: Array) -> float:

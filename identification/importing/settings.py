@@ -71,6 +71,18 @@ class ImportSettings(Settings):
         default=4.2e9,
         metadata={"unit": "s", "reason": "2103: a date is earlier"},
     )
+    max_coarse_step: float = field(
+        default=2.0,
+        metadata={"unit": "s", "reason": "a date is written in whole seconds at the coarsest"},
+    )
+    min_day: float = field(
+        default=25_000.0,
+        metadata={"unit": "days", "reason": "since 1900, as spreadsheets count: 1968"},
+    )
+    max_day: float = field(
+        default=80_000.0,
+        metadata={"unit": "days", "reason": "since 1900: 2119, later than any log"},
+    )
     assumed_rate: float = field(
         default=100.0,
         metadata={"unit": "Hz", "reason": "proposed, to be checked, where a file tells no time"},
@@ -152,6 +164,10 @@ class ImportSettings(Settings):
     usual_peak: float = field(
         default=12.0,
         metadata={"unit": "rad/s", "reason": "peak of wheels on a usual drive, to rank units by"},
+    )
+    least_peak: float = field(
+        default=0.5,
+        metadata={"unit": "rad/s", "reason": "a unit that makes less of a whole drive is none"},
     )
     max_effort: float = field(
         default=100.0,

@@ -27,8 +27,9 @@ class Table:
     columns : numbers (n,) by field path or column name, NaN where there is none
     units : as the header states them, by column
     texts : what text columns hold, where it is one text throughout (names of joints, of frames)
-    lists : of columns that were one list in the file: its name, and the names of its elements
     clocks : times (n,) [s] by name, the best one first: of measurement, then of arrival
+    dates : columns that held dates or times of day, [s] here
+    questions : what the layout leaves open and a person must confirm
     findings : what the reader had to leave out or to mend
     """
 
@@ -39,6 +40,8 @@ class Table:
     units: dict[str, str] = field(default_factory=dict)
     texts: dict[str, str] = field(default_factory=dict)
     clocks: dict[str, Array] = field(default_factory=dict)
+    dates: set[str] = field(default_factory=set)
+    questions: list[str] = field(default_factory=list)
     findings: list[Finding] = field(default_factory=list)
 
     @property

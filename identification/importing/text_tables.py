@@ -8,7 +8,7 @@ import io
 import re
 import zlib
 from collections import Counter
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from itertools import islice
 from pathlib import Path
@@ -18,10 +18,11 @@ import numpy as np
 from identification.importing.clocks import glued_nanoseconds, seconds_of_texts
 from identification.importing.settings import ImportSettings
 from identification.importing.tables import Array, Table
-from identification.importing.vocabulary import unit_in_name
+from identification.importing.vocabulary import meaning, unit_in_name
 from identification.logs.findings import fault
 from identification.logs.formats import import_parquet
 from identification.logs.parsing import GZIP_MAGIC, MISSING, PARQUET_MAGIC
+from youbot_env.physics.hardware import WHEELS
 
 DELIMITERS = (";", "\t", "|", ",")
 """Of two that make as many numbers the first is taken."""
@@ -62,12 +63,39 @@ def read_text_table(source: str, content: bytes) -> Table:
     text = _decode(source, _uncompressed(source, content), table)
     grid = _grid(source, text, table)
     columns = dict(zip(grid.names, zip(*grid.rows, strict=True), strict=True))
+    joints = _joints_by_row(columns)
     for k, (name, cells) in enumerate(columns.items()):
         unit = grid.units[k] if grid.units else ""
         _add_column(table, name, list(cells), unit)
     if not table.columns:
         raise fault(source, "holds no column of numbers", "a log is a table of numbers")
+    if joints is not None:
+        _turn(table, joints)
     return table
+
+
+def _joints_by_row(columns: Mapping[str, Sequence[str]]) -> list[str] | None:
+    """The joint of each row (n,) where a column names one a row; None where none does."""
+    for cells in columns.values():
+        held = set(cells)
+        wheels = {meaning(cell).wheel for cell in held if len(held) <= ImportSettings.max_array}
+        if set(WHEELS) <= wheels:
+            return list(cells)
+    return None
+
+
+def _turn(table: Table, joints: list[str]) -> None:
+    """Makes a column a joint of each column of a table that has a row a joint."""
+    named = np.array(joints)
+    table.note("a row holds one joint: turned into a column a joint")
+    for name in list(table.columns):
+        if meaning(name).quantity == "time" or name in table.dates:
+            continue
+        values = table.columns.pop(name)
+        unit = table.units.pop(name, "")
+        for joint in dict.fromkeys(joints):
+            table.columns[f"{name}[{joint}]"] = np.where(named == joint, values, np.nan)
+            table.units |= {f"{name}[{joint}]": unit} if unit else {}
 
 
 def read_parquet_table(source: str, content: bytes) -> Table:
@@ -286,8 +314,12 @@ def _header(cells: dict[int, list[str]], first: int, width: int) -> tuple[list[s
             row = row[:-1]
         if not _names_columns(row, width):
             continue
-        if k > 0 and _all_units(row) and _names_columns(above[k - 1], width):
-            return above[k - 1], row
+        if k > 0 and _names_columns(above[k - 1], width):
+            if _all_units(row):
+                return above[k - 1], row
+            if len(set(above[k - 1])) < len(row) == len(above[k - 1]) and len(set(row)) < len(row):
+                # Quantities above, wheels below.
+                return [" ".join(pair).strip() for pair in zip(above[k - 1], row, strict=True)], []
         return row, []
     return [], []
 
@@ -332,6 +364,7 @@ def _add_column(table: Table, name: str, cells: list[str], unit: str) -> None:
     seconds = seconds_of_texts(cells)
     if seconds is not None:
         table.columns[name], table.units[name] = seconds, "s"
+        table.dates.add(name)
         return
     lists = [_list(cell) for cell in cells]
     if sum(row is not None for row in lists) > len(lists) * ImportSettings.min_number_share:

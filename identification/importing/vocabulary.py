@@ -48,6 +48,8 @@ UNITS: dict[str, tuple[str, float]] = {
     "ms": ("time", 1e-3),
     "us": ("time", 1e-6),
     "ns": ("time", 1e-9),
+    "min": ("time", 60.0),
+    "day": ("time", 86400.0),
 }
 """Units by their name here: of what they are, and what makes SI units of them.
 
@@ -109,8 +111,8 @@ _QUANTITIES = {
     "winkel joint_angle rotation count tick",
     "voltage": "voltage volt volts pwm duty spannung",
     "time": "time timestamp timestamps stamp stamps t secs nsecs sec nanosec nsec seconds zeit "
-    "datetime date clock temps ts epoch elapsed unixtime nanoseconds nanosecs millis micros tstamp "
-    "usec msec",
+    "datum datetime date clock temps ts epoch elapsed unixtime nanoseconds nanosecs millis micros "
+    "tstamp usec msec",
     "yaw": "yaw heading psi theta phi orientation azimuth kurs bearing",
     "acceleration": "acceleration acc accel accelerations ddq qdd",
     "temperature": "temperature temp temperatur",

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import datetime
+import json
 from collections.abc import Callable
 
 import numpy as np
@@ -151,6 +152,59 @@ def milli_newton_metres() -> str:
     return joined(["time", *names("vel_{}_rad_s"), *names("{}_torque_mNm")], body)
 
 
+def two_lines_of_header() -> str:
+    above = ["time", *["velocity"] * 4, *["torque"] * 4]
+    return joined(above, [["s", "FL", "FR", "RL", "RR", "FL", "FR", "RL", "RR"], *rows(LOG)])
+
+
+def a_row_for_each_joint() -> str:
+    body = [
+        [row[0], f"wheel_joint_{wheel}", row[1 + k], row[5 + k]]
+        for row in rows(LOG)
+        for k, wheel in enumerate(WHEELS)
+    ]
+    return joined(["time", "joint", "velocity", "effort"], body)
+
+
+def json_lines() -> str:
+    lines = []
+    for time, speeds, torques in zip(LOG.time, LOG.velocity, LOG.effort, strict=True):
+        wheels = {"speed": speeds.tolist(), "torque": torques.tolist()}
+        lines.append(json.dumps({"t": round(float(time), 4), "mode": "auto", "wheels": wheels}))
+    return "\n".join(lines)
+
+
+def days_of_a_spreadsheet() -> str:
+    body = [[f"{45000 + LOG.time[k] / 86400:.10f}", *row[1:]] for k, row in enumerate(rows(LOG))]
+    return joined(["time", *names("velocity_{}"), *names("effort_{}")], body)
+
+
+def whole_seconds() -> str:
+    body = [[f"{1_700_000_000 + int(row_time)}", *row[1:]] for row_time, row in timed()]
+    return joined(["stamp", *names("velocity_{}"), *names("effort_{}")], body)
+
+
+def timed() -> list[tuple[float, list[str]]]:
+    return [(float(time) + 1e-6, row) for time, row in zip(LOG.time, rows(LOG), strict=True)]
+
+
+def minutes_and_seconds() -> str:
+    body = [[f"00:{time:06.3f}", *row[1:]] for time, row in timed()]
+    return joined(["clock", *names("velocity_{}"), *names("effort_{}")], body)
+
+
+def german_dates() -> str:
+    body = [[f"04.03.2025 10:00:{time:06.3f}", *row[1:]] for time, row in timed()]
+    body = [[cell.replace(".", ",") if k else cell for k, cell in enumerate(row)] for row in body]
+    header = ["Datum", *names("Geschwindigkeit {}", ("VL", "VR", "HL", "HR"))]
+    return joined([*header, *names("Moment {}", ("VL", "VR", "HL", "HR"))], body, ";")
+
+
+def blanks_and_a_commented_header() -> str:
+    lines = ["  ".join(f"{cell:>12}" for cell in row) for row in rows(LOG)]
+    return "\n".join(["# log of robot 7", "# t w1 w2 w3 w4 tau1 tau2 tau3 tau4", *lines, ""])
+
+
 LAYOUTS: dict[str, Callable[[], str]] = {
     "plain": plain,
     "semicolons": semicolons_and_decimal_commas,
@@ -170,5 +224,13 @@ LAYOUTS: dict[str, Callable[[], str]] = {
     "camel_case": camel_case,
     "missing": missing_values,
     "milli": milli_newton_metres,
+    "two_lines": two_lines_of_header,
+    "a_joint_a_row": a_row_for_each_joint,
+    "json_lines": json_lines,
+    "days": days_of_a_spreadsheet,
+    "whole_seconds": whole_seconds,
+    "minutes": minutes_and_seconds,
+    "german_dates": german_dates,
+    "blanks": blanks_and_a_commented_header,
 }
 """Layouts whose meaning is plain."""
