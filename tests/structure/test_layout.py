@@ -39,6 +39,7 @@ MAY_IMPORT = {
         "signals": set(),
         "threads": set(),
         "logs": {"signals"},
+        "importing": {"logs"},
         "mechanisms": {"logs"},
         "fitting": {"mechanisms", "threads"},
         "residual_map": {"fitting"},
