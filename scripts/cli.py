@@ -42,6 +42,7 @@ COMMANDS = (
     "tune",
     "bench",
     "effects",
+    "workbench",
     "demo",
 )
 """Names of the commands, in the order of the help; a module of `PACKAGE` each."""
