@@ -33,6 +33,7 @@ PACKAGE = "youbot_scripts"
 COMMANDS = (
     "record",
     "doctor",
+    "kinematics",
     "identify",
     "compare",
     "diagnose",

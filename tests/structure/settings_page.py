@@ -27,6 +27,7 @@ from controllers.tuning.tuning import SearchSettings
 from identification.comparison import ComparisonSettings
 from identification.diagnosis.settings import DiagnosisSettings
 from identification.fitting.settings import FitSettings, PredictabilitySettings
+from identification.kinematics.settings import KinematicsSettings
 from identification.logs.settings import LogSettings
 from identification.mechanisms.settings import MechanismSettings
 from identification.residual_map.settings import ResidualMapSettings
@@ -41,6 +42,7 @@ AREAS = {
         FilterSettings,
         NoiseSettings,
         HeldSettings,
+        KinematicsSettings,
         LogSettings,
         MechanismSettings,
         PredictabilitySettings,

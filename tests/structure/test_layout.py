@@ -38,7 +38,8 @@ MAY_IMPORT = {
     "identification": {
         "signals": set(),
         "threads": set(),
-        "logs": {"signals"},
+        "kinematics": {"signals"},
+        "logs": {"kinematics"},
         "mechanisms": {"logs"},
         "fitting": {"mechanisms", "threads"},
         "residual_map": {"fitting"},
