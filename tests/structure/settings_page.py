@@ -27,6 +27,7 @@ from controllers.tuning.tuning import SearchSettings
 from identification.comparison import ComparisonSettings
 from identification.diagnosis.settings import DiagnosisSettings
 from identification.fitting.settings import FitSettings, PredictabilitySettings
+from identification.importing.settings import ImportSettings
 from identification.kinematics.settings import KinematicsSettings
 from identification.logs.settings import LogSettings
 from identification.mechanisms.settings import MechanismSettings
@@ -44,6 +45,7 @@ AREAS = {
         HeldSettings,
         KinematicsSettings,
         LogSettings,
+        ImportSettings,
         MechanismSettings,
         PredictabilitySettings,
         FitSettings,

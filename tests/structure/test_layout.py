@@ -40,6 +40,7 @@ MAY_IMPORT = {
         "threads": set(),
         "kinematics": {"signals"},
         "logs": {"kinematics"},
+        "importing": {"logs"},
         "mechanisms": {"logs"},
         "fitting": {"mechanisms", "threads"},
         "residual_map": {"fitting"},
