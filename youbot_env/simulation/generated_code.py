@@ -289,14 +289,14 @@ def _demand(structure: Structure, dynamics: Dynamics) -> str:
 
 
 def _command(structure: Structure, dynamics: Dynamics) -> str:
-    """Interface torques behind which given torques act and change at given rates."""
+    """Interface torques behind which given torques act and change at given rates in a motion."""
     torque, rate, theta = (real_symbols(n) for n in (TORQUES, RATES, _theta(structure)))
-    (time,) = real_symbols(["time"])
-    # Drives and channels read no motion.
-    still = (0.0, 0.0, 0.0)
-    at = Instant(still, torque=tuple(torque), torque_rate=tuple(rate), time=time)
-    results = dynamics.interface_torque(symbols(), structure, theta, at)
-    arguments = [str(symbol) for symbol in (*torque, *rate, time, *theta)]
+    motion, lengths = real_symbols(MOTION), real_symbols([f"g_{name}" for name in LENGTHS])
+    geometry = SimpleNamespace(**dict(zip(LENGTHS, lengths, strict=True)))
+    # Drives and channels read no acceleration, pose or angle.
+    at = Instant(tuple(motion[0:3]), torque=tuple(torque), torque_rate=tuple(rate), time=motion[13])
+    results = dynamics.interface_torque(symbols(), structure, geometry, theta, at)
+    arguments = [str(symbol) for symbol in (*torque, *rate, *motion, *lengths, *theta)]
     return function_source("command", arguments, results)
 
 
@@ -304,6 +304,7 @@ def _inverse_loops(structure: Structure) -> str:
     theta = ", ".join(f"theta[{i}]" for i in range(len(structure.parameter_names)))
     lengths = ", ".join(f"lengths[{i}]" for i in range(len(LENGTHS)))
     row = ", ".join(f"motion[k, {i}]" for i in range(len(MOTION)))
+    place = ", ".join(f"motion[{i}]" for i in range(len(MOTION)))
     # Without losses under load the demand does not read the torque: the first round is exact.
     rounds = ROUNDS if structure.depends_on_load else 1
     return f"""@njit(cache=True, error_model='numpy')
@@ -328,10 +329,11 @@ def several(motion, lengths, thetas, tolerance, torque):
 
 
 @njit(cache=True, error_model='numpy')
-def interface(torque, rate, time, theta, out):
+def interface(torque, rate, motion, lengths, theta, out):
     out[0], out[1], out[2], out[3] = command(
         torque[0], torque[1], torque[2], torque[3],
-        rate[0], rate[1], rate[2], rate[3], time, {theta}
+        rate[0], rate[1], rate[2], rate[3],
+        {place}, {lengths}, {theta}
     )
 
 
@@ -341,5 +343,5 @@ def held(motion, hold, lengths, theta, tolerance, torque, mean, out):
     for i in range(4):
         mean[i] = (torque[0, i] + 4.0 * torque[1, i] + torque[2, i]) / 6.0
         out[i] = (torque[2, i] - torque[0, i]) / hold
-    interface(mean, out, motion[1, 13], theta, out)
+    interface(mean, out, motion[1], lengths, theta, out)
 """
