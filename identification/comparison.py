@@ -220,7 +220,7 @@ def compare(
     if not logs:
         raise InputError("no log given: compare needs at least one")
     mechanism = mechanism_of(model, geometry, settings.fit.mechanism)
-    samples = [mechanism.samples(log) for log in logs]
+    samples = mechanism.samples_of(logs)
     force, velocity = [], []
     for log, item in zip(logs, samples, strict=True):
         velocity.append(_free_run(mechanism, model.theta, log, item))

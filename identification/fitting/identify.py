@@ -230,7 +230,7 @@ def identify(
         raise InputError("no log given: identify needs at least one")
     start = start or load_model("paper")
     mechanism = mechanism_of(start, geometry, settings.mechanism)
-    held = as_they_mean(mechanism, [mechanism.samples(log) for log in logs], settings)
+    held = as_they_mean(mechanism, mechanism.samples_of(logs), settings)
     samples = held.samples
     free = np.flatnonzero(mechanism.free)
     rows = [regression(mechanism, start.theta, item, free, settings) for item in samples]
