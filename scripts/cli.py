@@ -32,6 +32,7 @@ PACKAGE = "youbot_scripts"
 
 COMMANDS = (
     "record",
+    "import",
     "doctor",
     "identify",
     "compare",
@@ -43,6 +44,7 @@ COMMANDS = (
     "bench",
     "effects",
     "export",
+    "workbench",
     "demo",
 )
 """Names of the commands, in the order of the help; a module of `PACKAGE` each."""

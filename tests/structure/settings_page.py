@@ -27,6 +27,7 @@ from controllers.tuning.tuning import SearchSettings
 from identification.comparison import ComparisonSettings
 from identification.diagnosis.settings import DiagnosisSettings
 from identification.fitting.settings import FitSettings, PredictabilitySettings
+from identification.importing.settings import ImportSettings
 from identification.logs.settings import LogSettings
 from identification.mechanisms.settings import MechanismSettings
 from identification.residual_map.settings import ResidualMapSettings
@@ -42,6 +43,7 @@ AREAS = {
         NoiseSettings,
         HeldSettings,
         LogSettings,
+        ImportSettings,
         MechanismSettings,
         PredictabilitySettings,
         FitSettings,

@@ -40,6 +40,7 @@ MAY_IMPORT = {
         "signals": set(),
         "threads": set(),
         "logs": {"signals"},
+        "importing": {"logs"},
         "mechanisms": {"logs"},
         "fitting": {"mechanisms", "threads"},
         "residual_map": {"fitting"},
