@@ -106,7 +106,7 @@ def test_no_function_is_cached_by_numba_itself():
 def test_a_new_folder_is_for_its_user_alone(monkeypatch, tmp_path: Path):
     monkeypatch.setenv(caching.CACHE_VARIABLE, str(tmp_path / "a" / "b"))
     folder = caching.cache_folder()
-    assert folder == tmp_path / "a" / "b"
+    assert folder is not None and folder == tmp_path / "a" / "b"
     assert folder.stat().st_mode & 0o777 == 0o700
 
 

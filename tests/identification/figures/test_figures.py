@@ -524,7 +524,7 @@ def test_a_missing_matplotlib_is_one_clear_line(
 
 
 def test_a_backend_that_is_none_draws_all_the_same():
-    """MPLBACKEND belongs to pyplot, which is not used, but a wrong name stops matplotlib's import."""
+    """It belongs to pyplot, which is not used, but a wrong name stops matplotlib's import."""
     program = (
         "from identification.figures.style import matplotlib, new_figure, png; import os\n"
         "matplotlib(); print(len(png(new_figure(2.0))) > 100, os.environ['MPLBACKEND'])"
