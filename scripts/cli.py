@@ -34,6 +34,7 @@ COMMANDS = (
     "record",
     "import",
     "doctor",
+    "kinematics",
     "identify",
     "compare",
     "diagnose",
