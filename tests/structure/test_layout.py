@@ -25,7 +25,8 @@ MAY_IMPORT = {
     "youbot_env": {
         "errors": set(),
         "files": {"errors"},
-        "physics": {"errors", "files"},
+        "caching": set(),
+        "physics": {"errors", "files", "caching"},
         "model": {"physics"},
         "simulation": {"model"},
         "contact": {"simulation"},
