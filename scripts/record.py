@@ -68,6 +68,7 @@ def main(
             help="Add an effect to the plant (SI units); NAME alone: at its catalogue size.",
         ),
     ] = None,
+    effects: common.EffectsOption = None,
     rate: Annotated[float, typer.Option(metavar="HZ", help="Log rate, 20 to 1000 Hz.")] = 100.0,
     torque_noise: Annotated[
         float, typer.Option(help="Standard deviation of a logged torque's noise [N m].")

@@ -93,9 +93,31 @@ MechanismOption = Annotated[
         "--mechanism", metavar="NAME", help="mecanum or axis; only checked: the model says it."
     ),
 ]
+
+
+def load_user_effects(path: Path | None) -> Path | None:
+    """Typer callback: register a user's effects before any model is read, which may name them.
+
+    Raises
+    ------
+    InputError
+        If the file cannot be run or registers nothing.
+    """
+    if path is not None:
+        from youbot_env.plugins import load_effects
+
+        load_effects(path)
+    return path
+
+
 EffectsOption = Annotated[
     Path | None,
-    typer.Option("--effects", metavar="FILE.py", help="Your own effects; runs this file."),
+    typer.Option(
+        "--effects",
+        metavar="FILE.py",
+        callback=load_user_effects,
+        help="Your own effects; runs this file.",
+    ),
 ]
 JobsOption = Annotated[int, typer.Option("--jobs", min=1, metavar="N", help="Processes.")]
 LogsOfOption = Annotated[
