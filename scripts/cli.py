@@ -34,6 +34,7 @@ COMMANDS = (
     "record",
     "import",
     "doctor",
+    "kinematics",
     "identify",
     "compare",
     "diagnose",
@@ -43,6 +44,8 @@ COMMANDS = (
     "tune",
     "bench",
     "effects",
+    "export",
+    "workbench",
     "demo",
 )
 """Names of the commands, in the order of the help; a module of `PACKAGE` each."""

@@ -28,6 +28,7 @@ from identification.comparison import ComparisonSettings
 from identification.diagnosis.settings import DiagnosisSettings
 from identification.fitting.settings import FitSettings, PredictabilitySettings
 from identification.importing.settings import ImportSettings
+from identification.kinematics.settings import KinematicsSettings
 from identification.logs.settings import LogSettings
 from identification.mechanisms.settings import MechanismSettings
 from identification.residual_map.settings import ResidualMapSettings
@@ -42,6 +43,7 @@ AREAS = {
         FilterSettings,
         NoiseSettings,
         HeldSettings,
+        KinematicsSettings,
         LogSettings,
         ImportSettings,
         MechanismSettings,
