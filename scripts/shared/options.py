@@ -173,6 +173,20 @@ def check_pictures(folder: Path | None, report: Path | None) -> None:
 # --- files -----------------------------------------------------------------------------------
 
 
+def make_folder(path: Path) -> None:
+    """Make a folder, and those above it, unless it is there.
+
+    Raises
+    ------
+    InputError
+        If it cannot be made.
+    """
+    try:
+        path.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise _input_error(f"{path}: cannot be made a folder: {error.strerror or error}") from None
+
+
 def write_text(path: Path | str, text: str) -> None:
     """Write `text` to the file `path` as a whole or not at all; "-" is standard output.
 
