@@ -136,7 +136,7 @@ def _table(out_dir: Path, made: list[SetPoints]) -> Table:
         columns("motion", *headers),
         tuple(rows),
         (
-            "floor: along and across the start's heading, the robot and 0.3 m on each side included",
+            "floor: along and across the start's heading, with 0.3 m on each side",
             "start: of the robot's centre, from the back and from the right edge of that floor",
         ),
     )
