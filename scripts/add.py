@@ -54,7 +54,7 @@ def main(
     from identification.fitting.misfit import misfit_warning
     from identification.mechanisms.registry import save_any_model
 
-    given = read_inputs(model, logs, effects=effects, mechanism=mechanism, strict=strict)
+    given = read_inputs(model, logs, mechanism=mechanism, strict=strict)
     with progress(2 * len(given.logs) + 2, "add") as advance:
         result = add_effect(given.model, effect, given.logs, seed=seed, progress=advance)
     out, found = console(json), {**result.to_dict(), **given.to_dict()}

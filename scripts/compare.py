@@ -13,6 +13,7 @@ from youbot_scripts.cli import run_script
 from youbot_scripts.shared import result_tables
 from youbot_scripts.shared.inputs import next_diagnosis, read_inputs
 from youbot_scripts.shared.options import (
+    EffectsOption,
     GeometryOption,
     JsonOption,
     LogsArgument,
@@ -52,6 +53,7 @@ def main(
             help="Write the free run's wheel speeds [rad/s] here, one CSV a log.",
         ),
     ] = None,
+    effects: EffectsOption = None,
     geometry: GeometryOption = None,
     plots: PlotsOption = None,
     report: ReportOption = None,

@@ -74,7 +74,7 @@ def main(
     from identification.mechanisms.registry import save_any_model
 
     check_pictures(None, report)
-    given = read_inputs(model, logs, effects=effects, mechanism=mechanism, strict=strict)
+    given = read_inputs(model, logs, mechanism=mechanism, strict=strict)
     with progress(40, "diagnose") as advance:
         result = diagnose(given.model, given.logs, seed=seed, progress=advance)
     out, found = console(json), {**result.to_dict(), **given.to_dict()}

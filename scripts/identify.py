@@ -37,6 +37,7 @@ def main(
             "--model", metavar="MODEL", help="Fit this model's effects too (default: base model)."
         ),
     ] = None,
+    effects: common.EffectsOption = None,
     geometry: common.GeometryOption = None,
     mechanism: common.LogsOfOption = "mecanum",
     unit: common.UnitOption = "rad",
