@@ -27,7 +27,12 @@ from identification.diagnosis.structures import (
 from identification.fitting.cross_validation import block_sums, cross_validate, make_folds
 from identification.fitting.noise_bias import extrapolated_fit, joint_fit
 from identification.fitting.observability import log_observability, refuse_blind
-from identification.fitting.regression import Indices, filtered_residual, filtered_rows
+from identification.fitting.regression import (
+    Indices,
+    filtered_residual,
+    filtered_rows,
+    residual_ends,
+)
 from identification.mechanisms.mechanism import Mechanism
 from identification.mechanisms.samples import DemandedForce, Samples
 from identification.threads import side_by_side
@@ -71,7 +76,7 @@ def try_candidate(base: FittedStructure, name: str) -> Candidate:
     # Coordinate search: one shape constant after the other, each from the best values so far.
     for shape, grid in grids.items():
         parameter = mechanism.catalogue[name].parameter(shape)
-        if parameter.whole:
+        if parameter.whole or not parameter.is_shape:
             continue
         for halving in range(1, settings.grid_halvings + 1):
             here = best.shapes[shape]
@@ -115,15 +120,30 @@ def _linear_candidate(
     own = np.arange(len(base.theta), len(theta), dtype=np.intp)
     new = own[mechanism.free[own]]
     # At zero strength the effect changes no force, so the structure's known demand can be reused.
-    columns = tuple(
-        _columns(base, mechanism, mechanism.demand(theta, item.for_fit, known), item, new)
+    demands = [
+        mechanism.demand(theta, item.for_fit, known)
         for item, known in zip(base.samples, base.demands, strict=True)
+    ]
+    columns = tuple(
+        _columns(base, mechanism, demand, item, new)
+        for item, demand in zip(base.samples, demands, strict=True)
     )
+    declared = mechanism.catalogue[name].parameters
+    starts = {p.name for p in declared if p.grid and not p.is_shape}
+    residual = base.residual
+    if starts:
+        residual = [
+            filtered_rows(
+                residual_ends(mechanism, demand, item.for_fit), mechanism, item, base.settings.rows
+            )
+            for item, demand in zip(base.samples, demands, strict=True)
+        ]
     joined = [np.concatenate([a, b], axis=-1) for a, b in zip(base.columns, columns, strict=True)]
     free = np.concatenate([base.free, new])
     basis = visible_directions(mechanism, free)
     folds = make_folds(base.rows, joined, base.settings.fit)
-    judged = cross_validate(base.residual, joined, folds, basis, base.settings.fit)
+    judged = cross_validate(residual, joined, folds, basis, base.settings.fit)
+    shapes = {key: value for key, value in shapes.items() if key not in starts}
     found = Candidate(
         *(name, mechanism, theta, free, columns, judged, shapes),
         directions=basis.shape[1] - base.basis.shape[1],
@@ -271,7 +291,12 @@ def _joint_fit(
     """The candidate fitted jointly; ``base_noise``: squares that noise leaves in the structure."""
     square = base.held_out.square
     joint = fit_structure(data, item.mechanism, item.theta)
-    added = joint.noise_square(data.noise, data.seed) - base_noise
+    if joint.mechanism.structure.has_nonlinear_channel:
+        both = (joint, base)
+        with_effect, without = (f.noise_square(data.noise, data.seed, True) for f in both)
+        added = with_effect - without
+    else:
+        added = joint.noise_square(data.noise, data.seed) - base_noise
     new = replace(
         item,
         theta=joint.theta,

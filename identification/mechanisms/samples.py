@@ -279,7 +279,8 @@ class DemandedForce(Generic[Geometry]):
             return force
         torque = self.mechanism.torque_of(geometry, self._unscaled(force))
         at = replace(self.instant, torque=torque, torque_rate=self._rates(torque))
-        logged = dynamics.interface_torque(np, structure, geometry, theta, at)
+        said = self._said(theta)
+        logged = dynamics.interface_torque(np, structure, geometry, theta, at, said)
         if structure.at(CHANNEL) and self.mechanism.internal:
             logged = self._with_internal(logged, theta, at)
         return self._scaled(self.mechanism.force_of(geometry, logged))
@@ -294,13 +295,22 @@ class DemandedForce(Generic[Geometry]):
         internal = np.array(self.mechanism.internal)
         more = tuple(torque + part for torque, part in zip(at.torque, internal, strict=True))
         along = dynamics.interface_torque(
-            np, self.structure, self.geometry, theta, replace(at, torque=more)
+            np, self.structure, self.geometry, theta, replace(at, torque=more), self._said(theta)
         )
         way = [b - a for a, b in zip(logged, along, strict=True)]
         size = internal @ internal
         lacking = self._internal - internal @ np.stack(logged, axis=1) / size
         amount = lacking / (internal @ np.stack(way, axis=1) / size)
         return tuple(torque + amount * step for torque, step in zip(logged, way, strict=True))
+
+    def _said(self, theta: Array) -> Components[Array]:
+        """Logged torques behind what acts, (2, N - 1) each: of channels that need to know them."""
+        if not self.structure.has_nonlinear_channel:
+            return ()
+        torque = self.samples.torque
+        delay = float(dynamics.torque_delay(np, self.structure, theta)) / self.samples.dt
+        said = moved(np.stack([torque[:-1], torque[1:]]), -delay)
+        return tuple(np.moveaxis(said, -1, 0))
 
     @cached_property
     def _internal(self) -> Array:

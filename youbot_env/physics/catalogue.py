@@ -286,6 +286,54 @@ def torque_constant_drift(
     return (1 - fraction * (1 - xp.exp(-time / time_constant))) * channel.torque
 
 
+def _within(xp: Namespace, torque: Number, limit: Number) -> Number:
+    """A torque clipped at both limits; odd in the limit, so that it has a slope at zero too."""
+    return 0.5 * (xp.abs(torque + limit) - xp.abs(torque - limit))
+
+
+def _saturated(xp: Namespace, channel: Channel, limit: Number) -> Number:
+    return _within(xp, channel.torque, limit)
+
+
+@effect(
+    acts_at=CHANNEL,
+    parameters=[
+        Parameter(
+            "limit",
+            "N m",
+            lower=0.05,
+            upper=100.0,
+            size=1.0,
+            without=100.0,
+            grid=(0.3, 0.5, 0.8, 1.1, 1.5, 2.0, 2.7),
+        )
+    ],
+    source="Current limit of a drive that the command or its log does not know",
+    recognise="The residual is there at the largest torques only, and takes from them.",
+    # Nothing beyond the limit can be had: the limit is the nearest.
+    inverse=_saturated,
+)
+def torque_saturation(xp: Namespace, channel: Channel, limit: Number) -> Number:
+    """True torque of a drive with a limit [N m]: M clipped at -M_max and M_max."""
+    return _saturated(xp, channel, limit)
+
+
+def _beyond_zone(xp: Namespace, channel: Channel, width: Number) -> Number:
+    return channel.torque + width * xp.sign(channel.torque)
+
+
+@effect(
+    acts_at=CHANNEL,
+    parameters=[Parameter("width", "N m", lower=0.0, upper=2.0, size=0.1)],
+    source="Dead time of bridges and stiction of gears: no torque below a threshold",
+    recognise="Torques below a threshold do nothing, larger ones act by as much less.",
+    inverse=_beyond_zone,
+)
+def dead_zone(xp: Namespace, channel: Channel, width: Number) -> Number:
+    """True torque of a drive with a dead zone [N m]: M less M clipped at -w and w."""
+    return channel.torque - _within(xp, channel.torque, width)
+
+
 LOSS_SPEED = 10.0
 """Wheel speed [rad/s] at which the loss of a speed-dependent gain is stated."""
 

@@ -102,14 +102,30 @@ def channel_torque(
 
     Of ``at`` the twist and the times are read.
     """
-    true = tuple(torque)
+    return _passed(xp, structure, geometry, theta, torque, at)[-1]
+
+
+def _passed(
+    xp: Namespace,
+    structure: ModelStructure[Geometry],
+    geometry: Geometry,
+    theta: Values[N],
+    torque: Values[N],
+    at: Instant[N],
+) -> list[Components[N]]:
+    """Torques (J) at the interface, behind the first channel, behind the second, ... ."""
+    found = [tuple(torque)]
     for item, where in structure.at(CHANNEL):
-        rates = structure.mechanism.joint_rates(geometry, at.twist)
-        points = [
-            Channel(value, rate, at.time, at.start) for value, rate in zip(true, rates, strict=True)
-        ]
-        true = _of_joints(item, xp, points, theta[where])
-    return true
+        points = _channels(structure, geometry, found[-1], at)
+        found.append(_of_joints(item, xp, points, theta[where]))
+    return found
+
+
+def _channels(
+    structure: ModelStructure[Geometry], geometry: Geometry, torque: Values[N], at: Instant[N]
+) -> list[Channel]:
+    rates = structure.mechanism.joint_rates(geometry, at.twist)
+    return [Channel(*pair, at.time, at.start) for pair in zip(torque, rates, strict=True)]
 
 
 def _of_joints(
@@ -137,20 +153,50 @@ def interface_torque(
     geometry: Geometry,
     theta: Values[N],
     at: Instant[N],
+    logged: Values[N] = (),
 ) -> Components[N]:
     """Torque (J) at the interface (command, log) where ``at.torque`` acts on the joints.
 
-    It is the command of the actuator, taken back through the channels, which are affine in the
-    torque. It belongs to a time earlier than ``at`` by :func:`torque_delay`.
+    It is the command of the actuator, taken back through the channels. It belongs to a time
+    earlier than ``at`` by :func:`torque_delay`.
+
+    ``logged`` (J): torques that the interface did say. What a channel that is not affine (a dead
+    zone) took from them is known, where its inverse is not unique or does not exist.
     """
-    # Two evaluations give offset and slope of an affine function. 0 * value, not 0: arrays, symbols
-    # and tensors keep their shape and type.
-    joints = range(len(structure.mechanism.joints))
-    wanted = actuator_command(xp, structure, theta, at)
-    of = (xp, structure, geometry, theta)
-    zero = channel_torque(*of, [0.0 * value for value in wanted], at)
-    one = channel_torque(*of, [0.0 * value + 1.0 for value in wanted], at)
-    return tuple((wanted[i] - zero[i]) / (one[i] - zero[i]) for i in joints)
+    torque = actuator_command(xp, structure, theta, at)
+    known = _passed(xp, structure, geometry, theta, logged, at) if len(logged) else None
+    channels = structure.at(CHANNEL)
+    for k in range(len(channels) - 1, -1, -1):
+        item, where = channels[k]
+        if item.inverse is None:
+            torque = _affine_inverse(xp, structure, geometry, item, theta[where], torque, at)
+        elif known:
+            rows = zip(torque, known[k], known[k + 1], strict=True)
+            torque = tuple(value + (before - after) for value, before, after in rows)
+        else:
+            points = enumerate(_channels(structure, geometry, torque, at))
+            back = tuple(item.undo(xp, point, theta[where], i) for i, point in points)
+            torque = cast("Components[N]", back)
+    return torque
+
+
+def _affine_inverse(
+    xp: Namespace,
+    structure: ModelStructure[Geometry],
+    geometry: Geometry,
+    item: Effect,
+    values: Values[N],
+    true: Components[N],
+    at: Instant[N],
+) -> Components[N]:
+    """Torques (J) before a channel that is affine in them, from those behind it."""
+    # Two evaluations give offset and slope. 0 * value, not 0: arrays, symbols and tensors keep
+    # their shape and type.
+    zero, one = (
+        _of_joints(item, xp, _channels(structure, geometry, before, at), values)
+        for before in ([0.0 * value for value in true], [0.0 * value + 1.0 for value in true])
+    )
+    return tuple((value - a) / (b - a) for value, a, b in zip(true, zero, one, strict=True))
 
 
 def acting_torque(

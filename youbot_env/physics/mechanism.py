@@ -345,6 +345,11 @@ class ModelStructure(Generic[Geometry]):
         """Whether the interface torque acts unchanged, at most later: no drive, no channel."""
         return all(item.acts_at.kind in ("wrench", "shift") for item, _ in self.slices)
 
+    @cached_property
+    def has_nonlinear_channel(self) -> bool:
+        """Whether a channel is not affine in the torque, and so has an inverse of its own."""
+        return any(item.inverse is not None for item, _ in self.at(CHANNEL))
+
     # What effects read: found by evaluating them ------------------------------------------------
 
     @cached_property
@@ -409,11 +414,13 @@ class ModelStructure(Generic[Geometry]):
     @cached_property
     def nonlinear(self) -> frozenset[str]:
         """Names of the effects in whose own parameters the interface force is not linear, even if
-        all else is given: shifts, and wrenches that are found so by trying."""
+        all else is given: shifts, channels with an inverse of their own, and wrenches that are
+        found so by trying."""
         return frozenset(
             item.name
             for item, _ in self.slices
             if item.acts_at is CLOCK
+            or item.inverse is not None
             or (item.acts_at.kind == "wrench" and not self._is_linear(item))
         )
 
