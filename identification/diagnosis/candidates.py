@@ -149,10 +149,18 @@ def _linear_candidate(
         directions=basis.shape[1] - base.basis.shape[1],
         fold_ratio=base.fold_ratio(folds),
     )
+    if _takes_too_much(demands, base.settings):
+        return replace(found, lost_fall=max(base.held_out.square - found.square, 0.0))
     lost = _lost_at_bounds(base, found, new, theta[new] + judged.step[len(base.free) :])
     # Another shape may do as well with a sign that can be; where none does, the effect explains
     # nothing.
     return replace(found, lost_fall=min(lost, max(base.held_out.square - found.square, 0.0)))
+
+
+def _takes_too_much(demands: Sequence[DemandedForce], settings: DiagnosisSettings) -> bool:
+    """Whether channels leave so little of the logged torques that any model would fit the rest."""
+    taken, logged = map(sum, zip(*(demand.taken for demand in demands), strict=True))
+    return bool(taken > settings.max_taken_share * logged)
 
 
 def _lost_at_bounds(base: FittedStructure, item: Candidate, which: Indices, values: Array) -> float:
@@ -188,6 +196,7 @@ def rank(
 ) -> Ranking:
     """Try each candidate on top of a structure."""
     needed = _needed(data, base)
+    names = [name for name in names if base.mechanism.structure.can_hold(name)]
     if not names:
         return Ranking((), {}, (), None, base.held_out.square, needed)
     _ = base.demands  # a cached property: computed here once, or each thread would compute it
@@ -309,6 +318,8 @@ def _joint_fit(
     # Fall of the fitted squares, scaled to held-out squares. Noise that the effect itself amplifies
     # is no loss.
     kept = (base.square - joint.square + added) * square / base.square
+    if _takes_too_much(joint.demands, data.settings):
+        return replace(new, lost_fall=max(square - new.square, 0.0))
     if kept < data.settings.min_kept_share_of_fall * (square - new.square):
         return replace(new, lost_fall=square - kept - new.square)
     return new

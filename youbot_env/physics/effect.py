@@ -27,7 +27,7 @@ effect has a :class:`Public` form, and models, files and tables hold that one.
 from __future__ import annotations
 
 import inspect
-from collections.abc import Callable, Generator, Iterable
+from collections.abc import Callable, Generator, Iterable, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass
 from math import isfinite
@@ -41,6 +41,9 @@ Effort = Number | tuple[Number, ...]
 """What an effect returns: one number, or the components of a generalised force."""
 
 EffectFunction = TypeVar("EffectFunction", bound=Callable[..., Effort])
+
+
+V = TypeVar("V")
 
 
 class BaseParameters(Protocol):
@@ -108,11 +111,16 @@ class World(NamedTuple):
 
 
 class Actuator(NamedTuple):
-    """One drive. An effect here returns the command [N m] that ``torque`` and its rate demand."""
+    """One drive. An effect here returns the command [N m] that ``torque`` and its rates demand.
+
+    A drive whose command depends on ``torque_second_rate``, the second derivative [N m/s^2], has
+    the torque's rate as a state beside the torque.
+    """
 
     torque: Number
     torque_rate: Number
     time: Number
+    torque_second_rate: Number | float = 0.0
 
 
 class Channel(NamedTuple):
@@ -291,6 +299,15 @@ class Effect:
     def public_parameter(self, name: str) -> Parameter:
         """The declaration behind a scalar public name."""
         return self._declared(name, self.public_parameters)
+
+    def for_each_wheel(self, values: Mapping[str, V]) -> dict[str, V]:
+        """Public values by name, where the bare name of what each wheel has stands for all four."""
+        found = dict(values)
+        for parameter in self.public_parameters:
+            if parameter.each_wheel and parameter.name in found:
+                common = found.pop(parameter.name)
+                found = {**dict.fromkeys(parameter.names, common), **found}
+        return found
 
     def _declared(self, name: str, parameters: Iterable[Parameter]) -> Parameter:
         for parameter in parameters:

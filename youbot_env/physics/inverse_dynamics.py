@@ -82,10 +82,13 @@ def _wrench_of(
 def actuator_command(
     xp: Namespace, structure: ModelStructure[Geometry], theta: Values[N], at: Instant[N]
 ) -> Components[N]:
-    """Commands (J) behind the drives that ``at.torque`` and ``at.torque_rate`` demand."""
+    """Commands (J) behind the drives that ``at.torque`` and its rates demand."""
     command, joints = cast("Components[N]", at.torque), range(len(structure.mechanism.joints))
     for item, where in structure.at(ACTUATOR):
-        points = [Actuator(at.torque[i], at.torque_rate[i], at.time) for i in joints]
+        points = [
+            Actuator(at.torque[i], at.torque_rate[i], at.time, at.torque_second_rate[i])
+            for i in joints
+        ]
         command = _of_joints(item, xp, points, theta[where])
     return command
 
@@ -180,6 +183,24 @@ def interface_torque(
     return torque
 
 
+def taken_torque(
+    xp: Namespace,
+    structure: ModelStructure[Geometry],
+    geometry: Geometry,
+    theta: Values[N],
+    torque: Values[N],
+    at: Instant[N],
+) -> Components[N]:
+    """What channels that are not affine take from interface torques (J)."""
+    passed = _passed(xp, structure, geometry, theta, torque, at)
+    taken = tuple(0.0 * value for value in torque)
+    for k, (item, _) in enumerate(structure.at(CHANNEL)):
+        if item.inverse is not None:
+            rows = zip(taken, passed[k], passed[k + 1], strict=True)
+            taken = tuple(value + (before - after) for value, before, after in rows)
+    return taken
+
+
 def _affine_inverse(
     xp: Namespace,
     structure: ModelStructure[Geometry],
@@ -260,7 +281,8 @@ def inverse_dynamics(
 ) -> Components[N]:
     """Interface torques (J) that drive a motion: the feed-forward.
 
-    With an actuator ``at.torque_rate`` must hold the rate of the acting torques. With a delay the
+    With an actuator ``at.torque_rate`` must hold the rate of the acting torques, with one of second
+    order ``at.torque_second_rate`` the rate of that. With a delay the
     torques must be commanded that much before the motion: evaluate them on the reference
     :func:`torque_delay` ahead.
     """
@@ -355,8 +377,11 @@ def state_derivative(
     at = Instant(twist, pose=pose, wheel_angle=angle, time=time, start=start)
     command = channel_torque(xp, structure, geometry, theta, torque, at)
     first = len(mechanism.state)
-    drives = tuple(state[first : first + len(mechanism.drive_state)])
-    at = replace(at, torque=drives if structure.has_actuator else command)
+    joints = len(mechanism.joints)
+    drives = tuple(state[first : first + structure.drive_order * joints])
+    at = replace(at, torque=drives[:joints] if drives else command)
+    if structure.drive_order > 1:
+        at = replace(at, torque_rate=drives[joints:])
     # Without an actuator the true command acts at once; with one the acting torques are states.
     moved = (
         *forward_dynamics(xp, structure, geometry, theta, at),
@@ -376,9 +401,19 @@ def drive_rates(
     at: Instant[N],
     command: Sequence[N],
 ) -> Components[N]:
-    """Rates (J) of the acting torques under a command."""
-    # An actuator is affine in the rate: two evaluations invert it.
+    """Rates of the drives' states under a command: (J) of the torques, in drives of second order
+    (2 J): ``at.torque_rate``, and the rates of that."""
+    # An actuator is affine in the highest rate: two evaluations invert it.
     joints = len(structure.mechanism.joints)
-    zero = actuator_command(xp, structure, theta, replace(at, torque_rate=(0.0,) * joints))
-    one = actuator_command(xp, structure, theta, replace(at, torque_rate=(1.0,) * joints))
-    return tuple((command[i] - zero[i]) / (one[i] - zero[i]) for i in range(joints))
+    second = structure.drive_order > 1
+
+    def commanded(rate: float) -> Components[N]:
+        rates = (rate,) * joints
+        at_rate = (
+            replace(at, torque_second_rate=rates) if second else replace(at, torque_rate=rates)
+        )
+        return actuator_command(xp, structure, theta, at_rate)
+
+    zero, one = commanded(0.0), commanded(1.0)
+    highest = tuple((command[i] - zero[i]) / (one[i] - zero[i]) for i in range(joints))
+    return (*cast("Components[N]", at.torque_rate), *highest) if second else highest
