@@ -209,7 +209,9 @@ def _abandon_stdout() -> None:
 
 
 def _complain(message: str, status: int) -> int:
-    print(f"youbot: {' '.join(message.split())}", file=sys.stderr)
+    from youbot_env.errors import shortened, visible  # slow: not at the top
+
+    print(f"youbot: {visible(shortened(' '.join(message.split())))}", file=sys.stderr)
     return status
 
 

@@ -255,8 +255,16 @@ def _input_error(message: str) -> ValueError:
 def console(json: Path | None = None) -> Console:
     """Where a command prints: standard output, or standard error if that is for the JSON."""
     from rich.console import Console
+    from rich.text import Text
+
+    from youbot_env.errors import visible  # as in `_input_error`
 
     class PlainConsole(Console):
+        def render_str(self, text: str, **options: Any) -> Text:
+            # Names of files and models, and messages of libraries, may hold a terminal's commands.
+            lines = (visible(line.replace("\t", "    ")) for line in text.split("\n"))
+            return super().render_str("\n".join(lines), **options)
+
         def on_broken_pipe(self) -> None:
             raise BrokenPipeError  # Rich would exit with status 1; `cli.main` returns 141
 
