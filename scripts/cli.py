@@ -32,6 +32,7 @@ PACKAGE = "youbot_scripts"
 
 COMMANDS = (
     "record",
+    "motions",
     "import",
     "doctor",
     "kinematics",

@@ -39,11 +39,12 @@ MAY_IMPORT = {
     "identification": {
         "signals": set(),
         "threads": set(),
+        "showing": set(),
         "kinematics": {"signals"},
         "logs": {"kinematics"},
         "importing": {"logs"},
         "mechanisms": {"logs"},
-        "fitting": {"mechanisms", "threads"},
+        "fitting": {"mechanisms", "threads", "showing"},
         "residual_map": {"fitting"},
         "diagnosis": {"residual_map"},
         "comparison": {"residual_map"},
