@@ -234,7 +234,7 @@ def compare(
             velocity=velocity[k],
             force_floor=floor.force[k],
             velocity_floor=floor.velocity[k],
-            joint_speed=mechanism.joint_speed(velocity[k].predicted),
+            joint_speed=_joint_speed(mechanism, model.theta, samples[k], velocity[k]),
             slip=slip_of(log),
         )
         for k, log in enumerate(logs)
@@ -247,6 +247,13 @@ def _free_run(mechanism: Mechanism, theta: Array, log: Log, samples: Samples) ->
     if not np.isfinite(velocity.predicted).all():
         raise InputError(f"{log.source or log.name}: the model's free run diverges on this log")
     return velocity
+
+
+def _joint_speed(mechanism: Mechanism, theta: Array, samples: Samples, velocity: Traces) -> Array:
+    """(N, k) of the free run, as the joints' speeds would be logged."""
+    if mechanism.structure.changes_kinematics:
+        return mechanism.free_run_of_joints(theta, samples)
+    return mechanism.joint_speed(velocity.predicted)
 
 
 def _noise_floor(

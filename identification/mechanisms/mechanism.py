@@ -17,9 +17,9 @@ from numpy.typing import NDArray
 
 from identification.logs.log import Log
 from identification.mechanisms.quantities import Quantities
-from identification.mechanisms.samples import DemandedForce, Part, Samples
+from identification.mechanisms.samples import DemandedForce, Part, Samples, rolled
 from identification.mechanisms.settings import MechanismSettings
-from identification.signals.filters import FilterSettings, integral_of
+from identification.signals.filters import FilterSettings, filter_samples, integral_of
 from identification.signals.noise import differenced_noise
 from youbot_env.physics import inverse_dynamics as dynamics
 from youbot_env.physics.effect import Parameter, Registry
@@ -118,6 +118,13 @@ def _no_combinations(known: object) -> dict[str, dict[str, float]]:
 
 def _usual_rate(known: object) -> float:
     return FilterSettings.rate
+
+
+def _behind(signal: Array, lag: float, first: float, dt: float) -> Array:
+    """A signal (N,) through a first-order filter of a time constant [s], from a first value on."""
+    if not 0.0 < lag < np.inf:
+        return signal
+    return first + filter_samples(signal - first, 1.0 / lag, dt)
 
 
 @dataclass(frozen=True)
@@ -415,16 +422,39 @@ class Mechanism(Generic[Known]):
         InputError
             If the parameters are too stiff to simulate.
         """
+        if self.structure.changes_kinematics:
+            return (self.free_run_of_joints(theta, samples) @ self.least_squares) * self.speed_scale
+        return self._twists_of_free_run(theta, samples) * self.speed_scale
+
+    def free_run_of_joints(self, theta: Array, samples: Samples) -> Array:
+        """(N, J) the same as the joints' speeds would be logged, which start as they were."""
+        twist = self._twists_of_free_run(theta, samples)
+        structure = self.structure
+        if not structure.changes_kinematics:
+            return twist @ self.jacobian.T
+        rates = dynamics.joint_rates(np, structure, self.geometry, theta, tuple(twist.T))
+        torque = dynamics.channel_torque(
+            np, structure, theta, tuple(samples.torque.T), samples.time
+        )
+        found = dynamics.logged_speed(np, structure, theta, rates, torque, samples.time)
+        speed, lag = np.stack(found[0], axis=1), [float(np.max(part)) for part in found[1]]
+        if not structure.filters_speed:
+            return speed
+        rows = zip(speed.T, lag, samples.wheel_speed[0].tolist(), strict=True)
+        return np.stack([_behind(*row, samples.dt) for row in rows], axis=1)
+
+    def _twists_of_free_run(self, theta: Array, samples: Samples) -> Array:
+        """(N, A) twists of the free run."""
         # numba, which a force fit does without
         from youbot_env.simulation.free_run import simulate_theta
 
-        s = samples
+        s = rolled(self.structure, self.geometry, theta, samples, self.settings)
         start = [*s.twist[0], *s.pose[0], *s.wheel_angle[0], s.time[0]]
         if self.structure.has_actuator:
             start += dynamics.channel_torque(np, self.structure, theta, tuple(s.torque[0]), 0.0)
         duration = np.full(len(s) - 1, s.dt)
         states = simulate_theta(self.structure, self.geometry, theta, duration, s.torque, start)
-        return states[:, : len(self.kind.axes)] * self.speed_scale
+        return states[:, : len(self.kind.axes)]
 
     # What to do next ----------------------------------------------------------------------------
 

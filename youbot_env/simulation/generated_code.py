@@ -43,6 +43,8 @@ class Dynamics(Protocol):
     def interface_torque(self) -> Callable[..., Components[Number]]: ...
     @property
     def state_derivative(self) -> Callable[..., Components[Number]]: ...
+    @property
+    def rolling_geometry(self) -> Callable[..., Any]: ...
 
 
 @dataclass(frozen=True)
@@ -285,7 +287,8 @@ def _demand(structure: Structure, dynamics: Dynamics) -> str:
     )
     force = dynamics.wrench(symbols(), structure, geometry, theta, at)
     arguments = [str(symbol) for symbol in (*motion, *torque, *lengths, *theta)]
-    return function_source("demand", arguments, structure.mechanism.torque_of(geometry, force))
+    rolling = dynamics.rolling_geometry(symbols(), structure, geometry, theta)
+    return function_source("demand", arguments, structure.mechanism.torque_of(rolling, force))
 
 
 def _command(structure: Structure, dynamics: Dynamics) -> str:
