@@ -302,7 +302,7 @@ def _best_and_tied(
         item.name
         for item in near
         if item is not best
-        and _worse_by(item, best, base) < settings.max_tied_deviations
+        and worse_by(item, best, base) < settings.max_tied_deviations
         and not contains(item, best, base)
     ]
     return best, tuple(tied)
@@ -348,7 +348,7 @@ def _adds_nothing(
     return bool(left[0] < settings.min_extension_gain * square)
 
 
-def _worse_by(item: Candidate, leader: Candidate, base: FittedStructure) -> float:
+def worse_by(item: Candidate, leader: Candidate, base: FittedStructure) -> float:
     """By how many standard errors a candidate's held-out squares exceed the leader's."""
     if item is leader:
         return 0.0

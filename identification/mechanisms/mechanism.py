@@ -39,6 +39,16 @@ class ParameterLabel(NamedTuple):
     group: str | None
 
 
+class HeldDirections(NamedTuple):
+    """Directions (k, p) of one effect's parameters that other evidence than forces has settled.
+
+    A fit of forces leaves them as they are. They are orthonormal, in the effect's own order.
+    """
+
+    effect: str
+    directions: tuple[tuple[float, ...], ...]
+
+
 class FitResult(Protocol):
     """What a model is made of: theta (P,), the fitted ones' indices (F,), covariance and std."""
 
@@ -183,12 +193,14 @@ class Mechanism(Generic[Known]):
 
     geometry : what is known of it beforehand; structure : which effects it holds
     settings : numbers that its samples, parts and demanded force depend on
+    held : what a fit of forces must leave as it is, also of effects that are not in the structure
     """
 
     geometry: Known
     structure: ModelStructure[Known]
     conventions: Conventions[Known]
     settings: MechanismSettings = MechanismSettings()
+    held: tuple[HeldDirections, ...] = ()
 
     @property
     def kind(self) -> MechanismKind[Known]:
@@ -227,7 +239,7 @@ class Mechanism(Generic[Known]):
     def with_effects(self, effects: Sequence[str]) -> Mechanism[Known]:
         """The same mechanism with other effects beside the base model."""
         structure = self.structure.with_effects(effects)
-        return Mechanism(self.geometry, structure, self.conventions, self.settings)
+        return Mechanism(self.geometry, structure, self.conventions, self.settings, self.held)
 
     def extended(self, name: str) -> Mechanism[Known]:
         """The same mechanism with one effect more."""

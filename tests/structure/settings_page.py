@@ -26,7 +26,11 @@ from controllers.tuning.tunable_laws import GainRanges
 from controllers.tuning.tuning import SearchSettings
 from identification.comparison import ComparisonSettings
 from identification.diagnosis.settings import DiagnosisSettings
-from identification.fitting.settings import FitSettings, PredictabilitySettings
+from identification.fitting.settings import (
+    FitSettings,
+    KinematicSettings,
+    PredictabilitySettings,
+)
 from identification.logs.settings import LogSettings
 from identification.mechanisms.settings import MechanismSettings
 from identification.residual_map.settings import ResidualMapSettings
@@ -44,6 +48,7 @@ AREAS = {
         LogSettings,
         MechanismSettings,
         PredictabilitySettings,
+        KinematicSettings,
         FitSettings,
         ResidualMapSettings,
         DiagnosisSettings,

@@ -1,0 +1,177 @@
+"""Kinematics first: effects that wheels and pose show, before any force is explained.
+
+A wheel of another radius is seen in what no rigid motion explains of four wheel speeds a hundred
+times as clearly as in forces, where a friction can imitate it. So these effects are accepted by
+that evidence. Where it cannot tell two of them apart, forces may.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from identification.diagnosis.candidates import fit_structure, worse_by
+from identification.diagnosis.structures import Candidate, LoggedData, Ranking, Step
+from identification.fitting.gauge import gauge_basis
+from identification.fitting.kinematic_evidence import (
+    KinematicEvidence,
+    KinematicFit,
+    held_by,
+    kinematic_effects,
+)
+from identification.fitting.least_squares import Fit
+from identification.mechanisms.mechanism import Mechanism
+from youbot_env.physics import inverse_dynamics as dynamics
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class WheelEvidence:
+    """What wheels and pose say of the candidates' kinematics.
+
+    accepted : of each effect that they show, it and those that explain them as well, best first
+    mechanism : the one that was given, with what forces must leave as it is
+    names : of the candidates that are left to the search by forces
+    """
+
+    evidence: KinematicEvidence
+    accepted: tuple[tuple[str, ...], ...]
+    mechanism: Mechanism
+    names: tuple[str, ...]
+
+    @property
+    def settled(self) -> frozenset[str]:
+        """Effects whose place no search by forces may contest."""
+        return frozenset(name for names in self.accepted for name in names)
+
+    def widened(self, mechanism: Mechanism, final: Fit) -> Fit:
+        """A fit of forces with the uncertainty of what wheels and pose have settled."""
+        names = [name for name in mechanism.structure.effects if name in self.settled]
+        if not names:
+            return final
+        found = self.evidence.at(mechanism, final.theta, names)
+        covariance = final.covariance.copy()
+        places = {index: k for k, index in enumerate(final.free.tolist())}
+        own = [places[index] for index in found.own.tolist()]
+        covariance[np.ix_(own, own)] += found.covariance
+        return replace(final, covariance=covariance)
+
+
+def wheel_evidence(
+    data: LoggedData, mechanism: Mechanism, start: Array, names: Sequence[str]
+) -> WheelEvidence:
+    """Judge those of the candidates that change kinematics by wheels and pose alone."""
+    evidence = KinematicEvidence(mechanism, start, data.samples, data.settings.fit)
+    left = [name for name in kinematic_effects(mechanism) if name in names]
+    accepted: list[tuple[str, ...]] = []
+    here, theta, tried = mechanism, start, dict[str, KinematicFit]()
+    while left:
+        tried = {
+            name: evidence.fitted(
+                here.extended(name), here.extend_theta(theta, name, {}), [*_best(accepted), name]
+            )
+            for name in left
+        }
+        leaders = _leaders(evidence.at(here, theta), tried)
+        if not leaders:
+            break
+        accepted.append(leaders)
+        here, theta = tried[leaders[0]].mechanism, tried[leaders[0]].theta
+        left = [name for name in left if name not in leaders]
+    settled = [held_by(tried[name], name) for name in left]
+    known = replace(mechanism, held=(*mechanism.held, *settled))
+    gone = {name for leaders in accepted for name in leaders}
+    gone |= {name for name in left if not _is_open(known, name)}
+    kept = tuple(name for name in names if name not in gone)
+    return WheelEvidence(evidence, tuple(accepted), known, kept)
+
+
+def _best(accepted: Sequence[tuple[str, ...]]) -> list[str]:
+    return [leaders[0] for leaders in accepted]
+
+
+def _is_open(mechanism: Mechanism, name: str) -> bool:
+    """Whether something of an effect's parameters is left for forces to find out."""
+    extended = mechanism.extended(name)
+    own = [k for k, label in enumerate(extended.labels) if label.component == name]
+    return gauge_basis(extended, np.array(own, dtype=np.intp)).shape[1] > 0
+
+
+def _leaders(before: KinematicFit, tried: Mapping[str, KinematicFit]) -> tuple[str, ...]:
+    """The effects that explain wheels and pose, alike and best; empty if none does."""
+    settings = before.settings.kinematics
+    square = before.square
+    name = min(tried, key=lambda key: tried[key].square)
+    fall = square - tried[name].square
+    if fall < settings.min_explained_share * square or not _matters(tried[name]):
+        return ()
+    most = tried[name].square + settings.max_tied_share * fall
+    found = [key for key, fit in tried.items() if fit.square <= most and _matters(fit)]
+    return tuple(sorted(found, key=lambda key: tried[key].square))
+
+
+def _matters(fit: KinematicFit) -> bool:
+    """Whether a fitted effect is significant and of a size that is worth a name."""
+    settings, mechanism = fit.settings.kinematics, fit.mechanism
+    if fit.size < settings.min_size_share or fit.p_value > settings.max_p_value:
+        return False
+    if not mechanism.structure.filters_speed:
+        return True
+    # Speeds that are means over a sample are late by half of it: that is how they are made.
+    still = (0.0,) * len(mechanism.joints)
+    _, lags = dynamics.logged_speed(np, mechanism.structure, fit.theta, still, still, 0.0)
+    return float(np.max(lags)) > fit.longest_sample
+
+
+def accepted_kinematics(
+    data: LoggedData, base: Step, wheels: WheelEvidence
+) -> tuple[list[Step], list[Ranking]]:
+    """Steps from the base on, with the effects that wheels and pose show, and their rankings."""
+    steps, rankings = [base], list[Ranking]()
+    for leaders in wheels.accepted:
+        ranking = _ranking(data, steps[-1], leaders, wheels)
+        assert ranking.best is not None and ranking.best.fitted is not None
+        steps.append(data.step(ranking.best.fitted, ranking.best.name))
+        rankings.append(ranking)
+    return steps, rankings
+
+
+def _ranking(
+    data: LoggedData, before: Step, leaders: Sequence[str], wheels: WheelEvidence
+) -> Ranking:
+    """Effects that explain the wheels alike, ranked by what they leave of the forces."""
+    found, p_values = list[Candidate](), dict[str, float]()
+    for name in leaders:
+        item, p_values[name] = _candidate(data, before, name, wheels)
+        found.append(item)
+    found.sort(key=lambda item: item.square)
+    best = found[0]
+    most = data.settings.max_tied_deviations
+    tied = [item.name for item in found[1:] if worse_by(item, best, before.fitted) < most]
+    square = before.fitted.held_out.square
+    return Ranking(tuple(found), p_values, tuple(tied), best, square, 0.0)
+
+
+def _candidate(
+    data: LoggedData, before: Step, name: str, wheels: WheelEvidence
+) -> tuple[Candidate, float]:
+    """An effect as wheels and pose show it, with all else fitted to forces; and its p-value."""
+    base = before.fitted
+    mechanism = base.mechanism.extended(name)
+    start = mechanism.extend_theta(base.theta, name, {})
+    known = [other for other in mechanism.structure.effects if other in wheels.settled]
+    seen = wheels.evidence.fitted(mechanism, start, known)
+    mechanism = replace(mechanism, held=(*mechanism.held, held_by(seen, name)))
+    fitted = fit_structure(data, mechanism, seen.theta)
+    noise = (one.noise_square(data.noise, data.seed) for one in (fitted, base))
+    found = Candidate(
+        *(name, mechanism, fitted.theta, fitted.free, (), fitted.held_out),
+        fitted=fitted,
+        added_noise=next(noise) - next(noise),
+        fold_ratio=base.fold_ratio(fitted.held_out.folds),
+    )
+    return found, seen.p_value
