@@ -33,6 +33,7 @@ from identification.diagnosis.report import (
     without_imitators,
 )
 from identification.diagnosis.settings import DiagnosisSettings
+from identification.diagnosis.slip import does_slip, refuted, slip_warning
 from identification.diagnosis.structures import (
     Candidate,
     FittedStructure,
@@ -94,6 +95,8 @@ def diagnose(
     given = data.given_errors(mechanism, model.theta)
     fitted_model = _model(steps[-1], final, model, logs, floor)
     of_logs = warnings_of_logs(logs) + [*data.notes, *coarse_speed_warnings(data.samples, final)]
+    if does_slip(data, chosen.wheels.slip):
+        of_logs.append(slip_warning(chosen.wheels.slip, chosen.refused))
     return Diagnosis(
         verdict=verdict,
         missing=tuple(accepted),
@@ -128,6 +131,7 @@ class Selection:
     first : all candidates on top of the base
     out_of_time : whether the search was ended before it had come to its own end
     wheels : what the wheels and a pose say of kinematics
+    refused : effects that act as slipping wheels do, and hold only where they slip
     """
 
     steps: tuple[Step, ...]
@@ -135,6 +139,7 @@ class Selection:
     first: Ranking
     out_of_time: bool
     wheels: WheelEvidence
+    refused: tuple[str, ...] = ()
 
 
 def select(
@@ -191,8 +196,8 @@ def select(
     first = first or seen
     # max_effects is at least 1, so the loop has made one ranking if kinematics has made none.
     assert first is not None
-    kept = _with_sound_free_runs(data, steps)
-    return Selection(tuple(kept), tuple(rankings), first, data.out_of_time, wheels)
+    kept, refused = _without_slip(data, _with_sound_free_runs(data, steps), wheels)
+    return Selection(tuple(kept), tuple(rankings), first, data.out_of_time, wheels, refused)
 
 
 def _with_seen(ranking: Ranking, seen: Ranking | None) -> Ranking:
@@ -237,6 +242,19 @@ def _with_sound_free_runs(data: LoggedData, steps: Sequence[Step]) -> list[Step]
             names = [name for k, name in enumerate(_names(steps)) if k != index]
             return _with_sound_free_runs(data, _walk(data, steps[0], names, steps[-1].fitted))
     return steps
+
+
+def _without_slip(
+    data: LoggedData, steps: Sequence[Step], wheels: WheelEvidence
+) -> tuple[list[Step], tuple[str, ...]]:
+    """The steps without effects that only imitate slipping wheels, and the names of these."""
+    refused = refuted(data, steps[-1].fitted, wheels.slip)
+    own = steps[0].fitted.mechanism.structure.effects
+    refused = [name for name in refused if name not in own]
+    if not refused:
+        return list(steps), ()
+    names = [name for name in _names(steps) if name not in refused]
+    return _walk(data, steps[0], names, steps[-1].fitted), tuple(refused)
 
 
 def _nothing_left(data: LoggedData, step: Step) -> bool:

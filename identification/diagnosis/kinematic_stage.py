@@ -19,8 +19,10 @@ from identification.fitting.gauge import gauge_basis
 from identification.fitting.kinematic_evidence import (
     KinematicEvidence,
     KinematicFit,
+    SlippingWheels,
     held_by,
     kinematic_effects,
+    slipping_wheels,
 )
 from identification.fitting.least_squares import Fit
 from identification.mechanisms.mechanism import Mechanism
@@ -36,12 +38,14 @@ class WheelEvidence:
     accepted : of each effect that they show, it and those that explain them as well, best first
     mechanism : the one that was given, with what forces must leave as it is
     names : of the candidates that are left to the search by forces
+    slip : what remains that neither noise nor kinematics explains
     """
 
     evidence: KinematicEvidence
     accepted: tuple[tuple[str, ...], ...]
     mechanism: Mechanism
     names: tuple[str, ...]
+    slip: SlippingWheels
 
     @property
     def settled(self) -> frozenset[str]:
@@ -65,6 +69,7 @@ def wheel_evidence(
     data: LoggedData, mechanism: Mechanism, start: Array, names: Sequence[str]
 ) -> WheelEvidence:
     """Judge those of the candidates that change kinematics by wheels and pose alone."""
+    # What the model itself holds of kinematics is taken as it is.
     evidence = KinematicEvidence(mechanism, start, data.samples, data.settings.fit)
     left = [name for name in kinematic_effects(mechanism) if name in names]
     accepted: list[tuple[str, ...]] = []
@@ -83,11 +88,13 @@ def wheel_evidence(
         here, theta = tried[leaders[0]].mechanism, tried[leaders[0]].theta
         left = [name for name in left if name not in leaders]
     settled = [held_by(tried[name], name) for name in left]
-    known = replace(mechanism, held=(*mechanism.held, *settled))
+    known = mechanism.holding((*mechanism.held, *settled))
     gone = {name for leaders in accepted for name in leaders}
     gone |= {name for name in left if not _is_open(known, name)}
     kept = tuple(name for name in names if name not in gone)
-    return WheelEvidence(evidence, tuple(accepted), known, kept)
+    noise = [level.speed for level in data.noise]
+    slip = slipping_wheels(here, theta, data.samples, noise, data.settings.fit)
+    return WheelEvidence(evidence, tuple(accepted), known, kept, slip)
 
 
 def _best(accepted: Sequence[tuple[str, ...]]) -> list[str]:
@@ -165,7 +172,7 @@ def _candidate(
     start = mechanism.extend_theta(base.theta, name, {})
     known = [other for other in mechanism.structure.effects if other in wheels.settled]
     seen = wheels.evidence.fitted(mechanism, start, known)
-    mechanism = replace(mechanism, held=(*mechanism.held, held_by(seen, name)))
+    mechanism = mechanism.holding((*mechanism.held, held_by(seen, name)))
     fitted = fit_structure(data, mechanism, seen.theta)
     noise = (one.noise_square(data.noise, data.seed) for one in (fitted, base))
     found = Candidate(

@@ -6,11 +6,10 @@ import math
 from collections.abc import Callable, Mapping
 from typing import Any
 
+from identification.diagnosis.kinematic_sentences import KINEMATIC_WORDS, WHEEL_WORDS
 from youbot_env.physics.catalogue import GRAVITY
 
 Values = Mapping[str, float]
-
-WHEEL_WORDS = {"fl": "front left", "fr": "front right", "bl": "back left", "br": "back right"}
 
 
 def describe(effect: Any, values: Values, base: Values) -> str:
@@ -145,4 +144,5 @@ WORDS: dict[str, Callable[[Values, Values], str]] = {
     "torque_ripple": _ripple,
     "tether": _tether,
     "payload_change": _payload,
+    **KINEMATIC_WORDS,
 }

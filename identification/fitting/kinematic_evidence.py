@@ -62,7 +62,7 @@ class KinematicFit:
     @cached_property
     def _basis(self) -> Array:
         """(K + F, Q) directions that can be seen."""
-        seen = gauge_basis(replace(self.mechanism, held=()), self.own)
+        seen = gauge_basis(self.mechanism.holding(()), self.own)
         size = NUISANCES + len(seen)
         basis = np.zeros((size, NUISANCES + seen.shape[1]))
         basis[:NUISANCES, :NUISANCES] = np.eye(NUISANCES)
@@ -147,7 +147,7 @@ class KinematicEvidence:
 
     Parameters
     ----------
-    mechanism, theta : by which the noise of the rows is measured
+    mechanism, theta : at which the noise of the rows is measured
     """
 
     def __init__(
@@ -158,9 +158,14 @@ class KinematicEvidence:
         settings: FitSettings = FitSettings(),
     ) -> None:
         self.logs, self.settings = logs, settings
-        found = [self._rows(mechanism, theta, item)[0] for item in logs]
-        noise = [white_noise(part, settings=settings.noise) for part in found]
-        self.noise = [np.maximum(level, SMALLEST_NOISE) for level in noise]
+        self._first = mechanism, theta
+
+    @cached_property
+    def noise(self) -> list[Array]:
+        """Per log (E,) white noise of the rows, from their own high frequencies."""
+        found = [self._rows(*self._first, item)[0] for item in self.logs]
+        noise = [white_noise(part, settings=self.settings.noise) for part in found]
+        return [np.maximum(level, SMALLEST_NOISE) for level in noise]
 
     def at(self, mechanism: Mechanism, theta: Array, effects: Sequence[str] = ()) -> KinematicFit:
         """What is left at theta (P,), with columns of the effects' parameters."""
@@ -230,6 +235,51 @@ def slip_of_joints(mechanism: Mechanism, theta: Array, rolling: Samples) -> Arra
     )
     apart = s.wheel_speed - np.stack(rates, axis=1)
     return np.asarray(apart @ np.array(mechanism.kind.internal), np.float64)
+
+
+@dataclass(frozen=True)
+class SlippingWheels:
+    """What no rigid motion explains in the wheels of some logs, beyond noise.
+
+    share : root mean square, of that of the wheel speeds; 0 without such a check
+    slips : per log (N,), whether a wheel slips then
+    """
+
+    share: float
+    slips: tuple[NDArray[np.bool_], ...]
+
+
+def slipping_wheels(
+    mechanism: Mechanism,
+    theta: Array,
+    logs: Sequence[Samples],
+    speed_noise: Sequence[Array],
+    settings: FitSettings = FitSettings(),
+) -> SlippingWheels:
+    """Where wheels slip that roll as theta says.
+
+    Parameters
+    ----------
+    speed_noise : per log (J,) white noise of a speed [rad/s]
+    """
+    if not mechanism.kind.internal:
+        return SlippingWheels(0.0, tuple(np.zeros(len(item), bool) for item in logs))
+    known, internal = settings.kinematics, np.array(mechanism.kind.internal)
+    squares, masks = list[Array](), list[NDArray[np.bool_]]()
+    usual = np.sqrt(np.mean(np.concatenate([item.wheel_speed for item in logs]) ** 2))
+    usual = float(usual * np.linalg.norm(internal))
+    for item, level in zip(logs, speed_noise, strict=True):
+        where = (mechanism.structure, mechanism.geometry, theta, item, mechanism.settings)
+        size = max(1, round(known.row_time / item.dt))
+        slip = block_mean(slip_of_joints(mechanism, theta, rolled(*where)), size)
+        noise = float(np.linalg.norm(internal * level)) / np.sqrt(size)
+        squares.append(np.maximum(slip**2 - noise**2, -(noise**2)))
+        most = max(known.slip_deviations * noise, known.min_slip_share * usual)
+        mask = np.repeat(np.abs(slip) > most, size)
+        # Samples that fill no row are as the last one.
+        masks.append(np.pad(mask, (0, len(item) - len(mask)), mode="edge"))
+    excess = float(np.mean(np.concatenate(squares)))
+    return SlippingWheels(np.sqrt(max(excess, 0.0)) / max(usual, 1e-300), tuple(masks))
 
 
 def _pose_rows(samples: Samples, size: int) -> tuple[Array, Array]:

@@ -190,6 +190,30 @@ class KinematicSettings(Settings):
         },
     )
 
+    min_slip_share: float = field(
+        default=0.01,
+        metadata={
+            "unit": "share of the wheel speeds",
+            "reason": "that no rigid motion explains beyond noise, from which on wheels are said "
+            "to slip: 0.004 of a contact simulator with a friction of 1, 0.05 where wheels slide",
+        },
+    )
+    slip_deviations: float = field(
+        default=4.0,
+        metadata={
+            "unit": "standard deviations of the noise of a row",
+            "reason": "a row that slips by more, and by the share above, is left out where a "
+            "friction must hold without slip",
+        },
+    )
+    min_rest_without_slip: float = field(
+        default=0.3,
+        metadata={
+            "unit": "share of the samples",
+            "reason": "with fewer that do not slip, nothing can be told without slip",
+        },
+    )
+
     def __post_init__(self) -> None:
         check_settings(self, "kinematic settings", positive=True)
 

@@ -241,6 +241,12 @@ class Mechanism(Generic[Known]):
         structure = self.structure.with_effects(effects)
         return Mechanism(self.geometry, structure, self.conventions, self.settings, self.held)
 
+    def holding(self, held: Sequence[HeldDirections]) -> Mechanism[Known]:
+        """The same mechanism, of which a fit of forces leaves these directions as they are."""
+        return Mechanism(
+            self.geometry, self.structure, self.conventions, self.settings, tuple(held)
+        )
+
     def extended(self, name: str) -> Mechanism[Known]:
         """The same mechanism with one effect more."""
         return self.with_effects((*self.structure.effects, name))
