@@ -163,7 +163,7 @@ def select(
     settings, wheels = data.settings, wheel_evidence(data, mechanism, start, names)
     names = wheels.names
     base = data.step(fit_base(data, wheels.mechanism, start), None)
-    steps, rankings = accepted_kinematics(data, base, wheels)
+    steps, rankings = accepted_kinematics(data, base, wheels, fit_structure)
     seen = rankings[0] if rankings else None
     first: Ranking | None = None
     visited: dict[frozenset[str], tuple[list[Step], list[Ranking]]] = {}

@@ -9,16 +9,14 @@ Values = Mapping[str, float]
 
 WHEEL_WORDS = {"fl": "front left", "fr": "front right", "bl": "back left", "br": "back right"}
 
-EVEN = 0.3
-"""Share of the largest error up to which the other wheels are alike: one wheel is to blame."""
-
 
 def _odd_wheel(values: Values) -> tuple[str, float] | None:
     """The wheel that differs from three like ones, and by how much; None if more than one does."""
     for name, value in values.items():
         others = [other for key, other in values.items() if key != name]
         apart = value - sum(others) / len(others)
-        if max(others) - min(others) < EVEN * abs(apart):
+        # Others that are as like as that: one wheel is to blame.
+        if max(others) - min(others) < 0.3 * abs(apart):
             return WHEEL_WORDS[name.rsplit("_", 1)[1]], apart
     return None
 
@@ -56,7 +54,7 @@ def _gain(values: Values, base: Values) -> str:
 def _angle(values: Values, base: Values) -> str:
     degrees = {name: 45 + math.degrees(value) for name, value in values.items()}
     mean = sum(degrees.values()) / len(degrees)
-    if max(degrees.values()) - min(degrees.values()) < EVEN * abs(mean - 45):
+    if max(degrees.values()) - min(degrees.values()) < 0.3 * abs(mean - 45):
         found = f"the rollers stand at {mean:.1f} degrees to the wheels' planes, not at 45"
     else:
         parts = ", ".join(

@@ -7,14 +7,20 @@ that evidence. Where it cannot tell two of them apart, forces may.
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
-from identification.diagnosis.candidates import fit_structure, worse_by
-from identification.diagnosis.structures import Candidate, LoggedData, Ranking, Step
+from identification.diagnosis.structures import (
+    Candidate,
+    FittedStructure,
+    LoggedData,
+    Ranking,
+    Step,
+    worse_by,
+)
 from identification.fitting.gauge import gauge_basis
 from identification.fitting.kinematic_evidence import (
     KinematicEvidence,
@@ -134,13 +140,17 @@ def _matters(fit: KinematicFit) -> bool:
     return float(np.max(lags)) > fit.longest_sample
 
 
+FitForces = Callable[[LoggedData, Mechanism, Array], FittedStructure]
+"""Fits a structure to forces, from theta (P,) on: that of the search by forces."""
+
+
 def accepted_kinematics(
-    data: LoggedData, base: Step, wheels: WheelEvidence
+    data: LoggedData, base: Step, wheels: WheelEvidence, fit_forces: FitForces
 ) -> tuple[list[Step], list[Ranking]]:
     """Steps from the base on, with the effects that wheels and pose show, and their rankings."""
     steps, rankings = [base], list[Ranking]()
     for leaders in wheels.accepted:
-        ranking = _ranking(data, steps[-1], leaders, wheels)
+        ranking = _ranking(data, steps[-1], leaders, wheels, fit_forces)
         assert ranking.best is not None and ranking.best.fitted is not None
         steps.append(data.step(ranking.best.fitted, ranking.best.name))
         rankings.append(ranking)
@@ -148,12 +158,16 @@ def accepted_kinematics(
 
 
 def _ranking(
-    data: LoggedData, before: Step, leaders: Sequence[str], wheels: WheelEvidence
+    data: LoggedData,
+    before: Step,
+    leaders: Sequence[str],
+    wheels: WheelEvidence,
+    fit_forces: FitForces,
 ) -> Ranking:
     """Effects that explain the wheels alike, ranked by what they leave of the forces."""
     found, p_values = list[Candidate](), dict[str, float]()
     for name in leaders:
-        item, p_values[name] = _candidate(data, before, name, wheels)
+        item, p_values[name] = _candidate(data, before, name, wheels, fit_forces)
         found.append(item)
     found.sort(key=lambda item: item.square)
     best = found[0]
@@ -164,7 +178,7 @@ def _ranking(
 
 
 def _candidate(
-    data: LoggedData, before: Step, name: str, wheels: WheelEvidence
+    data: LoggedData, before: Step, name: str, wheels: WheelEvidence, fit_forces: FitForces
 ) -> tuple[Candidate, float]:
     """An effect as wheels and pose show it, with all else fitted to forces; and its p-value."""
     base = before.fitted
@@ -173,7 +187,7 @@ def _candidate(
     known = [other for other in mechanism.structure.effects if other in wheels.settled]
     seen = wheels.evidence.fitted(mechanism, start, known)
     mechanism = mechanism.holding((*mechanism.held, held_by(seen, name)))
-    fitted = fit_structure(data, mechanism, seen.theta)
+    fitted = fit_forces(data, mechanism, seen.theta)
     noise = (one.noise_square(data.noise, data.seed) for one in (fitted, base))
     found = Candidate(
         *(name, mechanism, fitted.theta, fitted.free, (), fitted.held_out),

@@ -27,11 +27,10 @@ from youbot_env.physics.effect import CONTACT, SPEED
 
 Array = NDArray[np.float64]
 
-NUISANCES = 5
-"""Columns of what a pose does not tell apart from kinematics, see :func:`_pose_rows`."""
+OF_A_POSE = ("way", "turn", "direction", "tracked ahead", "tracked to the left")
+"""What a pose does not tell apart from kinematics: a column each, see :func:`_pose_rows`."""
 
-SMALLEST_NOISE = 1e-9
-"""Of a row, in its own unit: below any sensor's, so that logs without noise can be judged too."""
+NUISANCES = len(OF_A_POSE)
 
 
 def kinematic_effects(mechanism: Mechanism) -> list[str]:
@@ -165,7 +164,7 @@ class KinematicEvidence:
         """Per log (E,) white noise of the rows, from their own high frequencies."""
         found = [self._rows(*self._first, item)[0] for item in self.logs]
         noise = [white_noise(part, settings=self.settings.noise) for part in found]
-        return [np.maximum(level, SMALLEST_NOISE) for level in noise]
+        return [np.maximum(level, self.settings.kinematics.min_noise) for level in noise]
 
     def at(self, mechanism: Mechanism, theta: Array, effects: Sequence[str] = ()) -> KinematicFit:
         """What is left at theta (P,), with columns of the effects' parameters."""

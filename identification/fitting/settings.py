@@ -147,6 +147,13 @@ class KinematicSettings(Settings):
             "wheel of another radius turns too much changes slowly",
         },
     )
+    min_noise: float = field(
+        default=1e-9,
+        metadata={
+            "unit": "rad/s, m or rad, of a row",
+            "reason": "below any sensor's: so that logs without noise can be judged too",
+        },
+    )
     steps: int = field(
         default=3,
         metadata={"unit": "1", "reason": "of Gauss and Newton: rates are nearly linear in errors"},
