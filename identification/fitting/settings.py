@@ -133,7 +133,7 @@ class PredictabilitySettings(Settings):
 
 
 @dataclass(frozen=True)
-class KinematicSettings(Settings):
+class WheelEvidenceSettings(Settings):
     """How kinematics is judged by the wheels and a pose alone.
 
     Each field's ``metadata`` holds its unit and the reason, or the measurement, for its default.
@@ -242,7 +242,7 @@ class FitSettings(Settings):
     held: HeldSettings = field(default_factory=HeldSettings)
     mechanism: MechanismSettings = field(default_factory=MechanismSettings)
     predictability: PredictabilitySettings = field(default_factory=PredictabilitySettings)
-    kinematics: KinematicSettings = field(default_factory=KinematicSettings)
+    kinematics: WheelEvidenceSettings = field(default_factory=WheelEvidenceSettings)
 
     # Rows of the regression
     row_rate: float = field(
@@ -387,6 +387,14 @@ class FitSettings(Settings):
         metadata={
             "unit": "standard deviations",
             "reason": "either side of a value: they hold a Gaussian truth in 95 % of cases",
+        },
+    )
+    max_change_p_value: float = field(
+        default=0.01,
+        metadata={
+            "unit": "1",
+            "reason": "family-wise over all parameters of a model, up to which one counts as "
+            "changed since the model was made",
         },
     )
 

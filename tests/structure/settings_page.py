@@ -28,9 +28,11 @@ from identification.comparison import ComparisonSettings
 from identification.diagnosis.settings import DiagnosisSettings
 from identification.fitting.settings import (
     FitSettings,
-    KinematicSettings,
     PredictabilitySettings,
+    WheelEvidenceSettings,
 )
+from identification.importing.settings import ImportSettings
+from identification.kinematics.settings import KinematicsSettings
 from identification.logs.settings import LogSettings
 from identification.mechanisms.settings import MechanismSettings
 from identification.residual_map.settings import ResidualMapSettings
@@ -45,10 +47,12 @@ AREAS = {
         FilterSettings,
         NoiseSettings,
         HeldSettings,
+        KinematicsSettings,
         LogSettings,
+        ImportSettings,
         MechanismSettings,
         PredictabilitySettings,
-        KinematicSettings,
+        WheelEvidenceSettings,
         FitSettings,
         ResidualMapSettings,
         DiagnosisSettings,
