@@ -164,7 +164,9 @@ class KinematicEvidence:
         """Per log (E,) white noise of the rows, from their own high frequencies."""
         found = [self._rows(*self._first, item)[0] for item in self.logs]
         noise = [white_noise(part, settings=self.settings.noise) for part in found]
-        return [np.maximum(level, self.settings.kinematics.min_noise) for level in noise]
+        known = self.settings.kinematics
+        least = np.array([known.min_noise, *[known.min_pose_noise] * 3])
+        return [np.maximum(level, least[: len(level)]) for level in noise]
 
     def at(self, mechanism: Mechanism, theta: Array, effects: Sequence[str] = ()) -> KinematicFit:
         """What is left at theta (P,), with columns of the effects' parameters."""

@@ -150,8 +150,16 @@ class WheelEvidenceSettings(Settings):
     min_noise: float = field(
         default=1e-9,
         metadata={
-            "unit": "rad/s, m or rad, of a row",
+            "unit": "rad/s, of a row",
             "reason": "below any sensor's: so that logs without noise can be judged too",
+        },
+    )
+    min_pose_noise: float = field(
+        default=2e-5,
+        metadata={
+            "unit": "m and rad, of a row",
+            "reason": "a pose without noise is no better than the trapezoids that it is compared "
+            "with",
         },
     )
     steps: int = field(
