@@ -24,6 +24,7 @@ from identification.fitting.errors import (
     velocity_traces,
 )
 from identification.fitting.final_fit import without_noise_bias
+from identification.fitting.kinematic_evidence import doubts_of_kinematics
 from identification.fitting.least_squares import Fit, fit as fit_model
 from identification.fitting.misfit import misfit_warning
 from identification.fitting.observability import log_observability, refuse_blind
@@ -96,6 +97,7 @@ class Comparison:
     """Result of :func:`compare`; model: as given, a Model or an AxisModel.
 
     floor: what noise leaves, of all logs; where: which variables the residual depends on;
+    kinematics: what speaks against the model's kinematics, in sentences;
     changes: the model's parameters beside those that fit these logs;
     settings: all numbers that this depends on.
     """
@@ -106,6 +108,7 @@ class Comparison:
     where: ResidualMap = field(default_factory=lambda: ResidualMap(()))
     changes: ParameterChanges = field(default_factory=ParameterChanges)
     settings: ComparisonSettings = field(default_factory=ComparisonSettings)
+    kinematics: tuple[str, ...] = ()
 
     @property
     def counted(self) -> tuple[LogComparison, ...]:
@@ -134,6 +137,7 @@ class Comparison:
             },
             "where": self.where.to_list(),
             "changes": self.changes.to_dict(),
+            "kinematics": list(self.kinematics),
             "stretches": self.worst(),
             "settings": self.settings.to_dict(),
         }
@@ -254,7 +258,9 @@ def compare(
         )
         for k, log in enumerate(logs)
     ]
-    return Comparison(model, tuple(found), floor, where, changes, settings)
+    noise = [NoiseLevel.of(item, settings.fit).speed for item in samples]
+    kinematics = doubts_of_kinematics(mechanism, model.theta, samples, noise, settings.fit)
+    return Comparison(model, tuple(found), floor, where, changes, settings, tuple(kinematics))
 
 
 def _free_run(mechanism: Mechanism, theta: Array, log: Log, samples: Samples) -> Traces:

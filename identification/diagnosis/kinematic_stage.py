@@ -7,7 +7,7 @@ that evidence. Where it cannot tell two of them apart, forces may.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -28,11 +28,11 @@ from identification.fitting.kinematic_evidence import (
     SlippingWheels,
     held_by,
     kinematic_effects,
+    leaders_of,
     slipping_wheels,
 )
 from identification.fitting.least_squares import Fit
 from identification.mechanisms.mechanism import Mechanism
-from youbot_env.physics import inverse_dynamics as dynamics
 
 Array = NDArray[np.float64]
 
@@ -77,7 +77,7 @@ def wheel_evidence(
     """Judge those of the candidates that change kinematics by wheels and pose alone."""
     # What the model itself holds of kinematics is taken as it is.
     evidence = KinematicEvidence(mechanism, start, data.samples, data.settings.fit)
-    left = [name for name in kinematic_effects(mechanism) if name in names]
+    left = [name for name in kinematic_effects(mechanism) if name in names and evidence.logs]
     accepted: list[tuple[str, ...]] = []
     here, theta, tried = mechanism, start, dict[str, KinematicFit]()
     while left:
@@ -87,7 +87,7 @@ def wheel_evidence(
             )
             for name in left
         }
-        leaders = _leaders(evidence.at(here, theta), tried)
+        leaders = leaders_of(evidence.at(here, theta), tried)
         if not leaders:
             break
         accepted.append(leaders)
@@ -112,32 +112,6 @@ def _is_open(mechanism: Mechanism, name: str) -> bool:
     extended = mechanism.extended(name)
     own = [k for k, label in enumerate(extended.labels) if label.component == name]
     return gauge_basis(extended, np.array(own, dtype=np.intp)).shape[1] > 0
-
-
-def _leaders(before: KinematicFit, tried: Mapping[str, KinematicFit]) -> tuple[str, ...]:
-    """The effects that explain wheels and pose, alike and best; empty if none does."""
-    settings = before.settings.kinematics
-    square = before.square
-    name = min(tried, key=lambda key: tried[key].square)
-    fall = square - tried[name].square
-    if fall < settings.min_explained_share * square or not _matters(tried[name]):
-        return ()
-    most = tried[name].square + settings.max_tied_share * fall
-    found = [key for key, fit in tried.items() if fit.square <= most and _matters(fit)]
-    return tuple(sorted(found, key=lambda key: tried[key].square))
-
-
-def _matters(fit: KinematicFit) -> bool:
-    """Whether a fitted effect is significant and of a size that is worth a name."""
-    settings, mechanism = fit.settings.kinematics, fit.mechanism
-    if fit.size < settings.min_size_share or fit.p_value > settings.max_p_value:
-        return False
-    if not mechanism.structure.filters_speed:
-        return True
-    # Speeds that are means over a sample are late by half of it: that is how they are made.
-    still = (0.0,) * len(mechanism.joints)
-    _, lags = dynamics.logged_speed(np, mechanism.structure, fit.theta, still, still, 0.0)
-    return float(np.max(lags)) > fit.longest_sample
 
 
 FitForces = Callable[[LoggedData, Mechanism, Array], FittedStructure]

@@ -12,7 +12,7 @@ from dataclasses import replace
 import numpy as np
 
 from identification.diagnosis.structures import FittedStructure, LoggedData
-from identification.fitting.kinematic_evidence import SlippingWheels
+from identification.fitting.kinematic_evidence import SlippingWheels, slip_words
 from identification.fitting.noise_bias import joint_fit
 from identification.mechanisms.samples import Samples
 
@@ -65,11 +65,7 @@ def _holds(data: LoggedData, fitted: FittedStructure, firm: Sequence[Samples], n
 
 def slip_warning(slip: SlippingWheels, refused: Sequence[str]) -> str:
     """What a reader must know of logs whose wheels slip."""
-    words = (
-        f"the wheels slip: {slip.share:.1%} of the wheel speeds is no rigid motion, beyond noise "
-        "and kinematics"
-    )
-    if refused:
-        names = " and ".join(name.replace("_", " ") for name in refused)
-        words += f"; {names} would act like it, but not where no wheel slips, and is not named"
-    return f"{words}; drive more gently, or on a floor with more grip"
+    if not refused:
+        return slip_words(slip)
+    names = " and ".join(name.replace("_", " ") for name in refused)
+    return f"{slip_words(slip)} ({names} would act like it, but not where no wheel slips)"

@@ -7,7 +7,7 @@ for what its wheels turned.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 
@@ -144,6 +144,8 @@ class KinematicFit:
 class KinematicEvidence:
     """Wheels and poses of some logs, against which kinematics can be fitted.
 
+    Logs that are too short to tell their noise are left out; ``logs`` may then be empty.
+
     Parameters
     ----------
     mechanism, theta : at which the noise of the rows is measured
@@ -156,7 +158,9 @@ class KinematicEvidence:
         logs: Sequence[Samples],
         settings: FitSettings = FitSettings(),
     ) -> None:
-        self.logs, self.settings = logs, settings
+        least = settings.kinematics.min_duration
+        self.logs = [item for item in logs if len(item) * item.dt > least]
+        self.settings = settings
         self._first = mechanism, theta
 
     @cached_property
@@ -238,6 +242,32 @@ def slip_of_joints(mechanism: Mechanism, theta: Array, rolling: Samples) -> Arra
     return np.asarray(apart @ np.array(mechanism.kind.internal), np.float64)
 
 
+def leaders_of(before: KinematicFit, tried: Mapping[str, KinematicFit]) -> tuple[str, ...]:
+    """The effects that explain wheels and pose, alike and best; empty if none does."""
+    settings = before.settings.kinematics
+    square = before.square
+    name = min(tried, key=lambda key: tried[key].square)
+    fall = square - tried[name].square
+    if fall < settings.min_explained_share * square or not _matters(tried[name]):
+        return ()
+    most = tried[name].square + settings.max_tied_share * fall
+    found = [key for key, fit in tried.items() if fit.square <= most and _matters(fit)]
+    return tuple(sorted(found, key=lambda key: tried[key].square))
+
+
+def _matters(fit: KinematicFit) -> bool:
+    """Whether a fitted effect is significant and of a size that is worth a name."""
+    settings, mechanism = fit.settings.kinematics, fit.mechanism
+    if fit.size < settings.min_size_share or fit.p_value > settings.max_p_value:
+        return False
+    if not mechanism.structure.filters_speed:
+        return True
+    # Speeds that are means over a sample are late by half of it: that is how they are made.
+    still = (0.0,) * len(mechanism.joints)
+    _, lags = dynamics.logged_speed(np, mechanism.structure, fit.theta, still, still, 0.0)
+    return float(np.max(lags)) > fit.longest_sample
+
+
 @dataclass(frozen=True)
 class SlippingWheels:
     """What no rigid motion explains in the wheels of some logs, beyond noise.
@@ -272,6 +302,9 @@ def slipping_wheels(
     for item, level in zip(logs, speed_noise, strict=True):
         where = (mechanism.structure, mechanism.geometry, theta, item, mechanism.settings)
         size = max(1, round(known.row_time / item.dt))
+        if len(item) < size:
+            masks.append(np.zeros(len(item), bool))
+            continue
         slip = block_mean(slip_of_joints(mechanism, theta, rolled(*where)), size)
         noise = float(np.linalg.norm(internal * level)) / np.sqrt(size)
         squares.append(np.maximum(slip**2 - noise**2, -(noise**2)))
@@ -279,7 +312,7 @@ def slipping_wheels(
         mask = np.repeat(np.abs(slip) > most, size)
         # Samples that fill no row are as the last one.
         masks.append(np.pad(mask, (0, len(item) - len(mask)), mode="edge"))
-    excess = float(np.mean(np.concatenate(squares)))
+    excess = float(np.mean(np.concatenate(squares))) if squares else 0.0
     return SlippingWheels(np.sqrt(max(excess, 0.0)) / max(usual, 1e-300), tuple(masks))
 
 
@@ -327,3 +360,43 @@ def held_by(found: KinematicFit, effect: str) -> HeldDirections:
     count = sum(label.component == effect for label in found.mechanism.labels)
     _, sizes, rows = np.linalg.svd(found.seen[:, -count:], full_matrices=False)
     return HeldDirections(effect, tuple(tuple(row) for row in rows[sizes > 0.5].tolist()))
+
+
+def doubts_of_kinematics(
+    mechanism: Mechanism,
+    theta: Array,
+    logs: Sequence[Samples],
+    speed_noise: Sequence[Array],
+    settings: FitSettings = FitSettings(),
+) -> list[str]:
+    """What speaks against the kinematics of a model, in sentences; nothing where nothing does."""
+    names = [n for n in kinematic_effects(mechanism) if n not in mechanism.structure.effects]
+    if not names:
+        return []
+    evidence = KinematicEvidence(mechanism, theta, logs, settings)
+    if not evidence.logs:
+        return []
+    before = evidence.at(mechanism, theta)
+    tried = {
+        name: evidence.fitted(
+            mechanism.extended(name), mechanism.extend_theta(theta, name, {}), [name]
+        )
+        for name in names
+    }
+    leaders = leaders_of(before, tried)
+    if leaders:
+        share = 1.0 - tried[leaders[0]].square / before.square
+        return [
+            f"the wheels do not roll as the model says: {' or '.join(leaders)} would explain "
+            f"{share:.0%} of what no rigid motion or pose does; `youbot diagnose` gives its size"
+        ]
+    slip = slipping_wheels(mechanism, theta, logs, speed_noise, settings)
+    return [slip_words(slip)] if slip.share > settings.kinematics.min_slip_share else []
+
+
+def slip_words(slip: SlippingWheels) -> str:
+    """What is to be said of wheels that slip."""
+    return (
+        f"the wheels slip: {slip.share:.1%} of the wheel speeds is no rigid motion, beyond noise "
+        "and kinematics; drive more gently, or on a floor with more grip"
+    )

@@ -147,6 +147,13 @@ class WheelEvidenceSettings(Settings):
             "wheel of another radius turns too much changes slowly",
         },
     )
+    min_duration: float = field(
+        default=10.0,
+        metadata={
+            "unit": "s",
+            "reason": "of a log that is judged: 50 rows, from which their noise can be told",
+        },
+    )
     min_noise: float = field(
         default=1e-9,
         metadata={
