@@ -152,7 +152,11 @@ def _pose_series(
     known = np.isfinite(yaw)
     yaw[known] = np.unwrap(yaw[known])
     values = np.column_stack([place, yaw]) * np.array(pose.sign)
-    values[:, 2] -= pose.turn
+    values[:, 2] += pose.frame_yaw
+    c, s = np.cos(values[:, 2]), np.sin(values[:, 2])
+    along, aside = pose.lever
+    values[:, 0] -= c * along - s * aside
+    values[:, 1] -= s * along + c * aside
     far = _outliers(values, settings)
     if far.any():
         message = f"{far.sum()} of {len(far)} poses leap and are left out"

@@ -42,6 +42,7 @@ class Samples:
     angle_noise : (J,) white noise of the angles [rad] whose differences the speeds are; None where
         the speeds were measured as such
     bandwidth : of the speeds [Hz] that is left for a force fit, see :attr:`for_fit`
+    start : [s] of the log on the clock that the logs share; 0 where it is alone
     pose_measured : whether the pose has columns of its own, or is integrated from the joints
     moves : (N,) False where the mechanism rests, and dry friction may hold any force up to its
         own: no row of a fit is made of it. None: it is not known to rest
@@ -59,6 +60,7 @@ class Samples:
     angle_noise: tuple[float, ...] | None = None
     bandwidth: float = np.inf
     moves: NDArray[np.bool_] | None = None
+    start: float = 0.0
     pose_measured: bool = False
 
     def __len__(self) -> int:
@@ -145,7 +147,8 @@ def rolled(
         rates = np.gradient(_smoothed(s.wheel_speed, window), s.dt, axis=0)
     # The torque that a wheel creeps by is smoothed: its noise would be in the motion too.
     torque = _smoothed(s.torque, settings.internal_torque_smoothing_time / s.dt)
-    acting = dynamics.channel_torque(np, structure, theta, tuple(torque.T), s.time)
+    at = Instant(tuple(s.twist.T), time=s.time, start=s.start)
+    acting = dynamics.channel_torque(np, structure, geometry, theta, tuple(torque.T), at)
     channels = (tuple(s.wheel_speed.T), tuple(rates.T), acting)
     true = dynamics.true_speed(np, structure, theta, *channels, s.time)
     rolling = dynamics.rolling_geometry(np, structure, geometry, theta)
@@ -243,6 +246,7 @@ class DemandedForce(Generic[Geometry]):
             pose=_ends(s.pose),
             wheel_angle=_ends(s.wheel_angle),
             time=np.stack([s.time[:-1], s.time[1:]]),
+            start=s.start,
         )
 
     @cached_property
@@ -331,7 +335,7 @@ class DemandedForce(Generic[Geometry]):
             return force
         torque = self.mechanism.torque_of(self.rolling, self._unscaled(force))
         at = replace(self.instant, torque=torque, torque_rate=self._rates(torque))
-        logged = dynamics.interface_torque(np, structure, theta, at)
+        logged = dynamics.interface_torque(np, structure, geometry, theta, at)
         if (structure.at(CHANNEL) or structure.at(CONTACT)) and self.mechanism.internal:
             logged = self._with_internal(logged, theta, at)
         # As the measured force: that of the nominal geometry.
@@ -347,7 +351,9 @@ class DemandedForce(Generic[Geometry]):
         internal = np.array(self.mechanism.internal)
         rows = zip(at.torque, self._forceless, strict=True)
         more = tuple(torque + part for torque, part in rows)
-        along = dynamics.interface_torque(np, self.structure, theta, replace(at, torque=more))
+        along = dynamics.interface_torque(
+            np, self.structure, self.geometry, theta, replace(at, torque=more)
+        )
         way = [b - a for a, b in zip(logged, along, strict=True)]
         size = internal @ internal
         lacking = self._internal - internal @ np.stack(logged, axis=1) / size
@@ -364,7 +370,8 @@ class DemandedForce(Generic[Geometry]):
         s, structure = self.samples, self.structure
         if not (structure.at(CHANNEL) or structure.at(CONTACT)):
             return self._internal
-        true = dynamics.channel_torque(np, structure, theta, tuple(s.torque.T), s.time)
+        at = Instant(tuple(s.twist.T), time=s.time, start=s.start)
+        true = dynamics.channel_torque(np, structure, self.geometry, theta, tuple(s.torque.T), at)
         return self._internal_of(np.stack(true, axis=1), self._forceless)
 
     def _internal_of(self, torque: Array, internal: Array) -> Array:
