@@ -24,6 +24,7 @@ from identification.fitting.errors import (
     velocity_traces,
 )
 from identification.fitting.final_fit import without_noise_bias
+from identification.fitting.kinematic_evidence import doubts_of_kinematics
 from identification.fitting.least_squares import Fit, fit as fit_model
 from identification.fitting.misfit import misfit_warning
 from identification.fitting.observability import log_observability, refuse_blind
@@ -97,6 +98,7 @@ class Comparison(Shown):
     """Result of :func:`compare`; model: as given, a Model or an AxisModel.
 
     floor: what noise leaves, of all logs; where: which variables the residual depends on;
+    kinematics: what speaks against the model's kinematics, in sentences;
     changes: the model's parameters beside those that fit these logs;
     geometry: that replaced the model's own, or None;
     settings: all numbers that this depends on.
@@ -109,6 +111,7 @@ class Comparison(Shown):
     changes: ParameterChanges = field(default_factory=ParameterChanges)
     settings: ComparisonSettings = field(default_factory=ComparisonSettings)
     geometry: Geometry | None = None
+    kinematics: tuple[str, ...] = ()
     kind: ClassVar[str] = "comparison"
 
     def summary(self) -> str:
@@ -161,6 +164,7 @@ class Comparison(Shown):
             },
             "where": self.where.to_list(),
             "changes": self.changes.to_dict(),
+            "kinematics": list(self.kinematics),
             "stretches": self.worst(),
             "settings": self.settings.to_dict(),
         }
@@ -276,12 +280,16 @@ def compare(
             velocity=velocity[k],
             force_floor=floor.force[k],
             velocity_floor=floor.velocity[k],
-            joint_speed=mechanism.joint_speed(velocity[k].predicted),
+            joint_speed=_joint_speed(mechanism, model.theta, samples[k], velocity[k]),
             slip=slip_of(log),
         )
         for k, log in enumerate(logs)
     ]
-    return Comparison(model, tuple(found), floor, where, changes, settings, geometry)
+    noise = [NoiseLevel.of(item, settings.fit).speed for item in samples]
+    kinematics = doubts_of_kinematics(mechanism, model.theta, samples, noise, settings.fit)
+    return Comparison(
+        *(model, tuple(found), floor, where, changes, settings, geometry), tuple(kinematics)
+    )
 
 
 def _free_run(mechanism: Mechanism, theta: Array, log: Log, samples: Samples) -> Traces:
@@ -289,6 +297,13 @@ def _free_run(mechanism: Mechanism, theta: Array, log: Log, samples: Samples) ->
     if not np.isfinite(velocity.predicted).all():
         raise InputError(f"{log.source or log.name}: the model's free run diverges on this log")
     return velocity
+
+
+def _joint_speed(mechanism: Mechanism, theta: Array, samples: Samples, velocity: Traces) -> Array:
+    """(N, k) of the free run, as the joints' speeds would be logged."""
+    if mechanism.structure.changes_kinematics:
+        return mechanism.free_run_of_joints(theta, samples)
+    return mechanism.joint_speed(velocity.predicted)
 
 
 def _fitted(

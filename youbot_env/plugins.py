@@ -18,6 +18,7 @@ from types import ModuleType
 from typing import Any
 
 import youbot_env.physics.catalogue  # noqa: F401 - a user's effect must not come before the shipped ones
+import youbot_env.physics.kinematic_effects  # noqa: F401 - the same
 from youbot_env.errors import InputError
 from youbot_env.physics.effect import CATALOGUE, Effect
 

@@ -23,8 +23,9 @@ from identification.diagnosis.structures import (
     LoggedData,
     Ranking,
     visible_directions,
+    worse_by,
 )
-from identification.fitting.cross_validation import block_sums, cross_validate, make_folds
+from identification.fitting.cross_validation import cross_validate, make_folds
 from identification.fitting.noise_bias import extrapolated_fit, joint_fit
 from identification.fitting.observability import log_observability, refuse_blind
 from identification.fitting.regression import (
@@ -344,7 +345,7 @@ def _best_and_tied(
         item.name
         for item in near
         if item is not best
-        and _worse_by(item, best, base) < settings.max_tied_deviations
+        and worse_by(item, best, base) < settings.max_tied_deviations
         and not contains(item, best, base)
     ]
     return best, tuple(tied)
@@ -388,23 +389,6 @@ def _adds_nothing(
     ]
     left = _unexplained(stacked(smaller.columns), stacked(beyond), settings)
     return bool(left[0] < settings.min_extension_gain * square)
-
-
-def _worse_by(item: Candidate, leader: Candidate, base: FittedStructure) -> float:
-    """By how many standard errors a candidate's held-out squares exceed the leader's."""
-    if item is leader:
-        return 0.0
-    # Their folds may differ, but the rows have the same order and can be compared one by one.
-    mine, others = (
-        one.fold_ratio * (np.concatenate(one.held_out.residual) ** 2).sum(axis=1)
-        for one in (item, leader)
-    )
-    length = base.settings.residual_map.bootstrap_block_time
-    difference = block_sums(mine - others, base.rows[0].step, length)
-    # Standard error of a sum of blocks that are taken as independent.
-    spread = np.sqrt(len(difference)) * difference.std()
-    worse = difference.sum() - (item.added_noise - leader.added_noise)
-    return float(worse / max(spread, 1e-300))
 
 
 def contains(larger: Candidate, smaller: Candidate, base: FittedStructure) -> bool:

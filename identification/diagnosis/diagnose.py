@@ -18,6 +18,11 @@ from identification.diagnosis.candidates import (
     with_joint_fit,
 )
 from identification.diagnosis.experiment_design import best_experiment
+from identification.diagnosis.kinematic_stage import (
+    WheelEvidence,
+    accepted_kinematics,
+    wheel_evidence,
+)
 from identification.diagnosis.report import (
     Diagnosis,
     candidate_rows,
@@ -28,6 +33,7 @@ from identification.diagnosis.report import (
     without_imitators,
 )
 from identification.diagnosis.settings import DiagnosisSettings
+from identification.diagnosis.slip import does_slip, refuted, slip_warning
 from identification.diagnosis.structures import (
     Candidate,
     FittedStructure,
@@ -86,9 +92,12 @@ def diagnose(
     ties = _ties(chosen.rankings, accepted)
     verdict = verdict_of(unexplained, bool(ties), bool(accepted))
     final, maps = _final_fit_and_maps(data, steps)
+    final = chosen.wheels.widened(steps[-1].fitted.mechanism, final)
     given = data.given_errors(mechanism, model.theta)
     fitted_model = _model(steps[-1], final, model, logs, floor)
     of_logs = warnings_of_logs(logs) + [*data.notes, *coarse_speed_warnings(data.samples, final)]
+    if does_slip(data, chosen.wheels.slip):
+        of_logs.append(slip_warning(chosen.wheels.slip, chosen.refused))
     return Diagnosis(
         verdict=verdict,
         missing=tuple(accepted),
@@ -123,12 +132,16 @@ class Selection:
     rankings : the ranking that each accepted effect won; the last one may have no winner
     first : all candidates on top of the base
     out_of_time : whether the search was ended before it had come to its own end
+    wheels : what the wheels and a pose say of kinematics
+    refused : effects that act as slipping wheels do, and hold only where they slip
     """
 
     steps: tuple[Step, ...]
     rankings: tuple[Ranking, ...]
     first: Ranking
     out_of_time: bool
+    wheels: WheelEvidence
+    refused: tuple[str, ...] = ()
 
 
 def select(
@@ -149,9 +162,11 @@ def select(
     names : of the candidates
     rng : of the bootstrap's signs
     """
-    settings = data.settings
-    steps = [data.step(fit_base(data, mechanism, start), None)]
-    rankings: list[Ranking] = []
+    settings, wheels = data.settings, wheel_evidence(data, mechanism, start, names)
+    names = wheels.names
+    base = data.step(fit_base(data, wheels.mechanism, start), None)
+    steps, rankings = accepted_kinematics(data, base, wheels, fit_structure)
+    seen = rankings[0] if rankings else None
     first: Ranking | None = None
     visited: dict[frozenset[str], tuple[list[Step], list[Ranking]]] = {}
     while len(steps) <= settings.max_effects:
@@ -161,7 +176,7 @@ def select(
         left = [name for name in names if name not in present]
         ranking = rank(data, steps[-1].fitted, left, rng)
         # Without any effect too: the report lists the candidates on top of the base in any case.
-        first = first or ranking
+        first = first or _with_seen(ranking, seen)
         more = _accepted(data, steps[-1], ranking)
         more = more or _accepted_pair(data, steps[-1], ranking, rng)
         if not more:
@@ -173,17 +188,31 @@ def select(
             break
         # With one accepted effect there is nothing to revise: it has just won.
         if len(steps) > 2:
-            steps, rankings = _revised(data, steps, rankings, rng)
+            steps, rankings = _revised(data, steps, rankings, rng, wheels.settled)
         key = frozenset(_names(steps))
         if key in visited:
             # The search goes round in a circle: of what it has been through, the best is taken.
             steps, rankings = min(visited.values(), key=lambda way: _held_out_square(*way[0]))
             break
         visited[key] = steps, rankings
-    # max_effects is at least 1, so the loop has made one ranking.
+    first = first or seen
+    # max_effects is at least 1, so the loop has made one ranking if kinematics has made none.
     assert first is not None
-    kept = _with_sound_free_runs(data, steps)
-    return Selection(tuple(kept), tuple(rankings), first, data.out_of_time)
+    kept, refused = _without_slip(data, _with_sound_free_runs(data, steps), wheels)
+    return Selection(tuple(kept), tuple(rankings), first, data.out_of_time, wheels, refused)
+
+
+def _with_seen(ranking: Ranking, seen: Ranking | None) -> Ranking:
+    """The ranking on top of the base with the effects that wheels and pose show, if any."""
+    if seen is None:
+        return ranking
+    # What is tried after them leaves less: in shares of what it was tried on, it stays comparable.
+    return replace(
+        ranking,
+        candidates=(*seen.candidates, *ranking.candidates),
+        p_values={**ranking.p_values, **seen.p_values},
+        square=seen.square,
+    )
 
 
 def _ties(rankings: Sequence[Ranking], accepted: Sequence[str]) -> dict[str, list[str]]:
@@ -215,6 +244,19 @@ def _with_sound_free_runs(data: LoggedData, steps: Sequence[Step]) -> list[Step]
             names = [name for k, name in enumerate(_names(steps)) if k != index]
             return _with_sound_free_runs(data, _walk(data, steps[0], names, steps[-1].fitted))
     return steps
+
+
+def _without_slip(
+    data: LoggedData, steps: Sequence[Step], wheels: WheelEvidence
+) -> tuple[list[Step], tuple[str, ...]]:
+    """The steps without effects that only imitate slipping wheels, and the names of these."""
+    refused = refuted(data, steps[-1].fitted, wheels.slip)
+    own = steps[0].fitted.mechanism.structure.effects
+    refused = [name for name in refused if name not in own]
+    if not refused:
+        return list(steps), ()
+    names = [name for name in _names(steps) if name not in refused]
+    return _walk(data, steps[0], names, steps[-1].fitted), tuple(refused)
 
 
 def _nothing_left(data: LoggedData, step: Step) -> bool:
@@ -330,9 +372,16 @@ def _judged_alike(data: LoggedData, steps: Sequence[Step]) -> list[Step]:
 
 
 def _revised(
-    data: LoggedData, steps: list[Step], rankings: list[Ranking], rng: np.random.Generator
+    data: LoggedData,
+    steps: list[Step],
+    rankings: list[Ranking],
+    rng: np.random.Generator,
+    settled: frozenset[str],
 ) -> tuple[list[Step], list[Ranking]]:
-    """The accepted effects, each tried against its rivals with all others present."""
+    """The accepted effects, each tried against its rivals with all others present.
+
+    ``settled``: those that are accepted by other evidence than forces, and stay.
+    """
     given = steps[0].fitted.mechanism.structure.effects
     names = _names(steps)
     full = steps[-1].fitted
@@ -344,6 +393,8 @@ def _revised(
             others = [*names[:index], *names[index + 1 :]]
             if index == len(names) - 1 and names == before and full is steps[-1].fitted:
                 continue  # its ranking was computed with the same other effects just before
+            if names[index] in settled:
+                continue
             if data.out_of_time:
                 break
             base = _refitted(data, full, (*given, *others))

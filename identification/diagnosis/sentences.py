@@ -6,11 +6,10 @@ import math
 from collections.abc import Callable, Mapping
 from typing import Any
 
+from identification.diagnosis.kinematic_sentences import KINEMATIC_WORDS, WHEEL_WORDS
 from youbot_env.physics.catalogue import GRAVITY
 
 Values = Mapping[str, float]
-
-WHEEL_WORDS = {"fl": "front left", "fr": "front right", "bl": "back left", "br": "back right"}
 
 
 def describe(effect: Any, values: Values, base: Values) -> str:
@@ -253,6 +252,7 @@ WORDS: dict[str, Callable[[Values, Values], str]] = {
     "torque_ripple": _ripple,
     "tether": _tether,
     "payload_change": _payload,
+    **KINEMATIC_WORDS,
     "friction_warmup": _warmup,
     "torque_offset": _offset,
     "torque_saturation": _saturation,

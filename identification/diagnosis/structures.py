@@ -19,6 +19,7 @@ from identification.diagnosis.settings import DiagnosisSettings
 from identification.fitting.cross_validation import (
     CrossValidation,
     Fold,
+    block_sums,
     cross_validate,
     make_folds,
 )
@@ -347,6 +348,23 @@ class LoggedData:
             *(left.rows, left.predictability, left.traces),
             *(runs, self.noise, self.seed, self.settings.fit),
         )
+
+
+def worse_by(item: Candidate, leader: Candidate, base: FittedStructure) -> float:
+    """By how many standard errors a candidate's held-out squares exceed the leader's."""
+    if item is leader:
+        return 0.0
+    # Their folds may differ, but the rows have the same order and can be compared one by one.
+    mine, others = (
+        one.fold_ratio * (np.concatenate(one.held_out.residual) ** 2).sum(axis=1)
+        for one in (item, leader)
+    )
+    length = base.settings.residual_map.bootstrap_block_time
+    difference = block_sums(mine - others, base.rows[0].step, length)
+    # Standard error of a sum of blocks that are taken as independent.
+    spread = np.sqrt(len(difference)) * difference.std()
+    worse = difference.sum() - (item.added_noise - leader.added_noise)
+    return float(worse / max(spread, 1e-300))
 
 
 @dataclass(frozen=True)

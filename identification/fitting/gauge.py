@@ -43,7 +43,8 @@ def gauge_basis(mechanism: Mechanism, free: Indices | None = None) -> Array:
     """(F, Q) directions of the parameters ``free`` that data can see at all.
 
     Of values that are relative to each other (gains, extra frictions) only differences can be
-    seen: their sum is held at zero. Of offsets of the torques, what exerts a force.
+    seen: their sum is held at zero. Of offsets of the torques, what exerts a force. What other
+    evidence has settled is left out, too.
     """
     size = len(_chosen(mechanism, free))
     groups = gauge_directions(mechanism, free)
@@ -56,4 +57,18 @@ def gauge_basis(mechanism: Mechanism, free: Indices | None = None) -> Array:
         frame = np.column_stack([unseen, np.eye(len(members))[:, 1:]])
         block[members] = np.linalg.qr(frame)[0][:, 1:]
         columns.append(block)
-    return np.hstack(columns)
+    return _without_held(np.hstack(columns), mechanism, free)
+
+
+def _without_held(basis: Array, mechanism: Mechanism, free: Indices | None) -> Array:
+    """The directions of a basis (F, Q) that are not held by other evidence."""
+    labels = [mechanism.labels[k] for k in _chosen(mechanism, free)]
+    for held in mechanism.held:
+        own = [k for k, label in enumerate(labels) if label.component == held.effect]
+        if not (own and held.directions):
+            continue
+        component = np.array(held.directions) @ basis[own]
+        _, sizes, rows = np.linalg.svd(component)
+        rank = int((sizes > 1e-6).sum())
+        basis = basis @ rows[rank:].T
+    return basis

@@ -19,6 +19,7 @@ from identification.fitting.errors import (
 from identification.fitting.estimate_history import EstimateHistory, recursive_course
 from identification.fitting.final_fit import coarse_speed_warnings, without_noise_bias
 from identification.fitting.held_channels import as_they_mean
+from identification.fitting.kinematic_evidence import doubts_of_kinematics
 from identification.fitting.least_squares import Fit, fit
 from identification.fitting.misfit import NEXT_COMMAND, misfit_warning
 from identification.fitting.observability import (
@@ -291,6 +292,8 @@ def identify(
     doubts = [line for line in (doubt, misfit) if line]
     doubts += warnings_of_logs(logs)
     doubts += [*held.notes, *coarse_speed_warnings(samples, final)]
+    noise = [NoiseLevel.of(item, settings).speed for item in samples]
+    doubts += doubts_of_kinematics(mechanism, final.theta, samples, noise, settings)
     return Identification(
         *(model, final, force, mechanism, samples, predictable, floor),
         parts=_part_reports(mechanism, start.theta, samples, rows, settings),

@@ -259,7 +259,12 @@ def solve_step(
     outside = (theta[free] + step < lower[free]) | (theta[free] + step > upper[free])
     if not outside.any():
         return step, ()
-    return _bounded_step(matrix, right, scale, theta[free], lower[free], upper[free])
+    # What no direction reaches is held where it is.
+    still = ~directions.any(axis=1)
+    low = np.where(still, theta[free], lower[free])
+    return _bounded_step(
+        *(matrix, right, scale, theta[free], low, np.where(still, theta[free], upper[free]))
+    )
 
 
 def _bounded_step(

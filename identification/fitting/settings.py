@@ -133,6 +133,114 @@ class PredictabilitySettings(Settings):
 
 
 @dataclass(frozen=True)
+class WheelEvidenceSettings(Settings):
+    """How kinematics is judged by the wheels and a pose alone.
+
+    Each field's ``metadata`` holds its unit and the reason, or the measurement, for its default.
+    """
+
+    row_time: float = field(
+        default=0.2,
+        metadata={
+            "unit": "s",
+            "reason": "of a row: a mean over it leaves a fifth of the noise of 100 Hz, and what a "
+            "wheel of another radius turns too much changes slowly",
+        },
+    )
+    min_duration: float = field(
+        default=10.0,
+        metadata={
+            "unit": "s",
+            "reason": "of a log that is judged: 50 rows, from which their noise can be told",
+        },
+    )
+    min_noise: float = field(
+        default=1e-9,
+        metadata={
+            "unit": "rad/s, of a row",
+            "reason": "below any sensor's: so that logs without noise can be judged too",
+        },
+    )
+    min_pose_noise: float = field(
+        default=2e-5,
+        metadata={
+            "unit": "m and rad, of a row",
+            "reason": "a pose without noise is no better than the trapezoids that it is compared "
+            "with",
+        },
+    )
+    steps: int = field(
+        default=3,
+        metadata={"unit": "1", "reason": "of Gauss and Newton: rates are nearly linear in errors"},
+    )
+    min_explained_share: float = field(
+        default=0.5,
+        metadata={
+            "unit": "share of the held-out squares of identity and pose",
+            "reason": "that an effect of kinematics explains: 0.997 of one wheel 3 % larger; on a "
+            "contact simulator, whose rollers ripple and slip, 0.42 at most of what is none",
+        },
+    )
+    min_size_share: float = field(
+        default=0.2,
+        metadata={
+            "unit": "catalogue size",
+            "reason": "what is smaller does not matter to forces: 0.6 % of a radius",
+        },
+    )
+    max_p_value: float = field(
+        default=0.001,
+        metadata={
+            "unit": "1",
+            "reason": "by the parameters' covariance, for five effects",
+        },
+    )
+    max_seen_deviation: float = field(
+        default=0.05,
+        metadata={
+            "unit": "catalogue size",
+            "reason": "standard deviation up to which a direction of the parameters is settled by "
+            "wheels and pose, and left alone by forces",
+        },
+    )
+    max_tied_share: float = field(
+        default=0.02,
+        metadata={
+            "unit": "share of what the best effect explains",
+            "reason": "within which another one explains the wheels as well: a radius and a "
+            "speed's gain differ by 1e-5, the next one by 0.3",
+        },
+    )
+
+    min_slip_share: float = field(
+        default=0.01,
+        metadata={
+            "unit": "share of the wheel speeds",
+            "reason": "that no rigid motion explains beyond noise, from which on wheels are said "
+            "to slip: 0.004 of a contact simulator with a friction of 1, 0.05 where wheels slide",
+        },
+    )
+    slip_deviations: float = field(
+        default=4.0,
+        metadata={
+            "unit": "standard deviations of the noise of a row",
+            "reason": "a row that slips by more, and by the share above, is left out where a "
+            "friction must hold without slip",
+        },
+    )
+    min_rest_without_slip: float = field(
+        default=0.3,
+        metadata={
+            "unit": "share of the samples",
+            "reason": "with fewer that do not slip, nothing can be told without slip",
+        },
+    )
+
+    def __post_init__(self) -> None:
+        check_settings(self, "kinematic settings", positive=True)
+
+
+@dataclass(frozen=True)
 class FitSettings(Settings):
     """What a fit, its intervals, the errors of a model and their noise floors depend on.
 
@@ -149,6 +257,7 @@ class FitSettings(Settings):
     held: HeldSettings = field(default_factory=HeldSettings)
     mechanism: MechanismSettings = field(default_factory=MechanismSettings)
     predictability: PredictabilitySettings = field(default_factory=PredictabilitySettings)
+    kinematics: WheelEvidenceSettings = field(default_factory=WheelEvidenceSettings)
 
     # Rows of the regression
     row_rate: float = field(

@@ -65,4 +65,7 @@ def samples_of(
     twist = geometry.body_twist(log.velocity)
     pose = log.pose if log.pose is not None else planar_pose(twist, dt)
     angle, measured = _wheel_angles(log, geometry, dt, settings)
-    return Samples(log.name, time, dt, twist, pose, angle, log.velocity, log.effort, measured)
+    return Samples(
+        *(log.name, time, dt, twist, pose, angle, log.velocity, log.effort, measured),
+        pose_measured=log.pose is not None,
+    )

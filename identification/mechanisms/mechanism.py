@@ -17,9 +17,9 @@ from numpy.typing import NDArray
 
 from identification.logs.log import Log, starts_on_shared_clock
 from identification.mechanisms.quantities import Quantities
-from identification.mechanisms.samples import DemandedForce, Part, Samples
+from identification.mechanisms.samples import DemandedForce, Part, Samples, rolled
 from identification.mechanisms.settings import MechanismSettings
-from identification.signals.filters import FilterSettings, integral_of
+from identification.signals.filters import FilterSettings, filter_samples, integral_of
 from identification.signals.noise import differenced_noise
 from youbot_env.physics import inverse_dynamics as dynamics
 from youbot_env.physics.effect import Parameter, Registry
@@ -37,6 +37,16 @@ class ParameterLabel(NamedTuple):
     name: str
     parameter: Parameter
     group: str | None
+
+
+class HeldDirections(NamedTuple):
+    """Directions (k, p) of one effect's parameters that other evidence than forces has settled.
+
+    A fit of forces leaves them as they are. They are orthonormal, in the effect's own order.
+    """
+
+    effect: str
+    directions: tuple[tuple[float, ...], ...]
 
 
 class FitResult(Protocol):
@@ -120,6 +130,13 @@ def _usual_rate(known: object) -> float:
     return FilterSettings.rate
 
 
+def _behind(signal: Array, lag: float, first: float, dt: float) -> Array:
+    """A signal (N,) through a first-order filter of a time constant [s], from a first value on."""
+    if not 0.0 < lag < np.inf:
+        return signal
+    return first + filter_samples(signal - first, 1.0 / lag, dt)
+
+
 @dataclass(frozen=True)
 class Conventions(Generic[Known]):
     """How mechanisms of one kind are identified: what the physics leaves open.
@@ -176,12 +193,14 @@ class Mechanism(Generic[Known]):
 
     geometry : what is known of it beforehand; structure : which effects it holds
     settings : numbers that its samples, parts and demanded force depend on
+    held : what a fit of forces must leave as it is, also of effects that are not in the structure
     """
 
     geometry: Known
     structure: ModelStructure[Known]
     conventions: Conventions[Known]
     settings: MechanismSettings = MechanismSettings()
+    held: tuple[HeldDirections, ...] = ()
 
     @property
     def kind(self) -> MechanismKind[Known]:
@@ -220,7 +239,13 @@ class Mechanism(Generic[Known]):
     def with_effects(self, effects: Sequence[str]) -> Mechanism[Known]:
         """The same mechanism with other effects beside the base model."""
         structure = self.structure.with_effects(effects)
-        return Mechanism(self.geometry, structure, self.conventions, self.settings)
+        return Mechanism(self.geometry, structure, self.conventions, self.settings, self.held)
+
+    def holding(self, held: Sequence[HeldDirections]) -> Mechanism[Known]:
+        """The same mechanism, of which a fit of forces leaves these directions as they are."""
+        return Mechanism(
+            self.geometry, self.structure, self.conventions, self.settings, tuple(held)
+        )
 
     def extended(self, name: str) -> Mechanism[Known]:
         """The same mechanism with one effect more."""
@@ -425,10 +450,34 @@ class Mechanism(Generic[Known]):
         InputError
             If the parameters are too stiff to simulate.
         """
+        if self.structure.changes_kinematics:
+            return (self.free_run_of_joints(theta, samples) @ self.least_squares) * self.speed_scale
+        return self._twists_of_free_run(theta, samples) * self.speed_scale
+
+    def free_run_of_joints(self, theta: Array, samples: Samples) -> Array:
+        """(N, J) the same as the joints' speeds would be logged, which start as they were."""
+        twist = self._twists_of_free_run(theta, samples)
+        structure = self.structure
+        if not structure.changes_kinematics:
+            return twist @ self.jacobian.T
+        rates = dynamics.joint_rates(np, structure, self.geometry, theta, tuple(twist.T))
+        at = Instant(tuple(twist.T), time=samples.time, start=samples.start)
+        torque = dynamics.channel_torque(
+            np, structure, self.geometry, theta, tuple(samples.torque.T), at
+        )
+        found = dynamics.logged_speed(np, structure, theta, rates, torque, samples.time)
+        speed, lag = np.stack(found[0], axis=1), [float(np.max(part)) for part in found[1]]
+        if not structure.filters_speed:
+            return speed
+        rows = zip(speed.T, lag, samples.wheel_speed[0].tolist(), strict=True)
+        return np.stack([_behind(*row, samples.dt) for row in rows], axis=1)
+
+    def _twists_of_free_run(self, theta: Array, samples: Samples) -> Array:
+        """(N, A) twists of the free run."""
         # numba, which a force fit does without
         from youbot_env.simulation.free_run import simulate_theta
 
-        s = samples
+        s = rolled(self.structure, self.geometry, theta, samples, self.settings)
         start = [*s.twist[0], *s.pose[0], *s.wheel_angle[0], s.time[0]]
         if self.structure.has_actuator:
             at = Instant(tuple(s.twist[0]), time=s.time[0], start=s.start)
@@ -439,7 +488,7 @@ class Mechanism(Generic[Known]):
             start.append(s.start)
         duration = np.full(len(s) - 1, s.dt)
         states = simulate_theta(self.structure, self.geometry, theta, duration, s.torque, start)
-        return states[:, : len(self.kind.axes)] * self.speed_scale
+        return states[:, : len(self.kind.axes)]
 
     # What to do next ----------------------------------------------------------------------------
 

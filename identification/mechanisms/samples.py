@@ -17,7 +17,7 @@ from identification.mechanisms.settings import MechanismSettings
 from identification.signals.filters import integral_of, slope_ends
 from identification.signals.resampling import low_passed, moved, smoothed
 from youbot_env.physics import inverse_dynamics as dynamics
-from youbot_env.physics.effect import CHANNEL, Effect, Parameter
+from youbot_env.physics.effect import CHANNEL, CONTACT, SPEED, Effect, Parameter
 from youbot_env.physics.mechanism import (
     Components,
     EffectPoints,
@@ -43,6 +43,7 @@ class Samples:
         the speeds were measured as such
     bandwidth : of the speeds [Hz] that is left for a force fit, see :attr:`for_fit`
     start : [s] of the log on the clock that the logs share; 0 where it is alone
+    pose_measured : whether the pose has columns of its own, or is integrated from the joints
     moves : (N,) False where the mechanism rests, and dry friction may hold any force up to its
         own: no row of a fit is made of it. None: it is not known to rest
     """
@@ -60,6 +61,7 @@ class Samples:
     bandwidth: float = np.inf
     moves: NDArray[np.bool_] | None = None
     start: float = 0.0
+    pose_measured: bool = False
 
     def __len__(self) -> int:
         return len(self.time)
@@ -124,6 +126,45 @@ def planar_pose(twist: Array, dt: float) -> Array:
     return np.column_stack([integral_of(velocity, dt), yaw])
 
 
+def rolled(
+    structure: ModelStructure[Geometry],
+    geometry: Geometry,
+    theta: Array,
+    samples: Samples,
+    settings: MechanismSettings,
+) -> Samples:
+    """The samples with the motion that really was, where effects change kinematics or speeds.
+
+    Twist and speeds of the joints are corrected, and what was integrated of them. Measured torques
+    and those columns of pose and angles that a log has stay as they are.
+    """
+    if not structure.changes_kinematics:
+        return samples
+    s, kind = samples, structure.mechanism
+    rates = np.zeros_like(s.wheel_speed)
+    if structure.filters_speed:
+        window = settings.torque_rate_smoothing_time / s.dt
+        rates = np.gradient(_smoothed(s.wheel_speed, window), s.dt, axis=0)
+    # The torque that a wheel creeps by is smoothed: its noise would be in the motion too.
+    torque = _smoothed(s.torque, settings.internal_torque_smoothing_time / s.dt)
+    at = Instant(tuple(s.twist.T), time=s.time, start=s.start)
+    acting = dynamics.channel_torque(np, structure, geometry, theta, tuple(torque.T), at)
+    channels = (tuple(s.wheel_speed.T), tuple(rates.T), acting)
+    true = dynamics.true_speed(np, structure, theta, *channels, s.time)
+    rolling = dynamics.rolling_geometry(np, structure, geometry, theta)
+    # Only mechanisms of which a joint can roll otherwise than it should have such effects.
+    assert kind.twist_of is not None
+    twist = np.stack(kind.twist_of(rolling, true), axis=1)
+    speed = np.stack(true, axis=1)
+    angle = s.wheel_angle if s.angle_measured else s.wheel_angle[:1] + integral_of(speed, s.dt)
+    pose = s.pose if s.pose_measured else planar_pose(twist, s.dt)
+    return replace(s, twist=twist, wheel_speed=speed, wheel_angle=angle, pose=pose)
+
+
+def _smoothed(signal: Array, window: float) -> Array:
+    return np.stack([smoothed(column, window) for column in signal.T], axis=1)
+
+
 LOAD_STEP = 5e-7
 """Share of the full torque over which the slope of a friction under load is taken."""
 
@@ -155,16 +196,18 @@ class DemandedForce(Generic[Geometry]):
         like: DemandedForce[Geometry] | None = None,
     ) -> None:
         self.structure, self.geometry, self.force_scale = structure, geometry, force_scale
-        self.declared, self.theta, self.samples = declared, theta, samples
+        self.declared, self.theta, self.logged = declared, theta, samples
         self.settings = settings
         self.mechanism = structure.mechanism
+        self.samples = rolled(structure, geometry, theta, samples, settings)
+        self.rolling = dynamics.rolling_geometry(np, structure, geometry, theta)
         self.instant = like.instant if like else self._instant()
         known = like is not None and like.structure.depends_on_load
         if structure.depends_on_load and not known:
             internal: Components[Array] = ()
             if self.mechanism.internal:
                 amount = self._acting_internal(theta)
-                internal = tuple(part * amount for part in self.mechanism.internal)
+                internal = tuple(part * amount for part in self._forceless)
             torque = dynamics.acting_torque(
                 np,
                 structure,
@@ -175,6 +218,19 @@ class DemandedForce(Generic[Geometry]):
                 tolerance=LOAD_TOLERANCE * self._full_torque,
             )
             self.instant = replace(self.instant, torque=torque)
+
+    @cached_property
+    def _forceless(self) -> Array:
+        """(J,) torques that exert no force with the joints as they roll, sized as nominal ones."""
+        nominal = np.array(self.mechanism.internal)
+        if not self.structure.at(CONTACT):
+            return nominal
+        units = np.eye(len(self.mechanism.joints))
+        forces = [self.mechanism.force_of(self.rolling, tuple(unit)) for unit in units]
+        # The part of the nominal ones that the Jacobian's columns do not reach.
+        reached, _ = np.linalg.qr(np.array(forces, float))
+        left = nominal - reached @ (reached.T @ nominal)
+        return left * np.linalg.norm(nominal) / np.linalg.norm(left)
 
     @cached_property
     def _full_torque(self) -> float:
@@ -253,7 +309,7 @@ class DemandedForce(Generic[Geometry]):
             return None
         slopes, size = self._loss_slopes, len(self.force_scale)
         identity = np.eye(size)
-        units = [self.mechanism.torque_of(self.geometry, tuple(unit)) for unit in identity]
+        units = [self.mechanism.torque_of(self.rolling, tuple(unit)) for unit in identity]
         # What a unit of each force asks of the joints, times what they lose by it.
         lost = [sum(share * slope for share, slope in zip(u, slopes, strict=True)) for u in units]
         return [[identity[i, j] - np.asarray(lost[j])[i] for j in range(size)] for i in range(size)]
@@ -293,13 +349,14 @@ class DemandedForce(Generic[Geometry]):
         structure, geometry = self.structure, self.geometry
         if structure.only_wrenches:
             return force
-        torque = self.mechanism.torque_of(geometry, self._unscaled(force))
+        torque = self.mechanism.torque_of(self.rolling, self._unscaled(force))
         rate, second = self._rates(torque)
         at = replace(self.instant, torque=torque, torque_rate=rate, torque_second_rate=second)
         said = self._said(theta)
         logged = dynamics.interface_torque(np, structure, geometry, theta, at, said)
-        if structure.at(CHANNEL) and self.mechanism.internal:
+        if (structure.at(CHANNEL) or structure.at(CONTACT)) and self.mechanism.internal:
             logged = self._with_internal(logged, theta, at)
+        # As the measured force: that of the nominal geometry.
         return self._scaled(self.mechanism.force_of(geometry, logged))
 
     def _with_internal(
@@ -307,10 +364,11 @@ class DemandedForce(Generic[Geometry]):
     ) -> tuple[Array, ...]:
         """Logged torques moved along internal ones until they hold what was logged.
 
-        Where gains differ by joint, torques that seem to cancel do not.
+        Where gains differ by joint, or joints roll unevenly, torques that seem to cancel do not.
         """
         internal = np.array(self.mechanism.internal)
-        more = tuple(torque + part for torque, part in zip(at.torque, internal, strict=True))
+        rows = zip(at.torque, self._forceless, strict=True)
+        more = tuple(torque + part for torque, part in rows)
         along = dynamics.interface_torque(
             np, self.structure, self.geometry, theta, replace(at, torque=more), self._said(theta)
         )
@@ -332,20 +390,19 @@ class DemandedForce(Generic[Geometry]):
     @cached_property
     def _internal(self) -> Array:
         """(2, N - 1) of the logged torques, at both ends of each interval [N m]."""
-        return self._internal_of(self.samples.torque)
+        return self._internal_of(self.samples.torque, np.array(self.mechanism.internal))
 
     def _acting_internal(self, theta: Array) -> Array:
         """The same of the torques behind the channels: what acts there loads the wheels."""
         s, structure = self.samples, self.structure
-        if not structure.at(CHANNEL):
+        if not (structure.at(CHANNEL) or structure.at(CONTACT)):
             return self._internal
         at = Instant(tuple(s.twist.T), time=s.time, start=s.start)
         true = dynamics.channel_torque(np, structure, self.geometry, theta, tuple(s.torque.T), at)
-        return self._internal_of(np.stack(true, axis=1))
+        return self._internal_of(np.stack(true, axis=1), self._forceless)
 
-    def _internal_of(self, torque: Array) -> Array:
+    def _internal_of(self, torque: Array, internal: Array) -> Array:
         """(2, N - 1) how much of the internal torques torques (N, J) hold, smoothed."""
-        internal = np.array(self.mechanism.internal)
         window = self.settings.internal_torque_smoothing_time / self.samples.dt
         amount = smoothed(torque @ internal / (internal @ internal), window)
         return _ends(amount[:, None])[0]
@@ -384,6 +441,10 @@ class DemandedForce(Generic[Geometry]):
         structure = self.structure
         item, where = next(row for row in structure.slices if index < row[1].stop)
         step = self.declared[index].difference
+        if item.acts_at in (CONTACT, SPEED):
+            theta, width = self._apart(index, step)
+            ahead, behind = (self._at(moved).force for moved in theta)
+            return (ahead - behind) / width
         if item.acts_at.kind != "wrench":
             theta, width = self._apart(index, step)
             more = 0.5 * self._lost_between(*theta)
@@ -396,6 +457,11 @@ class DemandedForce(Generic[Geometry]):
         # From force to interface all is affine, or a drive of somebody's own: a small step does.
         return (self._finish(self._body_force + step * slope, self.theta) - self.force) / step
 
+    def _at(self, theta: Array) -> DemandedForce[Geometry]:
+        """The same of another theta, which may tell of another motion."""
+        known = (self.structure, self.geometry, self.force_scale, self.declared)
+        return DemandedForce(*known, theta, self.logged, self.settings)
+
     def _lost_between(self, ahead: Array, behind: Array) -> Array | float:
         """By how much the force lost under load differs between two theta of drives and channels.
 
@@ -406,7 +472,7 @@ class DemandedForce(Generic[Geometry]):
         if not (internal and structure.depends_on_load and structure.at(CHANNEL)):
             return 0.0
         moved = self._acting_internal(ahead) - self._acting_internal(behind)
-        parts = zip(internal, self._loss_slopes, strict=True)
+        parts = zip(self._forceless, self._loss_slopes, strict=True)
         none = np.zeros((len(self.force_scale), 1, 1))
         lost = sum((part * slope for part, slope in parts), start=none)
         return self._responding(self._scaled(tuple(lost * moved)))

@@ -15,9 +15,11 @@ from scipy.integrate import cumulative_trapezoid
 from identification.logs.log import Log
 from identification.logs.reading import write_log
 from youbot_env.errors import InputError
-from youbot_scripts.blind_bench import motions, second_simulator as plant, sensors
+from youbot_scripts.blind_bench import motions, second_simulator as plant, sensors, wheel_effects
 from youbot_scripts.blind_bench.effects import (
     CATALOGUE,
+    EVERYTHING,
+    KINEMATICS,
     OUTSIDE,
     Planted,
     draw,
@@ -51,15 +53,16 @@ KINDS = (
     "two",
     "unknown",
     "sweep",
+    "kinematics",
 )
 """Nothing planted; nothing, and noise that is not white; speeds from encoder counts, with Coulomb
 friction in every other case; one effect of about its size; a quarter of it under twice the noise;
 one of about its size under twice the noise; two of about their size; one outside the catalogue;
-one at each of `SWEEP` times its size."""
+one at each of `SWEEP` times its size; one effect of kinematics of about its size."""
 
 SWEEP = (1 / 16, 1 / 8, 1 / 4, 1 / 2, 1.0, 2.0, 4.0)
 ALL_RATES = (50.0, 100.0, 250.0)
-RATES = {"none": ALL_RATES, "noise": ALL_RATES}
+RATES = {"none": ALL_RATES, "noise": ALL_RATES, "kinematics": (100.0, 50.0, 250.0)}
 """Log rates [Hz] that a kind goes through; 100 Hz for the others."""
 
 POSE_SHARE = 0.5
@@ -197,7 +200,9 @@ def _what(kind: str, index: int, seed: int, rng: np.random.Generator) -> list[tu
         return [(list(OUTSIDE)[index % len(OUTSIDE)], about_one[0])]
     if kind == "sweep":
         return [(names[index % len(names)], SWEEP[index // len(names) % len(SWEEP)])]
-    if kind in CATALOGUE or kind in OUTSIDE:
+    if kind == "kinematics":
+        return [(list(KINEMATICS)[index % len(KINEMATICS)], about_one[0])]
+    if kind in EVERYTHING:
         return [(kind, about_one[0])]
     raise InputError(
         f"kind {kind!r}: not known; use {', '.join(KINDS)}, or the name of an effect or "
@@ -211,7 +216,7 @@ def physics(case: Case) -> plant.Physics:
     # The wheels lie symmetric about O and have no first moment.
     mass = values["m0"] - 4 * WHEEL_MASS
     moments = {"moment_x": mass * values.pop("aX"), "moment_y": mass * values.pop("aY")}
-    base = plant.Physics(drag=np.zeros(4), gain=np.zeros(4), **values, **moments)
+    base = plant.Physics(drag=np.zeros(4), gain=np.zeros(4))._replace(**values, **moments)
     return planted_physics(base, case.planted)
 
 
@@ -246,7 +251,10 @@ def log_along(case: Case, name: str, twist: Array) -> Log:
     )
     rng = _generator(case.seed, case.kind, case.index, f"noise {name} {case.rate:g}")
     angle = cumulative_trapezoid(speed, dx=dt, axis=0, initial=0)[rows]
-    true = sensors.Rows(np.asarray(time[rows], float), speed[rows], effort, angle)
+    shown = speed
+    for item in case.planted:
+        shown = wheel_effects.logged_speeds(item.name, item.values, shown, command, dt)
+    true = sensors.Rows(np.asarray(time[rows], float), shown[rows], effort, angle)
     stamps, velocity, effort = sensors.sense(true, case.sensing, case.noise, rng)
     return Log(
         name=name,
@@ -295,7 +303,7 @@ def truth(case: Case) -> dict[str, Any]:
         **platform,
         "effects": effects,
         "delay": sum(item.values.get("delay", 0.0) for item in case.planted),
-        "radius": [1.0] * 4,
+        "radius": physics(case).radius.tolist(),
         "torque_noise": case.noise * plant.TORQUE_NOISE,
         "speed_noise": case.noise * plant.SPEED_NOISE,
         "torque_limit": plant.TORQUE_LIMIT,

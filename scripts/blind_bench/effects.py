@@ -12,7 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from youbot_scripts.blind_bench import draws
+from youbot_scripts.blind_bench import draws, wheel_effects
 from youbot_scripts.blind_bench.draws import WHEELS, Values
 from youbot_scripts.blind_bench.second_simulator import Physics
 
@@ -178,6 +178,35 @@ CATALOGUE = {
 }
 """The effects of the catalogue; parameters have the same meaning as there."""
 
+KINEMATICS = {
+    item.name: item
+    for item in (
+        Plantable(
+            "wheel_radius_error",
+            0.03,
+            "1",
+            wheel_effects.uneven_errors("error"),
+            lambda values: {"radius": 1.0 + wheel_effects.per_wheel(values, "error")},
+        ),
+        Plantable(
+            "roller_angle_error",
+            0.035,
+            "rad",
+            wheel_effects.roller_angles,
+            lambda values: {
+                "roller_angle": 0.25 * np.pi + wheel_effects.per_wheel(values, "error")
+            },
+        ),
+        # These are faults of the log, applied in `cases.log_along`.
+        Plantable(
+            "speed_gain_error", 0.03, "1", wheel_effects.uneven_errors("gain"), lambda values: {}
+        ),
+        Plantable("speed_filter", 0.05, "s", draws.one_number("time_constant"), lambda values: {}),
+        Plantable("wheel_creep", 0.1, "rad/s/(N m)", draws.one_number("slip"), lambda values: {}),
+    )
+}
+"""Effects of kinematics, a kind of their own."""
+
 OUTSIDE = {
     item.name: item
     for item in (
@@ -241,7 +270,7 @@ OUTSIDE = {
 }
 """Effects outside the catalogue: the right answer is "unknown"."""
 
-EVERYTHING = CATALOGUE | OUTSIDE
+EVERYTHING = CATALOGUE | KINEMATICS | OUTSIDE
 
 
 @dataclass(frozen=True)

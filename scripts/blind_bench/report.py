@@ -20,6 +20,7 @@ KIND_WORDS = {
     "noise": "nothing planted, noise that is not white",
     "counts": "speeds from encoder counts; Coulomb friction in every other case",
     "one": "one effect of about catalogue size",
+    "kinematics": "one effect of kinematics of about catalogue size",
     "quarter": "a quarter of it, twice the noise",
     "double_noise": "one effect of about catalogue size, twice the noise",
     "two": "two effects at once",

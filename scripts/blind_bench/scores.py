@@ -8,7 +8,7 @@ from statistics import fmean, median
 from typing import Any
 
 from youbot_scripts.blind_bench import sensors
-from youbot_scripts.blind_bench.effects import CATALOGUE, OUTSIDE
+from youbot_scripts.blind_bench.effects import CATALOGUE, KINEMATICS, OUTSIDE
 from youbot_scripts.blind_bench.proportions import Proportion
 from youbot_scripts.blind_bench.sensors import ENCODER
 from youbot_scripts.blind_bench.trials import Record
@@ -254,7 +254,7 @@ def confusion(records: Iterable[Record]) -> dict[str, dict[str, int]]:
         names = planted(record)
         if len(names) < 2:
             table[names[0] if names else "none"][answer(record)] += 1
-    order = ["none", *CATALOGUE, *OUTSIDE]
+    order = ["none", *CATALOGUE, *KINEMATICS, *OUTSIDE]
     return {name: dict(table[name].most_common()) for name in order if name in table}
 
 

@@ -36,7 +36,8 @@ class Physics(NamedTuple):
     """Parameters of a platform and its effects, SI units; zero (for the load: `NEVER`) means none.
 
     The first block is the platform, the second are the effects of the catalogue, the third
-    effects outside the catalogue. ``drag`` and ``gain`` are (4,), one value a wheel.
+    effects outside the catalogue. ``drag``, ``gain``, ``radius`` (true over nominal) and
+    ``roller_angle`` (of a roller's axis to X, without its sign) are (4,), one value a wheel.
     """
 
     drag: Array
@@ -77,6 +78,8 @@ class Physics(NamedTuple):
     load_x: float = 0.0
     load_y: float = 0.0
     load_time: float = NEVER
+    radius: Array = np.ones(4)
+    roller_angle: Array = np.full(4, math.pi / 4)
 
     nap: float = 0.0
     nap_direction: float = 0.0
@@ -209,9 +212,10 @@ def derivative(
         x = p.half_length if i < 2 else -p.half_length
         y = p.half_width if i % 2 == 0 else -p.half_width
         lean = 1.0 if i == 1 or i == 2 else -1.0
-        # The wheel: speed of its contact along the roller's axis, over R cos(45 degrees).
-        jx, jy = 1.0 / p.wheel_radius, lean / p.wheel_radius
-        row[0], row[1], row[2] = c * jx - s * jy, s * jx + c * jy, (lean * x - y) / p.wheel_radius
+        # The wheel: speed of its contact along the roller's axis, over R times that axis' cosine.
+        radius = p.wheel_radius * p.radius[i]
+        jx, jy = 1.0 / radius, lean * math.tan(p.roller_angle[i]) / radius
+        row[0], row[1], row[2] = c * jx - s * jy, s * jx + c * jy, jy * x - jx * y
         rate = row[0] * q[3] + row[1] * q[4] + row[2] * w
         bias = w * (row[0] * q[4] - row[1] * q[3])
         torque = q[10 + i] if p.lag > 0.0 else (1.0 + p.gain[i]) * command[i]
@@ -219,8 +223,8 @@ def derivative(
         _couple(a, b, row, p.I1, bias, torque - resists)
         dq[6 + i] = rate
         dq[10 + i] = ((1.0 + p.gain[i]) * command[i] - q[10 + i]) / p.lag if p.lag > 0.0 else 0.0
-        # Its roller: sideways speed of the contact, over r cos(45 degrees).
-        j = -math.sqrt(2.0) / p.roller_radius
+        # Its roller: sideways speed of the contact, over r times the cosine of its axis.
+        j = -1.0 / (math.cos(p.roller_angle[i]) * p.roller_radius)
         row[0], row[1], row[2] = -s * j, c * j, x * j
         rate = row[0] * q[3] + row[1] * q[4] + row[2] * w
         bias = w * (row[0] * q[4] - row[1] * q[3])
@@ -253,11 +257,14 @@ def _step(p: Physics, q: Array, command: Array, time: float, dt: float, work: Ar
 def _speeds(p: Physics, q: Array, out: Array):
     c, s = math.cos(q[2]), math.sin(q[2])
     ahead, left = c * q[3] + s * q[4], c * q[4] - s * q[3]
-    lever = q[5] * (p.half_width + p.half_length)
-    out[0] = (ahead - left - lever) / p.wheel_radius
-    out[1] = (ahead + left + lever) / p.wheel_radius
-    out[2] = (ahead + left - lever) / p.wheel_radius
-    out[3] = (ahead - left + lever) / p.wheel_radius
+    for i in range(4):
+        x = p.half_length if i < 2 else -p.half_length
+        y = p.half_width if i % 2 == 0 else -p.half_width
+        lean = math.tan(p.roller_angle[i])
+        if i == 0 or i == 3:
+            lean = -lean
+        centre = ahead - q[5] * y + lean * (left + q[5] * x)
+        out[i] = centre / (p.wheel_radius * p.radius[i])
 
 
 @njit(cache=True)

@@ -22,6 +22,7 @@ from youbot_env.model.model import Model
 from youbot_env.motions.calibration import motion_iii
 from youbot_env.physics.effect import CATALOGUE as REGISTERED
 from youbot_env.simulation.free_run import initial_state, simulate
+from youbot_env.simulation.plant import Plant
 from youbot_scripts import blind_bench
 from youbot_scripts.blind_bench import (
     cases,
@@ -86,7 +87,11 @@ def truth_of(case: cases.Case) -> Model:
     return found
 
 
-@pytest.mark.parametrize("name", ["none", *(n for n in effects.CATALOGUE if n != "torque_delay")])
+OF_PHYSICS = [*(n for n in effects.CATALOGUE if n != "torque_delay")]
+OF_PHYSICS += ["wheel_radius_error", "roller_angle_error"]
+
+
+@pytest.mark.parametrize("name", ["none", *OF_PHYSICS])
 def test_two_statements_of_the_same_physics_agree(name: str):
     """Each effect on random platforms, sizes and states: to rounding."""
     rng = np.random.default_rng(1)
@@ -121,6 +126,27 @@ def test_a_free_run_of_the_package_follows_the_generator():
     assert np.abs(speed).max() > 5.0
     assert np.abs(own - speed).max() < 1e-5
     assert np.abs(states[:, 3:6] - pose).max() < 1e-6
+
+
+@pytest.mark.parametrize("name", effects.KINEMATICS)
+def test_wheels_and_speeds_are_shown_as_the_package_shows_them(name: str):
+    """A plant of the package under the generator's commands logs the generator's speeds."""
+    case = replace(cases.draw_case(name, 1, 3, noise=0.0), has_pose=False)
+    dt, ticks = cases.tick(case.rate)
+    twist = motions.calibration(dt)[:2001]
+    log = cases.log_along(case, "part", twist)
+    _, command, _ = cases.simulate(case, twist, dt)
+    plant = Plant(truth_of(case))
+    plant.reset()
+    shown = []
+    for torque in command:
+        shown.append(plant.wheel_speed)
+        plant.step(torque, dt)
+    rows = np.arange(ticks, len(command) - 1, ticks)
+    assert np.abs(log.velocity).max() > 2.0
+    # A creeping wheel is shown under the command before or after an instant.
+    loose = 0.05 if name == "wheel_creep" else 0.01 if name == "speed_filter" else 1e-3
+    assert np.abs(np.array(shown)[rows] - log.velocity).max() < loose
 
 
 def test_a_positive_delay_means_that_speeds_lag_torques():

@@ -26,7 +26,11 @@ from controllers.tuning.tunable_laws import GainRanges
 from controllers.tuning.tuning import SearchSettings
 from identification.comparison import ComparisonSettings
 from identification.diagnosis.settings import DiagnosisSettings
-from identification.fitting.settings import FitSettings, PredictabilitySettings
+from identification.fitting.settings import (
+    FitSettings,
+    PredictabilitySettings,
+    WheelEvidenceSettings,
+)
 from identification.importing.settings import ImportSettings
 from identification.kinematics.settings import KinematicsSettings
 from identification.logs.settings import LogSettings
@@ -48,6 +52,7 @@ AREAS = {
         ImportSettings,
         MechanismSettings,
         PredictabilitySettings,
+        WheelEvidenceSettings,
         FitSettings,
         ResidualMapSettings,
         DiagnosisSettings,

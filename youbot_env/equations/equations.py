@@ -23,7 +23,9 @@ from youbot_env.physics.effect import (
     BODY,
     CHANNEL,
     CLOCK,
+    CONTACT,
     ROLLER,
+    SPEED,
     WHEEL,
     WORLD,
     Actuator,
@@ -31,13 +33,16 @@ from youbot_env.physics.effect import (
     Body,
     Channel,
     Clock,
+    Contact,
     Effect,
     Place,
     Roller,
+    SpeedChannel,
     Wheel,
     World,
 )
 from youbot_env.physics.geometry import Geometry, body_force, roller_rates, wheel_rates
+from youbot_env.physics.inverse_dynamics import rolling_geometry
 from youbot_env.physics.mecanum import MECANUM, Base
 from youbot_env.physics.mechanism import EffectPoints, Instant, ModelStructure, component_force
 from youbot_env.physics.namespaces import floats, symbols
@@ -55,6 +60,8 @@ WORDS: dict[Place, tuple[str, ...]] = {
     ACTUATOR: ("M_command",),
     CHANNEL: ("M_true",),
     CLOCK: ("T_late",),
+    CONTACT: ("k_ahead", "k_sideways", "k_roller"),
+    SPEED: ("w_true",),
 }
 """What an effect's function returns, by the place where it acts."""
 
@@ -111,7 +118,9 @@ def formula(
     """One line: what an effect adds to the motion's demand (``d...``), from its own function.
 
     Printed in its public form; that of the base model as in the paper, with m = m0 - 4 m1.
-    ``[...]`` is one where it is true and zero elsewhere; ``T_late`` is how late torques act.
+    ``[...]`` is one where it is true and zero elsewhere; ``T_late`` is how late torques act;
+    ``k_ahead``, ``k_sideways`` are factors on what a wheel turns for the speed of its centre ahead
+    and sideways, ``k_roller`` on its roller's rate; ``w`` is a logged speed, ``w_true`` the rate.
     Parameters and points are those of one wheel: ``phi'`` its rate, ``phi''`` its acceleration,
     ``M`` the torque that acts on it, ``gamma'`` its roller's rate; ``xC``, ``yC`` lead from O to
     the centre of mass along world axes. Another ``notation`` is that of another mechanism.
@@ -142,8 +151,8 @@ def try_out(item: Effect) -> None:
     Raises
     ------
     InputError
-        If it does not return what its place asks for: one value, or three at the body and in the
-        world.
+        If it does not return what its place asks for: one value, or three at the body, in the
+        world and at a wheel's contact.
     """
     point, count = _POINTS[item.acts_at], len(WORDS[item.acts_at])
     # All different and not zero, so that exchanged or lost values show.
@@ -228,6 +237,8 @@ _POINTS: dict[Place, Any] = {
     ACTUATOR: Actuator(*real_symbols("M M' t M''")),
     CHANNEL: Channel(*real_symbols("M phi' t"), start=_START),
     CLOCK: Clock(),
+    CONTACT: Contact(),
+    SPEED: SpeedChannel(*real_symbols("w w' M t")),
 }
 
 
@@ -286,13 +297,18 @@ class Equations:
         """Where the components are evaluated."""
         at = Instant(tuple(_TWIST), tuple(_ACCELERATION), tuple(_POSE), time=_TIME, start=_START)
         return _OpenPoints(
-            symbols(), MECANUM, self.geometry, self.theta, at, self.structure.carriers
+            symbols(), MECANUM, self.rolling, self.theta, at, self.structure.carriers
         )
+
+    @cached_property
+    def rolling(self) -> Any:
+        """The geometry as the wheels roll, where an effect changes that."""
+        return rolling_geometry(symbols(), self.structure, self.geometry, self.theta)
 
     @cached_property
     def no_slip(self) -> dict[sympy.Symbol, Any]:
         """Wheel and roller rates and accelerations in terms of the twist."""
-        g, p = self.geometry, self.points
+        g, p = self.rolling, self.points
         rows = [
             *zip((w.rate for w in p.wheels), wheel_rates(g, p.at.twist), strict=True),
             *zip((r.rate for r in p.rollers), roller_rates(g, p.at.twist), strict=True),
@@ -323,7 +339,8 @@ class Equations:
         rates = [symbol for symbol in self.no_slip if part.has(symbol)]
         # Rates are replaced by the twist only where they are linear; tanh(phi1') or phi1' |phi1'|
         # is easier to read with the rate, which the legend explains.
-        if not rates or not part.is_polynomial(*rates):
+        # So is the friction of wheels that roll each in its own way.
+        if not rates or self.structure.at(CONTACT) or not part.is_polynomial(*rates):
             return part
         is_linear = sympy.Poly(part, *rates).total_degree() == 1
         return part.subs(self.no_slip) if is_linear else part
@@ -363,7 +380,7 @@ class Equations:
     def legend(self, show: Any, values: dict[sympy.Expr, float]) -> list[str]:
         """What the forces are, what drives and channels do, and which rates stand in a line."""
         torque = [wheel.torque for wheel in self.points.wheels]
-        force = body_force(self.geometry, torque)
+        force = body_force(self.rolling, torque)
         lines = [
             f"{show(sympy.Symbol(side))} = {show(with_values(tidy(value), values))}"
             for side, value in zip(SIDES, force, strict=True)
@@ -371,7 +388,10 @@ class Equations:
         for symbol, value in self.no_slip.items():
             if any(side.has(symbol) for side in self.sides):
                 lines.append(f"{show(symbol)} = {show(with_values(value, values))}")
-        others = [item for item in self.structure.components if item.acts_at.kind != "wrench"]
+        # What acts at a contact stands in the rates above.
+        others = [
+            i for i in self.structure.components if i.acts_at.kind not in ("wrench", "rolling")
+        ]
         lines += self._stated(show)
         return lines + [formula(item, "latex" if show is latex else "text") for item in others]
 

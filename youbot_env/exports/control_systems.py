@@ -178,10 +178,10 @@ class Signals:
 
     @cached_property
     def output(self) -> Array:
-        """(p, k): outputs per state; wheel speeds follow from the twist, because no wheel slips."""
+        """(p, k): outputs per state; wheels turn as they roll without slip at the twist."""
         rows = np.zeros((len(self.states) + len(WHEEL_SPEEDS), len(self.states)))
         rows[: len(self.states)] = np.eye(len(self.states))
-        rows[len(self.states) :, : len(TWIST)] = self.model.geometry.wheel_jacobian
+        rows[len(self.states) :, : len(TWIST)] = self.model.joint_jacobian
         names = (*self.states, *WHEEL_SPEEDS)
         return rows[[names.index(name) for name in self.outputs]]
 

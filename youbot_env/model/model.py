@@ -156,6 +156,13 @@ class Model(Generic[Known]):
         """[s] by which torques act later than the interface says so; 0 without such an effect."""
         return float(dynamics.torque_delay(np, self.structure, self.theta))
 
+    @cached_property
+    def joint_jacobian(self) -> Array:
+        """(J, A): rates at which the joints truly roll per twist; its transpose maps torques."""
+        units = tuple(np.eye(len(self.mechanism.axes)))
+        rates = dynamics.joint_rates(np, self.structure, self.geometry, self.theta, units)
+        return np.stack(np.broadcast_arrays(*rates))
+
     def with_theta(self, theta: Sequence[float] | Array) -> Model:
         """The same model at other parameters (P,), without the old ones' uncertainty."""
         return self.with_values(to_public(self.structure, self.geometry, theta))

@@ -16,8 +16,9 @@ second is the point at which it acts; the rest are its parameters, by name::
 *Wrench* effects say what a motion demands (so resistance is positive with the speed); an
 *actuator* says which command a torque and its rate demand; a *channel* says which torque was truly
 there when the interface (the log, the command) said ``torque``; a *shift* says how much later [s]
-than that it was there. Simulation, regression and feed-forward are all derived from these
-statements.
+than that it was there; a *rolling* effect says how a wheel rolls other than its nominal geometry;
+a *speed* says at which rate a wheel truly rolled when the log said ``speed``. Simulation,
+regression and feed-forward are all derived from these statements.
 
 A function takes its parameters in the form in which it is linear, or nearly so, since that is how
 they are identified. Where people state them in another form (an anchor's place, not its pull), the
@@ -142,6 +143,29 @@ class Clock(NamedTuple):
     """
 
 
+class Contact(NamedTuple):
+    """The contact of one wheel with the floor. An effect here returns three factors.
+
+    They say how a wheel that does not slip turns, relative to its nominal geometry: on what it
+    turns for the speed of its centre ahead, on what it turns for that speed sideways, and on the
+    rate of its roller. They do not depend on the motion, so that rates stay linear in the twist
+    and forces are their transpose. Those of several effects are multiplied.
+    """
+
+
+class SpeedChannel(NamedTuple):
+    """One speed channel. An effect here returns the rate [rad/s] at which the wheel truly rolled.
+
+    It is affine in ``speed`` and ``speed_rate``, which are the channel's; ``torque`` [N m] acts at
+    the joint. What several effects add to ``speed`` is added up.
+    """
+
+    speed: Number
+    speed_rate: Number
+    torque: Number
+    time: Number
+
+
 @dataclass(frozen=True)
 class Place:
     """Where an effect acts: its kind, its words for a table, and whether it acts at each wheel."""
@@ -159,6 +183,8 @@ WORLD = Place("world", "wrench", World, False)
 ACTUATOR = Place("drive", "actuator", Actuator, True)
 CHANNEL = Place("log channel", "channel", Channel, True)
 CLOCK = Place("log clock", "shift", Clock, False)
+CONTACT = Place("wheel contact", "rolling", Contact, True)
+SPEED = Place("speed channel", "speed", SpeedChannel, True)
 
 
 INSTANT_STEP = 0.25
@@ -436,7 +462,7 @@ def effect(
 
     Parameters
     ----------
-    acts_at : BODY, WHEEL, ROLLER, WORLD, ACTUATOR, CHANNEL or CLOCK
+    acts_at : BODY, WHEEL, ROLLER, WORLD, ACTUATOR, CHANNEL, CLOCK, CONTACT or SPEED
     parameters : what it takes after ``xp`` and the point, by name and in this order
     source : where the formula comes from
     recognise : one sentence on how a user sees it in measurements

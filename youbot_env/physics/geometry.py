@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, fields
-from typing import Protocol
+from typing import Protocol, cast
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -125,8 +125,72 @@ class Geometry:
         return np.asarray(body_force, float) @ (jacobian / (jacobian**2).sum(axis=0)).T
 
 
-def wheel_rates(geometry: Lengths, twist: Sequence[N]) -> tuple[N, ...]:
+@dataclass(frozen=True)
+class UnevenContacts:
+    """The lengths of a geometry whose wheels roll each in its own way.
+
+    ahead, sideways : (4) factors on what a wheel turns for the speed of its centre along X and
+        along Y; roller : (4) on the rate of its roller. All are one in a nominal geometry.
+    """
+
+    l: Number  # noqa: E741 - the paper's name
+    h: Number
+    R: Number
+    r: Number
+    ahead: Sequence[Number]
+    sideways: Sequence[Number]
+    roller: Sequence[Number]
+
+    @property
+    def wheel_rows(self) -> tuple[Triple, ...]:
+        """Rows of the wheel Jacobian: a centre at (x, y) moves at (VX - y W, VY + x W)."""
+        return tuple(self._wheel_row(i) for i in range(4))
+
+    def _wheel_row(self, i: int) -> Triple:
+        ahead = self.ahead[i] / self.R
+        sideways = SIGN_LATERAL[i] * self.sideways[i] / self.R
+        x, y = SIGN_X[i] * self.h, SIGN_Y[i] * self.l
+        return ahead, sideways, sideways * x - ahead * y
+
+    @property
+    def roller_rows(self) -> tuple[Triple, ...]:
+        """The same of the rollers on the floor."""
+        factors = [-1.0 * factor / (self.r * COS_ROLLER) for factor in self.roller]
+        return tuple((0.0, f, f * (SIGN_X[i] * self.h)) for i, f in enumerate(factors))
+
+
+def _products(rows: Sequence[Triple], vector: Sequence[Number]) -> tuple[Number, ...]:
+    a, b, c = vector
+    return tuple(row[0] * a + row[1] * b + row[2] * c for row in rows)
+
+
+def _transposed_product(rows: Sequence[Triple], vector: Sequence[Number]) -> Triple:
+    one, two, three, four = rows
+    a, b, c, d = vector
+    return tuple(  # type: ignore[return-value]
+        one[k] * a + two[k] * b + three[k] * c + four[k] * d for k in range(3)
+    )
+
+
+def _solved(rows: Sequence[Triple], right: Triple) -> Triple:
+    """x of (rows^T rows) x = right, by the adjugate: it has no branch, so it works on symbols."""
+    (a, b, c), (_, d, e), (_, _, f) = (
+        _transposed_product(rows, [row[k] for row in rows]) for k in range(3)
+    )
+    p, q, r = right
+    df, ce, be = d * f - e * e, c * e - b * f, b * e - c * d
+    determinant = a * df + b * ce + c * be
+    return (
+        (df * p + ce * q + be * r) / determinant,
+        (ce * p + (a * f - c * c) * q + (b * c - a * e) * r) / determinant,
+        (be * p + (b * c - a * e) * q + (a * d - b * b) * r) / determinant,
+    )
+
+
+def wheel_rates(geometry: Lengths | UnevenContacts, twist: Sequence[N]) -> tuple[N, ...]:
     """No slip: the four wheel rates [rad/s] of a body twist."""
+    if isinstance(geometry, UnevenContacts):
+        return cast("tuple[N, ...]", _products(geometry.wheel_rows, twist))
     vx, vy, wz = twist
     lever = geometry.l + geometry.h
     return tuple(
@@ -134,14 +198,18 @@ def wheel_rates(geometry: Lengths, twist: Sequence[N]) -> tuple[N, ...]:
     )
 
 
-def roller_rates(geometry: Lengths, twist: Sequence[N]) -> tuple[N, ...]:
+def roller_rates(geometry: Lengths | UnevenContacts, twist: Sequence[N]) -> tuple[N, ...]:
     """No slip: rates [rad/s] of the four rollers on the floor."""
+    if isinstance(geometry, UnevenContacts):
+        return cast("tuple[N, ...]", _products(geometry.roller_rows, twist))
     _, vy, wz = twist
     return tuple(-(vy + SIGN_X[i] * geometry.h * wz) / (geometry.r * COS_ROLLER) for i in range(4))
 
 
-def body_force(geometry: Lengths, torque: Sequence[N]) -> tuple[N, N, N]:
+def body_force(geometry: Lengths | UnevenContacts, torque: Sequence[N]) -> tuple[N, N, N]:
     """Generalised force (F_X, F_Y, M_W) of four wheel torques: the transpose of the rates."""
+    if isinstance(geometry, UnevenContacts):
+        return cast("tuple[N, N, N]", _transposed_product(geometry.wheel_rows, torque))
     t1, t2, t3, t4 = torque
     lever = geometry.l + geometry.h
     return (
@@ -151,8 +219,12 @@ def body_force(geometry: Lengths, torque: Sequence[N]) -> tuple[N, N, N]:
     )
 
 
-def allocate(geometry: Lengths, force: Sequence[N]) -> tuple[N, ...]:
+def allocate(geometry: Lengths | UnevenContacts, force: Sequence[N]) -> tuple[N, ...]:
     """Least-norm wheel torques [N m] that exert a generalised force."""
+    if isinstance(geometry, UnevenContacts):
+        rows = geometry.wheel_rows
+        a, b, c = force
+        return cast("tuple[N, ...]", _products(rows, _solved(rows, (a, b, c))))
     fx, fy, mz = force
     lever = geometry.l + geometry.h
     # The pseudo-inverse: columns are orthogonal, and four wheels share each component.
@@ -161,8 +233,20 @@ def allocate(geometry: Lengths, force: Sequence[N]) -> tuple[N, ...]:
     )
 
 
-def roller_force(geometry: Lengths, torque: Sequence[Number]) -> Triple:
+def nearest_twist(geometry: Lengths | UnevenContacts, rates: Sequence[N]) -> tuple[N, N, N]:
+    """The body twist whose wheel rates without slip come nearest to given ones (least squares)."""
+    if isinstance(geometry, UnevenContacts):
+        rows = geometry.wheel_rows
+        return cast("tuple[N, N, N]", _solved(rows, _transposed_product(rows, rates)))
+    fx, fy, mz = body_force(geometry, rates)
+    lever, scale = geometry.l + geometry.h, geometry.R * geometry.R / 4
+    return scale * fx, scale * fy, scale * mz / (lever * lever)
+
+
+def roller_force(geometry: Lengths | UnevenContacts, torque: Sequence[Number]) -> Triple:
     """Generalised force (F_X, F_Y, M_W) of torques [N m] at the four rollers' axles."""
+    if isinstance(geometry, UnevenContacts):
+        return _transposed_product(geometry.roller_rows, torque)
     # The transpose of ``roller_rates``. F_X is 0: driving ahead turns no roller on the floor.
     f1, f2, f3, f4 = (-value / (geometry.r * COS_ROLLER) for value in torque)
     x1, x2, x3, x4 = (sign * geometry.h for sign in SIGN_X)

@@ -15,7 +15,19 @@ from dataclasses import replace
 from typing import cast
 
 from youbot_env.errors import InputError
-from youbot_env.physics.effect import ACTUATOR, CHANNEL, CLOCK, Actuator, Channel, Clock, Effect
+from youbot_env.physics.effect import (
+    ACTUATOR,
+    CHANNEL,
+    CLOCK,
+    CONTACT,
+    SPEED,
+    Actuator,
+    Channel,
+    Clock,
+    Contact,
+    Effect,
+    SpeedChannel,
+)
 from youbot_env.physics.mechanism import (
     Components,
     EffectPoints,
@@ -64,7 +76,83 @@ def effect_points(
     at: Instant[N],
 ) -> EffectPoints[Geometry, N]:
     """The points at which the effects of a structure act in a motion."""
-    return EffectPoints(xp, structure.mechanism, geometry, theta, at, structure.carriers)
+    rolling = rolling_geometry(xp, structure, geometry, theta)
+    return EffectPoints(xp, structure.mechanism, rolling, theta, at, structure.carriers)
+
+
+def rolling_geometry(
+    xp: Namespace, structure: ModelStructure[Geometry], geometry: Geometry, theta: Values[N]
+) -> Geometry:
+    """The geometry as the joints really roll; the given one without an effect on that.
+
+    The maps of the mechanism (``joint_rates``, ``force_of``, ``torque_of``) take it. All functions
+    here take the given one.
+    """
+    changes, uneven = structure.at(CONTACT), structure.mechanism.uneven
+    if not changes or uneven is None:
+        return geometry
+    joints = range(len(structure.mechanism.joints))
+    factors: list[tuple[Number, ...]] = [(1.0, 1.0, 1.0) for _ in joints]
+    for item, where in changes:
+        for i in joints:
+            more = cast("tuple[Number, ...]", item.evaluate(xp, Contact(), theta[where], i))
+            factors[i] = tuple(a * b for a, b in zip(more, factors[i], strict=True))
+    return uneven(geometry, factors)
+
+
+def joint_rates(
+    xp: Namespace,
+    structure: ModelStructure[Geometry],
+    geometry: Geometry,
+    theta: Values[N],
+    twist: Sequence[N],
+) -> Components[N]:
+    """Rates (J) at which the joints roll at a twist (A)."""
+    rolling = rolling_geometry(xp, structure, geometry, theta)
+    return structure.mechanism.joint_rates(rolling, twist)
+
+
+def true_speed(
+    xp: Namespace,
+    structure: ModelStructure[Geometry],
+    theta: Values[N],
+    speed: Sequence[N],
+    speed_rate: Sequence[N | float],
+    torque: Sequence[N | float],
+    time: N | float,
+) -> Components[N]:
+    """Rates (J) at which the joints roll where their speeds are logged as ``speed``."""
+    true = tuple(speed)
+    for item, where in structure.at(SPEED):
+        rows = zip(speed, speed_rate, torque, strict=True)
+        found = _of_joints(item, xp, [SpeedChannel(*row, time) for row in rows], theta[where])
+        true = tuple(a + (b - c) for a, b, c in zip(true, found, speed, strict=True))
+    return true
+
+
+def logged_speed(
+    xp: Namespace,
+    structure: ModelStructure[Geometry],
+    theta: Values[N],
+    rates: Sequence[N],
+    torque: Sequence[N | float],
+    time: N | float,
+) -> tuple[Components[N], Components[N]]:
+    """Speeds (J) that are logged of joints that roll at ``rates``, and time constants (J) [s].
+
+    With a time constant T of zero they are what is logged; else it follows them by
+    (speeds - logged) / T.
+    """
+    # Three evaluations give an affine function. 0 * value, not 0: arrays and symbols keep their
+    # shape and type.
+    none = [0.0 * value for value in rates]
+    one = [value + 1.0 for value in none]
+    offset = true_speed(xp, structure, theta, none, none, torque, time)
+    slope = true_speed(xp, structure, theta, one, none, torque, time)
+    lag = true_speed(xp, structure, theta, none, one, torque, time)
+    rows = list(zip(rates, offset, slope, lag, strict=True))
+    speeds = tuple((rate - o) / (s - o) for rate, o, s, _ in rows)
+    return speeds, tuple((late - o) / (s - o) for _, o, s, late in rows)
 
 
 def _wrench_of(
@@ -118,16 +206,15 @@ def _passed(
 ) -> list[Components[N]]:
     """Torques (J) at the interface, behind the first channel, behind the second, ... ."""
     found = [tuple(torque)]
+    rates = joint_rates(xp, structure, geometry, theta, at.twist)
     for item, where in structure.at(CHANNEL):
-        points = _channels(structure, geometry, found[-1], at)
+        points = _channels(rates, found[-1], at)
         found.append(_of_joints(item, xp, points, theta[where]))
     return found
 
 
-def _channels(
-    structure: ModelStructure[Geometry], geometry: Geometry, torque: Values[N], at: Instant[N]
-) -> list[Channel]:
-    rates = structure.mechanism.joint_rates(geometry, at.twist)
+def _channels(rates: Values[N], torque: Values[N], at: Instant[N]) -> list[Channel]:
+    """The points of the joints' torque channels; ``rates`` (J): of the joints."""
     return [Channel(*pair, at.time, at.start) for pair in zip(torque, rates, strict=True)]
 
 
@@ -169,15 +256,16 @@ def interface_torque(
     torque = actuator_command(xp, structure, theta, at)
     known = _passed(xp, structure, geometry, theta, logged, at) if len(logged) else None
     channels = structure.at(CHANNEL)
+    rates = joint_rates(xp, structure, geometry, theta, at.twist)
     for k in range(len(channels) - 1, -1, -1):
         item, where = channels[k]
         if item.inverse is None:
-            torque = _affine_inverse(xp, structure, geometry, item, theta[where], torque, at)
+            torque = _affine_inverse(xp, item, theta[where], rates, torque, at)
         elif known:
             rows = zip(torque, known[k], known[k + 1], strict=True)
             torque = tuple(value + (before - after) for value, before, after in rows)
         else:
-            points = enumerate(_channels(structure, geometry, torque, at))
+            points = enumerate(_channels(rates, torque, at))
             back = tuple(item.undo(xp, point, theta[where], i) for i, point in points)
             torque = cast("Components[N]", back)
     return torque
@@ -203,10 +291,9 @@ def taken_torque(
 
 def _affine_inverse(
     xp: Namespace,
-    structure: ModelStructure[Geometry],
-    geometry: Geometry,
     item: Effect,
     values: Values[N],
+    rates: Values[N],
     true: Components[N],
     at: Instant[N],
 ) -> Components[N]:
@@ -214,7 +301,7 @@ def _affine_inverse(
     # Two evaluations give offset and slope. 0 * value, not 0: arrays, symbols and tensors keep
     # their shape and type.
     zero, one = (
-        _of_joints(item, xp, _channels(structure, geometry, before, at), values)
+        _of_joints(item, xp, _channels(rates, before, at), values)
         for before in ([0.0 * value for value in true], [0.0 * value + 1.0 for value in true])
     )
     return tuple((value - a) / (b - a) for value, a, b in zip(true, zero, one, strict=True))
@@ -244,17 +331,18 @@ def acting_torque(
         If no torque can drive the motion: with a share near one friction takes all of it.
     """
     loads, torque_of = structure.load_readers, structure.mechanism.torque_of
+    rolling = rolling_geometry(xp, structure, geometry, theta)
     if not loads:
         force = wrench(xp, structure, geometry, theta, at)
-        return _with(internal, torque_of(geometry, force))
+        return _with(internal, torque_of(rolling, force))
     others = [row for row in structure.wrenches if row not in loads]
     given = _wrench_of(xp, structure, others, geometry, theta, at)
-    torque = _with(internal, torque_of(geometry, given))
+    torque = _with(internal, torque_of(rolling, given))
     # With the largest share, 0.9, rounding is reached after 330 rounds.
     for _ in range(1000):
         last = torque
         lost = _wrench_of(xp, structure, loads, geometry, theta, replace(at, torque=last))
-        torque = _with(internal, torque_of(geometry, _sum(given, lost)))
+        torque = _with(internal, torque_of(rolling, _sum(given, lost)))
         moved = max(_largest(xp.abs(a - b)) for a, b in zip(torque, last, strict=True))
         size = max(_largest(xp.abs(a)) for a in torque)
         # Below 2e-15 of the size rounding alone moves the torques, and tolerance 0 would never end.
@@ -354,7 +442,8 @@ def forward_dynamics(
     """Acceleration (A) under the torques ``at.torque`` that act at the joints."""
     zero = (0.0,) * len(structure.mechanism.axes)
     still = wrench(xp, structure, geometry, theta, replace(at, acceleration=zero))
-    driving = structure.mechanism.force_of(geometry, at.torque)
+    rolling = rolling_geometry(xp, structure, geometry, theta)
+    driving = structure.mechanism.force_of(rolling, at.torque)
     rows = mass_matrix(xp, structure, geometry, theta, at)
     return solve(rows, [a - b for a, b in zip(driving, still, strict=True)])
 
@@ -386,7 +475,7 @@ def state_derivative(
     moved = (
         *forward_dynamics(xp, structure, geometry, theta, at),
         *cast("Components[N]", mechanism.pose_rates(xp, pose, twist)),
-        *(mechanism.joint_rates(geometry, twist) if angle else ()),
+        *(joint_rates(xp, structure, geometry, theta, twist) if angle else ()),
         1.0,  # time is a state, too
     )
     drives = drive_rates(xp, structure, theta, at, command) if structure.has_actuator else ()

@@ -10,6 +10,7 @@ from collections.abc import Mapping, Sequence
 from typing import NamedTuple
 
 import youbot_env.physics.catalogue  # noqa: F401  # pyright: ignore - fills the registries
+import youbot_env.physics.kinematic_effects  # noqa: F401  # pyright: ignore - fills them too
 from youbot_env.physics.effect import (
     BASE,
     BODY,
@@ -25,8 +26,11 @@ from youbot_env.physics.effect import (
 )
 from youbot_env.physics.geometry import (
     Geometry,
+    Lengths,
+    UnevenContacts,
     allocate,
     body_force,
+    nearest_twist,
     roller_force,
     roller_rates,
     wheel_rates,
@@ -146,6 +150,13 @@ def _as_they_are(points: object, efforts: Sequence[Number]) -> Components[Number
     return tuple(efforts)
 
 
+def _uneven(geometry: Lengths, factors: Sequence[Sequence[Number]]) -> UnevenContacts:
+    """The platform whose wheels roll as four triples say: ahead, sideways, and their rollers."""
+    ahead, sideways, roller = zip(*factors, strict=True)
+    lengths = geometry.l, geometry.h, geometry.R, geometry.r
+    return UnevenContacts(*lengths, ahead, sideways, roller)  # type: ignore[arg-type]
+
+
 def _fault(geometry: Geometry, values: Mapping[str, float]) -> str:
     for name in ("m0", "I0"):
         if values[name] <= 0:
@@ -192,6 +203,8 @@ MECANUM = MechanismKind(
     internal=(1.0, 1.0, -1.0, -1.0),  # orthogonal to all columns of the wheel Jacobian
     stated=("m0", "I0", "I1", "aX", "aY", "mu1", "mu2"),
     fault=_fault,
+    uneven=_uneven,  # type: ignore[arg-type]  # formulas take any object with these lengths
+    twist_of=nearest_twist,
 )
 """The mecanum platform with four wheels."""
 

@@ -21,6 +21,8 @@ from youbot_env.physics.effect import (
     ACTUATOR,
     CHANNEL,
     CLOCK,
+    CONTACT,
+    SPEED,
     Actuator,
     BaseParameters,
     Channel,
@@ -187,6 +189,10 @@ class MechanismKind(Generic[Geometry]):
     declared(effect, geometry) : the effect with units, bounds and sizes of the mechanism at hand
     holds(effect, geometry) : whether the mechanism at hand can have the effect
     fault(geometry, values) : why base parameters, as stated, cannot be; "" if they can
+    uneven(geometry, factors) : the geometry whose joints roll as J triples of factors say (see
+        `effect.Contact`), which ``joint_rates`` and the other maps take as well; None where no
+        effect of the catalogue acts there
+    twist_of(geometry, rates) : the twist whose joint rates come nearest to given ones
     """
 
     name: str
@@ -216,6 +222,10 @@ class MechanismKind(Generic[Geometry]):
     declared: Callable[[Effect, Geometry], Effect] = field(default=_as_it_is, repr=False)
     holds: Callable[[Effect, Geometry], bool] = field(default=_any_effect, repr=False)
     fault: Callable[[Geometry, Mapping[str, float]], str] = field(default=_no_fault, repr=False)
+    uneven: Callable[[Geometry, Sequence[Sequence[Number]]], Geometry] | None = field(
+        default=None, repr=False
+    )
+    twist_of: LinearMap[Geometry] | None = field(default=None, repr=False)
 
     @property
     def state(self) -> tuple[str, ...]:
@@ -379,8 +389,24 @@ class ModelStructure(Generic[Geometry]):
         return tuple(row for row in self.slices if row[0].carries is not None)
 
     @cached_property
+    def changes_kinematics(self) -> bool:
+        """Whether joints roll, or their speeds are logged, otherwise than the geometry says."""
+        return bool(self.at(CONTACT) or self.at(SPEED))
+
+    @cached_property
+    def filters_speed(self) -> bool:
+        """Whether the logged speeds follow the true ones late, so that they are a state."""
+        return any(
+            item.evaluate(floats, SPEED.point(0.3, 0.0, 0.5, 0.7), values)
+            != item.evaluate(floats, SPEED.point(0.3, 1.0, 0.5, 0.7), values)
+            for item, _ in self.at(SPEED)
+            for values in [[0.5] * len(item.parameter_names)]
+        )
+
+    @cached_property
     def only_wrenches(self) -> bool:
-        """Whether the interface torque acts unchanged, at most later: no drive, no channel."""
+        """Whether the interface torque acts unchanged, at most later: no drive, no channel; and
+        joints roll as the geometry says."""
         return all(item.acts_at.kind in ("wrench", "shift") for item, _ in self.slices)
 
     @cached_property
@@ -452,12 +478,12 @@ class ModelStructure(Generic[Geometry]):
     @cached_property
     def nonlinear(self) -> frozenset[str]:
         """Names of the effects in whose own parameters the interface force is not linear, even if
-        all else is given: shifts, channels with an inverse of their own, and wrenches that are
-        found so by trying."""
+        all else is given: shifts, what changes kinematics, channels with an inverse of their own,
+        and wrenches that are found so by trying."""
         return frozenset(
             item.name
             for item, _ in self.slices
-            if item.acts_at is CLOCK
+            if item.acts_at in (CLOCK, CONTACT, SPEED)
             or item.inverse is not None
             or (item.acts_at.kind == "wrench" and not self._is_linear(item))
         )

@@ -43,6 +43,8 @@ class Dynamics(Protocol):
     def interface_torque(self) -> Callable[..., Components[Number]]: ...
     @property
     def state_derivative(self) -> Callable[..., Components[Number]]: ...
+    @property
+    def rolling_geometry(self) -> Callable[..., Any]: ...
 
 
 @dataclass(frozen=True)
@@ -318,7 +320,8 @@ def demand_formulas(
         time=moving[-1],
     )
     force = dynamics.wrench(symbols(), structure, geometry, parameter, at)
-    torques = mechanism.torque_of(geometry, force)
+    rolling = dynamics.rolling_geometry(symbols(), structure, geometry, parameter)
+    torques = mechanism.torque_of(rolling, force)
     return Formulas("demand", tuple(name for group in names for name in group), tuple(torques))
 
 

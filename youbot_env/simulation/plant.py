@@ -59,7 +59,9 @@ class Plant(StateRows):
     Attributes
     ----------
     states : (n, S) in the order of ``model.structure.state_names``, live, not a copy
-    wheel_rates : (0, 4): no wheel slips, so ``wheel_speed`` follows from the twist
+    wheel_rates : (n, 4) [rad/s], live: the speeds that are shown, where an effect says that wheels
+        roll or are measured otherwise than the geometry has it. Else (0, 4): they follow from the
+        twist
     models : the model of each platform
 
     Raises
@@ -84,7 +86,9 @@ class Plant(StateRows):
         self.geometry = model.geometry
         self.models = [model] * count
         self.states: Array = np.tile(initial_state(model), (count, 1))
-        self.wheel_rates: Array = np.empty((0, 4))
+        own = count if self.structure.changes_kinematics else 0
+        self.wheel_rates: Array = np.zeros((own, 4))
+        self._followed: Array = np.zeros((own, 4))
         self._theta: Array = np.tile(model.theta, (count, 1))
         self._lengths = model.lengths
         self._substeps = substeps
@@ -111,6 +115,10 @@ class Plant(StateRows):
             self.states[index] = initial_state(self.models[index], **start)
             if self._lines:
                 self._lines[index] = drive_delay(self.models[index])
+        if len(self.wheel_rates):
+            # As if it had always moved like that: no speed is on its way through a filter.
+            speeds, _ = self._logged_speeds(np.zeros((len(self.states), 4)))
+            self._followed[rows] = self.wheel_rates[rows] = speeds[rows]
         return self.state
 
     def _use(self, model: Model, row: int) -> None:
@@ -135,6 +143,11 @@ class Plant(StateRows):
 
     def advance(self, torque: Array, duration: float) -> None:
         """``step`` for C-contiguous rows (n, 4), unchecked and without a result."""
+        self._move(torque, duration)
+        if len(self.wheel_rates):
+            self._show_speeds(torque, duration)
+
+    def _move(self, torque: Array, duration: float) -> None:
         count = self._needed.get(duration) or self._count(duration)
         if not self._lines:
             self._advance(self.states, torque, self._lengths, self._theta, duration, count)
@@ -148,6 +161,27 @@ class Plant(StateRows):
                 self._advance(
                     self.states[here], acting, self._lengths, self._theta[here], piece, steps
                 )
+
+    def _logged_speeds(self, command: Array) -> tuple[Array, Array]:
+        """(n, 4) speeds that are measured now, and the time constants [s] of their filters."""
+        structure, theta = self.structure, self._theta.T
+        twist, time = tuple(self.states[:, TWIST].T), self.states[:, len(STATE) - 1]
+        rates = dynamics.joint_rates(np, structure, self.geometry, theta, twist)
+        torque = tuple(self.acting_torque(command).T)
+        found = dynamics.logged_speed(np, structure, theta, rates, torque, time)
+        speeds, lags = (np.stack(np.broadcast_arrays(*part), axis=-1) for part in found)
+        return speeds, lags
+
+    def _show_speeds(self, command: Array, duration: float) -> None:
+        """Move the measured speeds on by ``duration`` [s], in which the true ones went straight."""
+        now, lags = self._logged_speeds(command)
+        if self.structure.filters_speed:
+            decay, start, end = _hold_weights(lags, duration)
+            self.wheel_rates *= decay
+            self.wheel_rates += start * self._followed + end * now
+        else:
+            self.wheel_rates[:] = now
+        self._followed[:] = now
 
     def _count(self, duration: float) -> int:
         # Platforms mostly share one model, whose stiffness is then found once.
@@ -177,6 +211,8 @@ class Plant(StateRows):
     @property
     def wheel_speed(self) -> Array:
         """(4,) or (n, 4) [rad/s]: fl, fr, bl, br."""
+        if len(self.wheel_rates):
+            return (self.wheel_rates[0] if self._single else self.wheel_rates).copy()
         return self.geometry.wheel_speeds(self.twist)
 
     def __getstate__(self) -> dict[str, Any]:
@@ -185,6 +221,17 @@ class Plant(StateRows):
     def __setstate__(self, state: dict[str, Any]) -> None:
         self.__dict__.update(state)
         self._advance = kernel(self.structure, dynamics).advance
+
+
+def _hold_weights(lags: Array, duration: float) -> tuple[Array, Array, Array]:
+    """Factors on the old value, and on what it follows at the start and at the end of a time.
+
+    Exact for a first-order lag behind what goes straight; a lag of zero shows the end.
+    """
+    share = duration / np.maximum(lags, 1e-9 * duration)
+    decay = np.exp(-share)
+    end = 1.0 - (1.0 - decay) / share
+    return decay, (1.0 - decay) - end, end
 
 
 def plant_substeps(model: Model, duration: float) -> int:

@@ -13,7 +13,7 @@ from youbot_env.model.model import BASE_UNITS, Estimate, Model
 from youbot_env.physics import inverse_dynamics as dynamics
 from youbot_env.physics.effect import BODY, ROLLER, WHEEL, WORLD, Body, Effect
 from youbot_env.physics.geometry import Geometry
-from youbot_env.physics.mecanum import MECANUM
+from youbot_env.physics.hardware import WHEELS
 from youbot_env.physics.mechanism import EffectPoints, Instant
 from youbot_env.simulation.compiled import kernel
 from youbot_env.simulation.free_run import initial_state
@@ -88,7 +88,7 @@ def test_base_wrench_is_the_papers_form_for_identification():
 # --- Lagrange multipliers --------------------------------------------------------------------
 
 
-def contact_constraints(g: Geometry, yaw: float) -> np.ndarray:
+def contact_constraints(m: Model, yaw: float) -> np.ndarray:
     """A (8, 11) with A q' = 0: no contact point of a roller moves on the floor.
 
     q = (x, y, yaw, four wheel angles, four roller angles), each wheel's contact velocity taken from
@@ -97,11 +97,14 @@ def contact_constraints(g: Geometry, yaw: float) -> np.ndarray:
     c, s = np.cos(yaw), np.sin(yaw)
     to_body = np.array([[c, s, 0.0], [-s, c, 0.0], [0.0, 0.0, 1.0]])
     rows = np.zeros((8, 11))
-    axes = np.radians([-45.0, 45.0, 45.0, -45.0])
+    g = m.geometry
+    unequal = [m.values.get(f"wheel_radius_error.error_{wheel}", 0.0) for wheel in WHEELS]
+    more = [m.values.get(f"roller_angle_error.error_{wheel}", 0.0) for wheel in WHEELS]
+    axes = np.array([-1.0, 1.0, 1.0, -1.0]) * (np.radians(45.0) + np.array(more))
     places = [(g.h, g.l), (g.h, -g.l), (-g.h, g.l), (-g.h, -g.l)]
     for i, ((x, y), d) in enumerate(zip(places, axes, strict=True)):
         rows[2 * i : 2 * i + 2, :3] = np.array([[1.0, 0.0, -y], [0.0, 1.0, x]]) @ to_body
-        rows[2 * i, 3 + i] = -g.R
+        rows[2 * i, 3 + i] = -g.R * (1.0 + unequal[i])
         spin = np.cross([np.cos(d), np.sin(d), 0.0], [0.0, 0.0, -g.r])
         rows[2 * i : 2 * i + 2, 7 + i] = spin[:2]
     return rows
@@ -118,11 +121,11 @@ def body_mass(m: Model, yaw: float, yaw_rate: float) -> tuple[np.ndarray, np.nda
 
 def with_multipliers(m: Model, at: Instant) -> np.ndarray:
     """Acceleration (VX', VY', W') from full coordinates with Lagrange multipliers."""
-    g, yaw, w = m.geometry, at.pose[2], at.twist[2]
+    yaw, w = at.pose[2], at.twist[2]
     c, s = np.cos(yaw), np.sin(yaw)
     to_world = np.array([[c, -s], [s, c]])
     speed = np.concatenate([to_world @ at.twist[:2], [w]])
-    constraints = contact_constraints(g, yaw)
+    constraints = contact_constraints(m, yaw)
     spins = -np.linalg.solve(constraints[:, 3:], constraints[:, :3] @ speed)
     rates = np.concatenate([speed, spins])
     mass, force = np.zeros((11, 11)), np.zeros(11)
@@ -130,7 +133,7 @@ def with_multipliers(m: Model, at: Instant) -> np.ndarray:
     force = -force
     force[3:7] += at.torque
     _add_effects(m, at, rates, mass, force)
-    ahead, behind = (contact_constraints(g, yaw + e) for e in (1e-6, -1e-6))
+    ahead, behind = (contact_constraints(m, yaw + e) for e in (1e-6, -1e-6))
     drift = (ahead - behind) / 2e-6 * w @ rates
     kkt = np.block([[mass, -constraints.T], [constraints, np.zeros((8, 8))]])
     solved = np.linalg.solve(kkt, np.concatenate([force, -drift]))
@@ -142,7 +145,7 @@ def _add_effects(
     m: Model, at: Instant, rates: np.ndarray, mass: np.ndarray, force: np.ndarray
 ) -> None:
     """Each effect at the coordinate on which it acts; what it demands per acceleration is mass."""
-    points = EffectPoints(np, MECANUM, m.geometry, m.theta, at, m.structure.carriers)
+    points = dynamics.effect_points(np, m.structure, m.geometry, m.theta, at)
     base = points.base
     for item, where in m.structure.wrenches:
         values = m.theta[where]

@@ -1,0 +1,402 @@
+"""What the wheels and a pose say of kinematics, without any force: evidence of its own.
+
+Four wheel speeds have three degrees of freedom: what no rigid motion explains of them shows a wheel
+that rolls, or is measured, otherwise than the others. A pose shows more: how far the platform came
+for what its wheels turned.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from functools import cached_property
+
+import numpy as np
+from numpy.typing import NDArray
+
+from identification.fitting.cross_validation import CrossValidation, cross_validate, make_folds
+from identification.fitting.gauge import gauge_basis
+from identification.fitting.regression import Indices, Regression, covariance_of
+from identification.fitting.settings import FitSettings
+from identification.mechanisms.mechanism import HeldDirections, Mechanism
+from identification.mechanisms.samples import Samples, rolled
+from identification.signals.filters import block_mean, integral_of
+from identification.signals.noise import white_noise
+from youbot_env.physics import inverse_dynamics as dynamics
+from youbot_env.physics.effect import CONTACT, SPEED
+
+Array = NDArray[np.float64]
+
+OF_A_POSE = ("way", "turn", "direction", "tracked ahead", "tracked to the left")
+"""What a pose does not tell apart from kinematics: a column each, see :func:`_pose_rows`."""
+
+NUISANCES = len(OF_A_POSE)
+
+
+def kinematic_effects(mechanism: Mechanism) -> list[str]:
+    """Names of the effects in its catalogue that change how joints roll or speeds are logged."""
+    # Where no direction of the speeds is left over, there is nothing to judge them by.
+    if not mechanism.kind.internal:
+        return []
+    return [item.name for item in mechanism.catalogue if item.acts_at in (CONTACT, SPEED)]
+
+
+@dataclass(frozen=True)
+class KinematicFit:
+    """What kinematics leaves of all logs at theta (P,), in units of its noise.
+
+    own : indices of the parameters that are fitted to it
+    longest_sample : [s] between two samples of a log
+    rows : per log; residual (n, E) of the identity and, with a pose, of its three increments;
+        columns (n, E, K + F) of the pose's nuisances and of ``own``
+    """
+
+    mechanism: Mechanism
+    theta: Array
+    own: Indices
+    rows: tuple[Regression, ...]
+    longest_sample: float
+    settings: FitSettings
+
+    @cached_property
+    def _basis(self) -> Array:
+        """(K + F, Q) directions that can be seen."""
+        seen = gauge_basis(self.mechanism.holding(()), self.own)
+        size = NUISANCES + len(seen)
+        basis = np.zeros((size, NUISANCES + seen.shape[1]))
+        basis[:NUISANCES, :NUISANCES] = np.eye(NUISANCES)
+        basis[NUISANCES:, NUISANCES:] = seen / self._own_scale[:, None]
+        return basis
+
+    @property
+    def _own_scale(self) -> Array:
+        return self.mechanism.scale[self.own]
+
+    @cached_property
+    def held_out(self) -> CrossValidation:
+        """One least-squares step from theta, judged on each log that was left out."""
+        residual = [row.residual for row in self.rows]
+        columns = [row.columns for row in self.rows]
+        folds = make_folds(self.rows, (), self.settings)
+        return cross_validate(residual, columns, folds, self._basis, self.settings)
+
+    @property
+    def square(self) -> float:
+        """Sum of the squared held-out residuals."""
+        return self.held_out.square
+
+    @property
+    def mean_square(self) -> float:
+        """Of a residual, held out; 1 for white noise alone."""
+        return self.square / sum(part.size for part in self.held_out.residual)
+
+    @property
+    def step(self) -> Array:
+        """(F,) least-squares step of its own parameters."""
+        return self.held_out.step[NUISANCES:]
+
+    @cached_property
+    def covariance(self) -> Array:
+        """(F, F) of its own parameters, true for correlated residuals."""
+        scale = np.concatenate([np.ones(NUISANCES), self._own_scale])
+        # At the minimum: what the nuisances explain is no noise.
+        step = self.held_out.step
+        rows = [replace(r, residual=r.residual - r.columns @ step) for r in self.rows]
+        found = covariance_of(rows, scale[:, None] * self._basis, scale, self.settings)
+        return found[NUISANCES:, NUISANCES:]
+
+    @property
+    def p_value(self) -> float:
+        """Chance that parameters of zero would come out as far from it (Wald's test)."""
+        from scipy.stats import chi2  # slow to load
+
+        seen = self.seen
+        if not len(seen):
+            return 1.0
+        sizes = seen @ (self.theta[self.own] * self._own_scale)
+        scale = seen * self._own_scale
+        spread = scale @ self.covariance @ scale.T
+        distance = float(sizes @ np.linalg.pinv(spread, hermitian=True) @ sizes)
+        return float(chi2.sf(distance, len(seen)))
+
+    @cached_property
+    def seen(self) -> Array:
+        """(k, F) orthonormal directions of its own scaled parameters that are settled here."""
+        columns = np.concatenate([row.columns.reshape(-1, len(self._basis)) for row in self.rows])
+        known, own = columns[:, :NUISANCES], columns @ self._basis[:, NUISANCES:]
+        # What the nuisances explain of a column is no evidence.
+        weights, *_ = np.linalg.lstsq(known, own, rcond=None)
+        left = own - known @ weights
+        power, directions = np.linalg.eigh(left.T @ left)
+        deviation = np.sqrt(self.mean_square / np.maximum(power, 1e-300))
+        settled = deviation < self.settings.kinematics.max_seen_deviation
+        scaled = self._own_scale[:, None] * self._basis[NUISANCES:, NUISANCES:]
+        return (scaled @ directions[:, settled]).T
+
+    @property
+    def size(self) -> float:
+        """Largest of its own parameters, or difference of relative ones, in catalogue sizes."""
+        scaled = self.theta[self.own] * self._own_scale
+        relative = any(self.mechanism.labels[k].group for k in self.own)
+        return float(np.ptp(scaled) if relative else np.abs(scaled).max())
+
+
+class KinematicEvidence:
+    """Wheels and poses of some logs, against which kinematics can be fitted.
+
+    Logs that are too short to tell their noise are left out; ``logs`` may then be empty.
+
+    Parameters
+    ----------
+    mechanism, theta : at which the noise of the rows is measured
+    """
+
+    def __init__(
+        self,
+        mechanism: Mechanism,
+        theta: Array,
+        logs: Sequence[Samples],
+        settings: FitSettings = FitSettings(),
+    ) -> None:
+        least = settings.kinematics.min_duration
+        self.logs = [item for item in logs if len(item) * item.dt > least]
+        self.settings = settings
+        self._first = mechanism, theta
+
+    @cached_property
+    def noise(self) -> list[Array]:
+        """Per log (E,) white noise of the rows, from their own high frequencies."""
+        found = [self._rows(*self._first, item)[0] for item in self.logs]
+        noise = [white_noise(part, settings=self.settings.noise) for part in found]
+        known = self.settings.kinematics
+        least = np.array([known.min_noise, *[known.min_pose_noise] * 3])
+        return [np.maximum(level, least[: len(level)]) for level in noise]
+
+    def at(self, mechanism: Mechanism, theta: Array, effects: Sequence[str] = ()) -> KinematicFit:
+        """What is left at theta (P,), with columns of the effects' parameters."""
+        labels = mechanism.labels
+        chosen = [k for k, label in enumerate(labels) if label.component in effects]
+        own = np.array([k for k in chosen if mechanism.free[k]], dtype=np.intp)
+        rows = [
+            self._regression(mechanism, theta, *pair, own)
+            for pair in zip(self.logs, self.noise, strict=True)
+        ]
+        longest = max(item.dt for item in self.logs)
+        return KinematicFit(mechanism, theta, own, tuple(rows), longest, self.settings)
+
+    def fitted(self, mechanism: Mechanism, theta: Array, effects: Sequence[str]) -> KinematicFit:
+        """The same where the effects' parameters leave least, within their bounds."""
+        lower, upper = mechanism.bounds
+        here = self.at(mechanism, theta, effects)
+        for _ in range(self.settings.kinematics.steps):
+            theta = here.theta.copy()
+            theta[here.own] += here.step
+            here = self.at(mechanism, np.clip(theta, lower, upper), effects)
+        return here
+
+    def _regression(
+        self, mechanism: Mechanism, theta: Array, samples: Samples, noise: Array, own: Indices
+    ) -> Regression:
+        residual, nuisances = self._rows(mechanism, theta, samples)
+        columns = [nuisances]
+        for index in own:
+            step = mechanism.labels[index].parameter.difference
+            moved = np.tile(theta, (2, 1))
+            moved[:, index] += (step, -step)
+            ahead, behind = (self._rows(mechanism, there, samples)[0] for there in moved)
+            # What the parameter explains is taken from the residual.
+            columns.append((behind - ahead)[..., None] / (2 * step))
+        step = self._row_size(samples) * samples.dt
+        time = samples.time[0] + step * np.arange(1, len(residual) + 1)
+        scaled = np.concatenate(columns, axis=-1) / noise[:, None]
+        return Regression(time, step, residual / noise, scaled)
+
+    def _row_size(self, samples: Samples) -> int:
+        return max(1, round(self.settings.kinematics.row_time / samples.dt))
+
+    def _rows(self, mechanism: Mechanism, theta: Array, samples: Samples) -> tuple[Array, Array]:
+        """What kinematics leaves (n, E) [rad/s and, of a pose, m, m, rad]; nuisances (n, E, K)."""
+        structure, geometry = mechanism.structure, mechanism.geometry
+        s, size = samples, self._row_size(samples)
+        s = rolled(structure, geometry, theta, samples, mechanism.settings)
+        slip = block_mean(slip_of_joints(mechanism, theta, s), size)[:, None]
+        if not s.pose_measured:
+            return slip, np.zeros((*slip.shape, NUISANCES))
+        left, known = _pose_rows(s, size)
+        count = min(len(slip), len(left))
+        residual = np.concatenate([slip[:count], left[:count]], axis=1)
+        return residual, np.concatenate([np.zeros((count, 1, NUISANCES)), known[:count]], axis=1)
+
+
+def slip_of_joints(mechanism: Mechanism, theta: Array, rolling: Samples) -> Array:
+    """(N,) [rad/s] sum with signs of what no rigid motion explains in the joints' speeds.
+
+    ``rolling``: samples that are corrected for what theta says of kinematics. Of a platform's four
+    wheels it is phi_1' + phi_2' - phi_3' - phi_4'.
+    """
+    s = rolling
+    rates = dynamics.joint_rates(
+        np, mechanism.structure, mechanism.geometry, theta, tuple(s.twist.T)
+    )
+    apart = s.wheel_speed - np.stack(rates, axis=1)
+    return np.asarray(apart @ np.array(mechanism.kind.internal), np.float64)
+
+
+def leaders_of(before: KinematicFit, tried: Mapping[str, KinematicFit]) -> tuple[str, ...]:
+    """The effects that explain wheels and pose, alike and best; empty if none does."""
+    settings = before.settings.kinematics
+    square = before.square
+    name = min(tried, key=lambda key: tried[key].square)
+    fall = square - tried[name].square
+    if fall < settings.min_explained_share * square or not _matters(tried[name]):
+        return ()
+    most = tried[name].square + settings.max_tied_share * fall
+    found = [key for key, fit in tried.items() if fit.square <= most and _matters(fit)]
+    return tuple(sorted(found, key=lambda key: tried[key].square))
+
+
+def _matters(fit: KinematicFit) -> bool:
+    """Whether a fitted effect is significant and of a size that is worth a name."""
+    settings, mechanism = fit.settings.kinematics, fit.mechanism
+    if fit.size < settings.min_size_share or fit.p_value > settings.max_p_value:
+        return False
+    if not mechanism.structure.filters_speed:
+        return True
+    # Speeds that are means over a sample are late by half of it: that is how they are made.
+    still = (0.0,) * len(mechanism.joints)
+    _, lags = dynamics.logged_speed(np, mechanism.structure, fit.theta, still, still, 0.0)
+    return float(np.max(lags)) > fit.longest_sample
+
+
+@dataclass(frozen=True)
+class SlippingWheels:
+    """What no rigid motion explains in the wheels of some logs, beyond noise.
+
+    share : root mean square, of that of the wheel speeds; 0 without such a check
+    slips : per log (N,), whether a wheel slips then
+    """
+
+    share: float
+    slips: tuple[NDArray[np.bool_], ...]
+
+
+def slipping_wheels(
+    mechanism: Mechanism,
+    theta: Array,
+    logs: Sequence[Samples],
+    speed_noise: Sequence[Array],
+    settings: FitSettings = FitSettings(),
+) -> SlippingWheels:
+    """Where wheels slip that roll as theta says.
+
+    Parameters
+    ----------
+    speed_noise : per log (J,) white noise of a speed [rad/s]
+    """
+    if not mechanism.kind.internal:
+        return SlippingWheels(0.0, tuple(np.zeros(len(item), bool) for item in logs))
+    known, internal = settings.kinematics, np.array(mechanism.kind.internal)
+    squares, masks = list[Array](), list[NDArray[np.bool_]]()
+    usual = np.sqrt(np.mean(np.concatenate([item.wheel_speed for item in logs]) ** 2))
+    usual = float(usual * np.linalg.norm(internal))
+    for item, level in zip(logs, speed_noise, strict=True):
+        where = (mechanism.structure, mechanism.geometry, theta, item, mechanism.settings)
+        size = max(1, round(known.row_time / item.dt))
+        if len(item) < size:
+            masks.append(np.zeros(len(item), bool))
+            continue
+        slip = block_mean(slip_of_joints(mechanism, theta, rolled(*where)), size)
+        noise = float(np.linalg.norm(internal * level)) / np.sqrt(size)
+        squares.append(np.maximum(slip**2 - noise**2, -(noise**2)))
+        most = max(known.slip_deviations * noise, known.min_slip_share * usual)
+        mask = np.repeat(np.abs(slip) > most, size)
+        # Samples that fill no row are as the last one.
+        masks.append(np.pad(mask, (0, len(item) - len(mask)), mode="edge"))
+    excess = float(np.mean(np.concatenate(squares))) if squares else 0.0
+    return SlippingWheels(np.sqrt(max(excess, 0.0)) / max(usual, 1e-300), tuple(masks))
+
+
+def _pose_rows(samples: Samples, size: int) -> tuple[Array, Array]:
+    """Increments of a pose (n, 3) beyond those of the wheels, in the body frame; (n, 3, K).
+
+    A pose may differ by other things than kinematics: a scale of its way and one of its turns
+    (lengths of the geometry), the direction that it calls ahead, and the place that it tracks.
+    """
+    s = samples
+    c, sine = np.cos(s.pose[:, 2]), np.sin(s.pose[:, 2])
+    vx, vy, turning = s.twist.T
+    world = np.column_stack([c * vx - sine * vy, sine * vx + c * vy, turning])
+    yaw = s.pose[::size, 2]
+    into_body = _turned(0.5 * (yaw[1:] + yaw[:-1]))
+    steps = [
+        np.diff(signal[::size], axis=0)
+        for signal in (
+            s.pose,
+            integral_of(world, s.dt),
+            np.column_stack([c, sine, 0 * c]),
+            np.column_stack([-sine, c, 0 * c]),
+        )
+    ]
+    came, went, tracked_ahead, tracked_left = (
+        np.einsum("nij,nj->ni", into_body, step) for step in steps
+    )
+    straight, turn = went * (1.0, 1.0, 0.0), went * (0.0, 0.0, 1.0)
+    aside = np.column_stack([-went[:, 1], went[:, 0], 0 * went[:, 0]])
+    return came - went, np.stack([straight, turn, aside, tracked_ahead, tracked_left], axis=-1)
+
+
+def _turned(yaw: Array) -> Array:
+    """(n, 3, 3) from the world's frame into the body's."""
+    c, s, zero = np.cos(yaw), np.sin(yaw), 0.0 * yaw
+    rows = [[c, s, zero], [-s, c, zero], [zero, zero, zero + 1.0]]
+    return np.moveaxis(np.array(rows), -1, 0)
+
+
+def held_by(found: KinematicFit, effect: str) -> HeldDirections:
+    """The directions of an effect's parameters, in the effect's order, that are settled.
+
+    The effect's parameters are the last ones of those that the fit has.
+    """
+    count = sum(label.component == effect for label in found.mechanism.labels)
+    _, sizes, rows = np.linalg.svd(found.seen[:, -count:], full_matrices=False)
+    return HeldDirections(effect, tuple(tuple(row) for row in rows[sizes > 0.5].tolist()))
+
+
+def doubts_of_kinematics(
+    mechanism: Mechanism,
+    theta: Array,
+    logs: Sequence[Samples],
+    speed_noise: Sequence[Array],
+    settings: FitSettings = FitSettings(),
+) -> list[str]:
+    """What speaks against the kinematics of a model, in sentences; nothing where nothing does."""
+    names = [n for n in kinematic_effects(mechanism) if n not in mechanism.structure.effects]
+    if not names:
+        return []
+    evidence = KinematicEvidence(mechanism, theta, logs, settings)
+    if not evidence.logs:
+        return []
+    before = evidence.at(mechanism, theta)
+    tried = {
+        name: evidence.fitted(
+            mechanism.extended(name), mechanism.extend_theta(theta, name, {}), [name]
+        )
+        for name in names
+    }
+    leaders = leaders_of(before, tried)
+    if leaders:
+        share = 1.0 - tried[leaders[0]].square / before.square
+        return [
+            f"the wheels do not roll as the model says: {' or '.join(leaders)} would explain "
+            f"{share:.0%} of what no rigid motion or pose does; `youbot diagnose` gives its size"
+        ]
+    slip = slipping_wheels(mechanism, theta, logs, speed_noise, settings)
+    return [slip_words(slip)] if slip.share > settings.kinematics.min_slip_share else []
+
+
+def slip_words(slip: SlippingWheels) -> str:
+    """What is to be said of wheels that slip."""
+    return (
+        f"the wheels slip: {slip.share:.1%} of the wheel speeds is no rigid motion, beyond noise "
+        "and kinematics; drive more gently, or on a floor with more grip"
+    )
