@@ -206,15 +206,17 @@ def _passed(
 ) -> list[Components[N]]:
     """Torques (J) at the interface, behind the first channel, behind the second, ... ."""
     found = [tuple(torque)]
-    rates = joint_rates(xp, structure, geometry, theta, at.twist)
+    rolling = rolling_geometry(xp, structure, geometry, theta)
     for item, where in structure.at(CHANNEL):
-        points = _channels(rates, found[-1], at)
+        points = _channels(structure, rolling, found[-1], at)
         found.append(_of_joints(item, xp, points, theta[where]))
     return found
 
 
-def _channels(rates: Values[N], torque: Values[N], at: Instant[N]) -> list[Channel]:
-    """The points of the joints' torque channels; ``rates`` (J): of the joints."""
+def _channels(
+    structure: ModelStructure[Geometry], geometry: Geometry, torque: Values[N], at: Instant[N]
+) -> list[Channel]:
+    rates = structure.mechanism.joint_rates(geometry, at.twist)
     return [Channel(*pair, at.time, at.start) for pair in zip(torque, rates, strict=True)]
 
 
@@ -256,16 +258,16 @@ def interface_torque(
     torque = actuator_command(xp, structure, theta, at)
     known = _passed(xp, structure, geometry, theta, logged, at) if len(logged) else None
     channels = structure.at(CHANNEL)
-    rates = joint_rates(xp, structure, geometry, theta, at.twist)
+    rolling = rolling_geometry(xp, structure, geometry, theta)
     for k in range(len(channels) - 1, -1, -1):
         item, where = channels[k]
         if item.inverse is None:
-            torque = _affine_inverse(xp, item, theta[where], rates, torque, at)
+            torque = _affine_inverse(xp, structure, rolling, item, theta[where], torque, at)
         elif known:
             rows = zip(torque, known[k], known[k + 1], strict=True)
             torque = tuple(value + (before - after) for value, before, after in rows)
         else:
-            points = enumerate(_channels(rates, torque, at))
+            points = enumerate(_channels(structure, rolling, torque, at))
             back = tuple(item.undo(xp, point, theta[where], i) for i, point in points)
             torque = cast("Components[N]", back)
     return torque
@@ -291,9 +293,10 @@ def taken_torque(
 
 def _affine_inverse(
     xp: Namespace,
+    structure: ModelStructure[Geometry],
+    geometry: Geometry,
     item: Effect,
     values: Values[N],
-    rates: Values[N],
     true: Components[N],
     at: Instant[N],
 ) -> Components[N]:
@@ -301,7 +304,7 @@ def _affine_inverse(
     # Two evaluations give offset and slope. 0 * value, not 0: arrays, symbols and tensors keep
     # their shape and type.
     zero, one = (
-        _of_joints(item, xp, _channels(rates, before, at), values)
+        _of_joints(item, xp, _channels(structure, geometry, before, at), values)
         for before in ([0.0 * value for value in true], [0.0 * value + 1.0 for value in true])
     )
     return tuple((value - a) / (b - a) for value, a, b in zip(true, zero, one, strict=True))

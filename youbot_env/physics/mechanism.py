@@ -478,8 +478,8 @@ class ModelStructure(Generic[Geometry]):
     @cached_property
     def nonlinear(self) -> frozenset[str]:
         """Names of the effects in whose own parameters the interface force is not linear, even if
-        all else is given: shifts, what changes kinematics, channels with an inverse of their own,
-        and wrenches that are found so by trying."""
+        all else is given: shifts, what changes kinematics, channels with an inverse of their
+        own, and wrenches that are found so by trying."""
         return frozenset(
             item.name
             for item, _ in self.slices
