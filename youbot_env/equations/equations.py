@@ -118,8 +118,10 @@ def formula(
     """
     notation = notation or PLATFORM
     if item.public is not None and item.name not in BASE:
-        stated = real_symbols(parameter.name for parameter in item.public_parameters)
-        values = item.public.inverse(symbols(), _LENGTHS, *stated)
+        # A parameter that each wheel has of its own is printed for one: each gets its symbol.
+        stated = real_symbols(p.name for p in item.public_parameters for _ in p.names)
+        of_all = iter(item.public.inverse(symbols(), _LENGTHS, *stated))
+        values = [[next(of_all) for _ in p.names][0] for p in item.parameters]
     else:
         values = real_symbols(
             _SPACED.get(parameter.name, parameter.name) for parameter in item.parameters

@@ -385,8 +385,8 @@ class Registry:
             return self._effects[name]
         except KeyError:
             raise InputError(
-                f"unknown effect {name!r}; known are {', '.join(self._effects) or 'none'} "
-                "(`youbot effects` explains them)"
+                f"unknown effect {name!r}: one of your own needs --effects FILE.py; known are "
+                f"{', '.join(self._effects) or 'none'} (`youbot effects` explains them)"
             ) from None
 
     def __contains__(self, name: object) -> bool:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import atexit
 import hashlib
 import importlib.util
 import os
@@ -10,15 +9,15 @@ import sys
 import tempfile
 from collections.abc import Callable
 from dataclasses import dataclass
-from functools import cache, lru_cache
+from functools import lru_cache
 from pathlib import Path
 from types import CodeType, FunctionType, ModuleType
 from typing import Any
 
 import numpy as np
-import platformdirs
 
 import youbot_env
+from youbot_env.caching import cache_folder, is_safe, private_folder
 from youbot_env.simulation.generated_code import (
     LENGTHS,
     MOTION,
@@ -116,12 +115,6 @@ def _built(
     return compiled(structure, _private_source(structure, system))
 
 
-def cache_folder() -> Path:
-    """Where generated kernels live; the environment variable YOUBOT_CACHE_DIR moves it."""
-    chosen = os.environ.get("YOUBOT_CACHE_DIR")
-    return Path(chosen) if chosen else Path(platformdirs.user_cache_dir("youbot")) / "kernels"
-
-
 def _compiled(structure: Structure, path: Path) -> Kernel:
     """Load a generated module and call its functions once, so that a damaged cache fails here."""
     module = _load(path)
@@ -168,18 +161,23 @@ def _compiled_inverse(structure: Structure, path: Path) -> InverseKernel:
 
 
 def _cached_source(structure: Structure, system: System | Inverse) -> Path:
-    path = cache_folder() / f"{system.prefix}_{_key(structure, system)}.py"
+    folder = cache_folder()
+    if folder is None:
+        return _private_source(structure, system)
+    path = folder / f"{system.prefix}_{_key(structure, system)}.py"
     if _is_intact(path):
         return path
     try:
+        # What others wrote, or damage, must not stay: numba's pickles are loaded as they are.
+        _forget(path)
         return _write(path, _sealed_source(structure, system))
     except OSError:
         return _private_source(structure, system)
 
 
 def _private_source(structure: Structure, system: System | Inverse) -> Path:
-    """Source in a temporary folder of this process, for a cache folder that is read-only."""
-    path = _private_folder() / f"{system.prefix}_{_key(structure, system)}.py"
+    """Source in a temporary folder of this process, for a cache folder that cannot be used."""
+    path = private_folder() / f"{system.prefix}_{_key(structure, system)}.py"
     return _write(path, _sealed_source(structure, system))
 
 
@@ -196,19 +194,17 @@ def _checksum(source: str) -> str:
 
 
 def _is_intact(path: Path) -> bool:
-    """Whether a generated file exists, is complete, and numba can write beside it."""
+    """Whether a generated file exists, is complete, and numba can write beside it; and nobody else
+    can have written it, or what numba cached for it."""
+    compiled = path.parent / "__pycache__"
+    files = [path, *([compiled] if compiled.exists() else []), *compiled.glob(f"{path.stem}.*")]
+    if not all(map(is_safe, files)):
+        return False
     try:
         first, source = path.read_text("utf-8").split("\n", 1)
     except (OSError, ValueError):
         return False
     return first == _SEAL + _checksum(source) and os.access(path.parent, os.W_OK)
-
-
-@cache
-def _private_folder() -> Path:
-    folder = tempfile.TemporaryDirectory(prefix="youbot-", ignore_cleanup_errors=True)
-    atexit.register(folder.cleanup)
-    return Path(folder.name)
 
 
 def _write(path: Path, source: str) -> Path:

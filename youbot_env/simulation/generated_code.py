@@ -76,7 +76,7 @@ HEADER = '''"""Generated from the effects' own functions; written again when the
 
 from math import cos, exp, sin, sqrt, tanh
 
-from numba import njit'''
+from youbot_env.caching import njit'''
 
 
 @dataclass(frozen=True)
