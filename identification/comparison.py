@@ -251,7 +251,7 @@ def compare(
     if not logs:
         raise InputError("no log given: compare needs at least one")
     mechanism = mechanism_of(model, geometry, settings.fit.mechanism)
-    samples = mechanism.samples_of(logs)
+    samples = mechanism.samples_of(logs, *_clock_of(model))
     force, velocity = [], []
     for log, item in zip(logs, samples, strict=True):
         velocity.append(_free_run(mechanism, model.theta, log, item))
@@ -290,6 +290,18 @@ def compare(
     return Comparison(
         *(model, tuple(found), floor, where, changes, settings, geometry), tuple(kinematics)
     )
+
+
+def _clock_of(model: AnyModel) -> tuple[dict[str, float] | None, set[str]]:
+    """Start and end [s] of the clock of the logs that a model was fitted on, and their hashes."""
+    clock = model.provenance.get("clock")
+    seen = {str(log.get("sha256")) for log in model.logs}
+    # A file may hold anything there.
+    numbers = clock if isinstance(clock, dict) else {}
+    found = {key: numbers.get(key) for key in ("start", "end")}
+    if not all(isinstance(v, (int, float)) and np.isfinite(v) for v in found.values()):
+        return None, seen
+    return {key: float(value) for key, value in found.items() if value is not None}, seen
 
 
 def _free_run(mechanism: Mechanism, theta: Array, log: Log, samples: Samples) -> Traces:

@@ -17,7 +17,7 @@ from identification.diagnosis.report import describe_in, estimates
 from identification.diagnosis.settings import DiagnosisSettings
 from identification.diagnosis.structures import LoggedData, Step
 from identification.fitting.final_fit import final_fit
-from identification.logs.log import Log
+from identification.logs.log import Log, shared_clock
 from identification.mechanisms.registry import AnyModel, kind_of, mechanism_of
 from identification.mechanisms.samples import Samples
 from identification.showing import Shown
@@ -128,7 +128,7 @@ def add_effect(
         name=model.name,
         logs=tuple(log.reference for log in logs),
         errors={**after.errors, "held_out": True},
-        provenance={"command": "add", "effect": effect},
+        provenance={"command": "add", "effect": effect, "clock": shared_clock(logs)},
     )
     p_value = ranking.p_values[effect]
     reasons = [

@@ -44,7 +44,7 @@ from identification.diagnosis.structures import (
 from identification.fitting.changed_parameters import changed_parameters
 from identification.fitting.final_fit import coarse_speed_warnings, final_fit
 from identification.fitting.least_squares import Fit
-from identification.logs.log import Log, warnings_of_logs
+from identification.logs.log import Log, shared_clock, warnings_of_logs
 from identification.mechanisms.mechanism import Mechanism
 from identification.mechanisms.registry import AnyModel, kind_of, mechanism_of
 from identification.residual_map.residual_map import residual_map
@@ -473,7 +473,7 @@ def _model(
         name=model.name,
         logs=tuple(log.reference for log in logs),
         errors={**step.errors, "held_out": True, "noise_floor": floor},
-        provenance={"command": "diagnose"},
+        provenance={"command": "diagnose", "clock": shared_clock(logs)},
     )
 
 

@@ -39,7 +39,7 @@ from identification.fitting.predictability import (
 )
 from identification.fitting.regression import Regression, regression
 from identification.fitting.settings import FitSettings
-from identification.logs.log import Log, warnings_of_logs
+from identification.logs.log import Log, shared_clock, warnings_of_logs
 from identification.mechanisms.mechanism import Mechanism
 from identification.mechanisms.registry import AnyModel, kind_of, mechanism_of
 from identification.mechanisms.samples import Samples
@@ -287,7 +287,7 @@ def identify(
         name=name,
         logs=tuple(log.reference for log in logs),
         errors=errors,
-        provenance=provenance,
+        provenance={**(provenance or {}), "clock": shared_clock(logs)},
     )
     doubts = [line for line in (doubt, misfit) if line]
     doubts += warnings_of_logs(logs)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from itertools import pairwise
@@ -136,15 +136,37 @@ class Log:
         return float(self.time[-1] - self.time[0])
 
 
-def starts_on_shared_clock(logs: Sequence[Log]) -> list[float]:
+def shared_clock(logs: Sequence[Log]) -> dict[str, float] | None:
+    """Start and end [s] of the clock that logs share; None where their times overlap."""
+    spans = sorted((float(log.time[0]), float(log.time[-1])) for log in logs)
+    if any(end >= start for (_, end), (start, _) in pairwise(spans)):
+        return None
+    return {"start": spans[0][0], "end": spans[-1][1]}
+
+
+def starts_on_shared_clock(
+    logs: Sequence[Log],
+    clock: Mapping[str, float] | None = None,
+    of_clock: Collection[str] = (),
+) -> list[float]:
     """When each log begins [s] after the first one, on the clock that they share.
 
     Logs whose times overlap share none, and begin at zero each.
+
+    Parameters
+    ----------
+    clock : of other logs, from whose start to count where these go on after its end
+    of_clock : hashes of these other logs, which may be among the logs too
     """
-    spans = sorted((float(log.time[0]), float(log.time[-1])) for log in logs)
-    if any(end >= start for (_, end), (start, _) in pairwise(spans)):
+    own = shared_clock(logs)
+    if own is None:
         return [0.0] * len(logs)
-    return [float(log.time[0]) - spans[0][0] for log in logs]
+    origin = own["start"]
+    if clock is not None:
+        new = [log for log in logs if not log.sha256 or log.sha256 not in of_clock]
+        if all(log.time[0] > clock["end"] for log in new):
+            origin = clock["start"]
+    return [float(log.time[0]) - origin for log in logs]
 
 
 def warnings_of_logs(logs: Iterable[Log]) -> list[str]:

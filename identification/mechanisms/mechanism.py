@@ -7,7 +7,7 @@ identified. N samples, P parameters, F of them free, A axes, J joints.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Generic, NamedTuple, Protocol, TypeVar
@@ -355,9 +355,17 @@ class Mechanism(Generic[Known]):
             bandwidth=self._bandwidth(velocity, angle_noise, log.dt),
         )
 
-    def samples_of(self, logs: Sequence[Log]) -> list[Samples]:
-        """Motion and torque of logs that belong together, each with its start on their clock."""
-        starts = starts_on_shared_clock(logs)
+    def samples_of(
+        self,
+        logs: Sequence[Log],
+        clock: Mapping[str, float] | None = None,
+        of_clock: Collection[str] = (),
+    ) -> list[Samples]:
+        """Motion and torque of logs that belong together, each with its start on their clock.
+
+        ``clock``, ``of_clock`` : see `starts_on_shared_clock`.
+        """
+        starts = starts_on_shared_clock(logs, clock, of_clock)
         return [
             replace(self.samples(log), start=start) for log, start in zip(logs, starts, strict=True)
         ]

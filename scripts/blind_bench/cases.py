@@ -65,6 +65,9 @@ ALL_RATES = (50.0, 100.0, 250.0)
 RATES = {"none": ALL_RATES, "noise": ALL_RATES, "kinematics": (100.0, 50.0, 250.0)}
 """Log rates [Hz] that a kind goes through; 100 Hz for the others."""
 
+PAUSE = 20.0
+"""[s] Between two logs of a session."""
+
 POSE_SHARE = 0.5
 """Share of the cases whose logs hold the pose."""
 
@@ -216,13 +219,24 @@ def physics(case: Case) -> plant.Physics:
     # The wheels lie symmetric about O and have no first moment.
     mass = values["m0"] - 4 * WHEEL_MASS
     moments = {"moment_x": mass * values.pop("aX"), "moment_y": mass * values.pop("aY")}
-    base = plant.Physics(drag=np.zeros(4), gain=np.zeros(4))._replace(**values, **moments)
+    base = plant.Physics(
+        drag=np.zeros(4),
+        gain=np.zeros(4),
+        offset=np.zeros(4),
+        dry=np.zeros(4),
+        roller_dry=np.zeros(4),
+        ripple_phase=np.zeros(4),
+    )._replace(**values, **moments)
     return planted_physics(base, case.planted)
 
 
-def simulate(case: Case, twist: Array, dt: float) -> tuple[Array, Array, Array]:
-    """True speeds (N, 4), commands (N, 4) and poses (N, 3) of a case's platform along a twist."""
-    return plant.drive(physics(case), motions.wheel_speeds(twist), dt)
+def simulate(case: Case, twist: Array, dt: float, began: float = 0.0) -> tuple[Array, Array, Array]:
+    """True speeds (N, 4), commands (N, 4) and poses (N, 3) of a case's platform along a twist.
+
+    ``began``: of the run [s], on the clock that a session's runs share
+    """
+    platform = physics(case)._replace(began=began)
+    return plant.drive(platform, motions.wheel_speeds(twist), dt)
 
 
 def tick(rate: float) -> tuple[float, int]:
@@ -231,15 +245,17 @@ def tick(rate: float) -> tuple[float, int]:
     return 1.0 / (rate * ticks), ticks
 
 
-def log_along(case: Case, name: str, twist: Array) -> Log:
+def log_along(case: Case, name: str, twist: Array, began: float = 0.0) -> Log:
     """Log of a case's platform along a twist (N, 3) given at each tick of its rate.
+
+    ``began``: when the run began [s], on the clock that the logs share; 0 where they share none.
 
     A row holds the speeds at its instant and the mean of the two commands that meet there, as the
     case measures them (with white noise, if nothing else is drawn), and is rounded to 4 decimals
     like the given data.
     """
     dt, ticks = tick(case.rate)
-    speed, command, pose = simulate(case, twist, dt)
+    speed, command, pose = simulate(case, twist, dt, began)
     time = dt * np.arange(len(speed))
     # Not row 0 nor the last: there only one command meets.
     rows = np.arange(ticks, len(speed) - 1, ticks)
@@ -259,7 +275,7 @@ def log_along(case: Case, name: str, twist: Array) -> Log:
     return Log(
         name=name,
         joints=("fl", "fr", "bl", "br"),
-        time=stamps,
+        time=began + stamps,
         velocity=np.round(velocity, 4),
         effort=np.round(effort, 4),
         pose=np.round(pose[rows], 4) if case.has_pose else None,
@@ -270,7 +286,13 @@ def logs_of(case: Case) -> list[Log]:
     """Calibration and two multisines of a case: 260 s."""
     dt, _ = tick(case.rate)
     twists = references(case.kind, case.index, case.seed, dt)
-    return [log_along(case, name, twist) for name, twist in twists.items()]
+    shares = any(CATALOGUE[p.name].on_shared_clock for p in case.planted if p.name in CATALOGUE)
+    ends = np.cumsum([len(twist) * dt + PAUSE for twist in twists.values()])
+    starts = [0.0, *ends[:-1].tolist()] if shares else [0.0] * len(twists)
+    return [
+        log_along(case, name, twist, began)
+        for (name, twist), began in zip(twists.items(), starts, strict=True)
+    ]
 
 
 SHORT_NAMES = {

@@ -68,8 +68,54 @@ def payload(rng: np.random.Generator, size: float, path: Array) -> Values:
 
 
 def ripple(rng: np.random.Generator, size: float, path: Array) -> Values:
+    """One phase for all wheels or, in every other case, each its own."""
     phase = direction(rng) if rng.random() < 0.5 else 0.0
-    return {"amplitude": size, "phase": phase, "cycles": float(rng.integers(4, 13))}
+    cycles = float(rng.integers(4, 13))
+    phases = dict.fromkeys(WHEELS, phase)
+    if phase:
+        phases = {wheel: direction(rng) for wheel in WHEELS}
+    return {
+        "amplitude": size,
+        **{f"phase_{wheel}": value for wheel, value in phases.items()},
+        "cycles": cycles,
+    }
+
+
+def offsets(rng: np.random.Generator, size: float, path: Array) -> Values:
+    """Offsets of all four channels, the largest ``size``; none along what exerts no force."""
+    draw = rng.uniform(-1.0, 1.0, 4)
+    unseen = np.array([0.5, 0.5, -0.5, -0.5])
+    draw -= unseen * (unseen @ draw)
+    draw *= size / np.abs(draw).max()
+    return {f"offset_{wheel}": value for wheel, value in zip(WHEELS, draw, strict=True)}
+
+
+def one_wheel(rng: np.random.Generator, size: float, path: Array) -> Values:
+    """One wheel has it, the others none."""
+    share = np.eye(4)[rng.integers(4)]
+    return {f"extra_{wheel}": size * value for wheel, value in zip(WHEELS, share, strict=True)}
+
+
+def drift(rng: np.random.Generator, size: float, path: Array) -> Values:
+    return {"fraction": size, "time_constant": rng.uniform(40.0, 120.0)}
+
+
+def asymmetric(rng: np.random.Generator, size: float, path: Array) -> Values:
+    return {"coulomb": size, "viscous": size * rng.uniform(0.05, 0.2)}
+
+
+def swing(rng: np.random.Generator, size: float, path: Array) -> Values:
+    """``size``: period over 2 pi [s]; the larger, the slower the drive."""
+    return {"frequency": 1.0 / size, "damping": rng.uniform(0.2, 0.6)}
+
+
+def limit(rng: np.random.Generator, size: float, path: Array) -> Values:
+    """``size``: the inverse of the limit [1/(N m)], so that more is stronger."""
+    return {"limit": 1.0 / size}
+
+
+def twist(rng: np.random.Generator, size: float, path: Array) -> Values:
+    return {"stiffness": size, "neutral": rng.uniform(-1.0, 1.0)}
 
 
 def spot(rng: np.random.Generator, path: Array) -> Array:

@@ -33,6 +33,7 @@ class Plantable:
     carriers : variables beyond the twist that the force of an effect outside the catalogue
         depends on
     family : effects of one family can hardly be told apart, so two of them are no pair
+    on_shared_clock : whether it runs on over a session's logs
     """
 
     name: str
@@ -42,6 +43,7 @@ class Plantable:
     plant: Callable[[Values], dict[str, float | Array]]
     carriers: tuple[str, ...] = ()
     family: str = ""
+    on_shared_clock: bool = False
 
 
 def _renamed(**fields: str) -> Callable[[Values], dict[str, float | Array]]:
@@ -157,7 +159,11 @@ CATALOGUE = {
             0.25,
             "N m",
             draws.ripple,
-            _renamed(ripple="amplitude", ripple_cycles="cycles", ripple_phase="phase"),
+            lambda values: {
+                "ripple": values["amplitude"],
+                "ripple_cycles": values["cycles"],
+                **_per_wheel("ripple_phase", "phase")(values),
+            },
         ),
         Plantable(
             "roller_inertia",
@@ -173,6 +179,78 @@ CATALOGUE = {
             "kg",
             draws.payload,
             _renamed(load="mass", load_x="x", load_y="y", load_time="time"),
+        ),
+        Plantable(
+            "torque_offset",
+            0.08,
+            "N m",
+            draws.offsets,
+            _per_wheel("offset", "offset"),
+            family="constant",
+        ),
+        Plantable(
+            "torque_constant_drift",
+            0.15,
+            "1",
+            draws.drift,
+            _renamed(fall="fraction", fall_time="time_constant"),
+            on_shared_clock=True,
+        ),
+        Plantable(
+            "speed_dependent_gain",
+            0.15,
+            "1",
+            draws.one_number("loss"),
+            _renamed(back_emf="loss"),
+            family="dry",
+        ),
+        Plantable(
+            "torque_saturation",
+            1.0 / 0.8,
+            "1/(N m)",
+            draws.limit,
+            _renamed(torque_limit="limit"),
+        ),
+        Plantable("dead_zone", 0.1, "N m", draws.one_number("width"), _renamed(zone="width")),
+        Plantable(
+            "drive_resonance",
+            1.0 / 25.0,
+            "s/rad",
+            draws.swing,
+            _renamed(swing="frequency", swing_damping="damping"),
+            family="late",
+        ),
+        Plantable(
+            "uneven_coulomb_friction",
+            0.25,
+            "N m",
+            draws.one_wheel,
+            _per_wheel("dry", "extra"),
+            family="dry",
+        ),
+        Plantable(
+            "uneven_roller_friction",
+            0.06,
+            "N m",
+            draws.one_wheel,
+            _per_wheel("roller_dry", "extra"),
+        ),
+        Plantable(
+            "asymmetric_friction",
+            0.08,
+            "N m",
+            draws.asymmetric,
+            _renamed(forward_dry="coulomb", forward_viscous="viscous"),
+            family="constant",
+        ),
+        Plantable("yaw_scrub", 2.0, "N m", draws.one_number("torque"), _renamed(scrub="torque")),
+        Plantable("cable_drag", 6.0, "N", draws.one_number("force"), _renamed(trail="force")),
+        Plantable(
+            "cable_twist",
+            0.6,
+            "N m/rad",
+            draws.twist,
+            _renamed(twist_stiffness="stiffness", twist_neutral="neutral"),
         ),
     )
 }

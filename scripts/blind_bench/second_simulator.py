@@ -36,12 +36,16 @@ class Physics(NamedTuple):
     """Parameters of a platform and its effects, SI units; zero (for the load: `NEVER`) means none.
 
     The first block is the platform, the second are the effects of the catalogue, the third
-    effects outside the catalogue. ``drag``, ``gain``, ``radius`` (true over nominal) and
-    ``roller_angle`` (of a roller's axis to X, without its sign) are (4,), one value a wheel.
+    effects outside the catalogue. Arrays are (4,), one value a wheel; ``radius`` is true over
+    nominal, ``roller_angle`` that of a roller's axis to X, without its sign.
     """
 
     drag: Array
     gain: Array
+    offset: Array
+    dry: Array
+    roller_dry: Array
+    ripple_phase: Array
     half_width: float = 0.15
     half_length: float = 0.2355
     wheel_radius: float = 0.0475
@@ -72,7 +76,6 @@ class Physics(NamedTuple):
     lag: float = 0.0
     ripple: float = 0.0
     ripple_cycles: float = 0.0
-    ripple_phase: float = 0.0
     roller_inertia: float = 0.0
     load: float = 0.0
     load_x: float = 0.0
@@ -80,6 +83,23 @@ class Physics(NamedTuple):
     load_time: float = NEVER
     radius: Array = np.ones(4)
     roller_angle: Array = np.full(4, math.pi / 4)
+    began: float = 0.0  # [s] of the run, on the clock that a session's runs share
+    fall: float = 0.0
+    fall_time: float = 60.0
+    back_emf: float = 0.0
+    torque_limit: float = 0.0
+    zone: float = 0.0
+    swing: float = 0.0
+    swing_damping: float = 0.0
+    forward_dry: float = 0.0
+    forward_viscous: float = 0.0
+    forward_width: float = 0.1
+    scrub: float = 0.0
+    scrub_width: float = 0.02
+    trail: float = 0.0
+    trail_width: float = 0.005
+    twist_stiffness: float = 0.0
+    twist_neutral: float = 0.0
 
     nap: float = 0.0
     nap_direction: float = 0.0
@@ -109,14 +129,33 @@ def _wheel_friction(p: Physics, i: int, rate: float, angle: float, torque: float
     if p.cold != 0.0:
         viscous += p.mu1 * p.cold * math.exp(-time / p.warming_time)
     total = viscous * rate + p.quadratic * rate * abs(rate)
-    dry = p.coulomb + p.load_share * abs(torque)
+    dry = p.coulomb + p.dry[i] + p.load_share * abs(torque)
     if p.breakaway != 0.0:
         dry += p.breakaway * math.exp(-((rate / p.stribeck_speed) ** 2))
     if dry != 0.0:
         total += dry * math.tanh(rate / p.dry_width)
     if p.ripple != 0.0:
-        total += p.ripple * math.sin(p.ripple_cycles * angle + p.ripple_phase)
+        total += p.ripple * math.sin(p.ripple_cycles * angle + p.ripple_phase[i])
+    # Larger forwards: the same sign whichever way the wheel turns.
+    if p.forward_dry != 0.0 or p.forward_viscous != 0.0:
+        total += p.forward_dry * abs(math.tanh(rate / p.forward_width))
+        total += p.forward_viscous * abs(rate)
     return total
+
+
+@njit(cache=True)
+def _exerted(p: Physics, i: int, command: float, rate: float, time: float):
+    """Torque [N m] that a command becomes, before the drive's own dynamics."""
+    if p.torque_limit > 0.0:
+        command = min(max(command, -p.torque_limit), p.torque_limit)
+    if p.zone > 0.0:
+        command = math.copysign(max(abs(command) - p.zone, 0.0), command)
+    torque = (1.0 + p.gain[i]) * command + p.offset[i]
+    if p.back_emf > 0.0:
+        torque *= 1.0 - p.back_emf * abs(rate) / 10.0
+    if p.fall != 0.0:
+        torque *= 1.0 - p.fall + p.fall * math.exp(-(p.began + time) / p.fall_time)
+    return torque
 
 
 @njit(cache=True)
@@ -124,6 +163,9 @@ def _outside(p: Physics, x: float, y: float, yaw: float, u: float, v: float):
     """World force (X, Y) [N] at O of the tether and of effects outside the catalogue."""
     fx = -p.tether * (x - p.anchor_x)
     fy = -p.tether * (y - p.anchor_y)
+    if p.trail != 0.0:
+        speed = math.sqrt(u * u + v * v + p.trail_width**2)
+        fx, fy = fx - p.trail * u / speed, fy - p.trail * v / speed
     if p.nap != 0.0:
         c, s = math.cos(p.nap_direction), math.sin(p.nap_direction)
         push = -p.nap * math.tanh((c * u + s * v) / 0.01)
@@ -189,7 +231,8 @@ def _couple(a: Array, b: Array, row: Array, inertia: float, bias: float, torque:
 def derivative(
     p: Physics, q: Array, command: Array, time: float, loaded: bool, work: Array, dq: Array
 ):
-    """State q: x, y, yaw, their world rates u, v, W, four wheel angles, four acting torques."""
+    """State q: x, y, yaw, their world rates u, v, W, four wheel angles, four acting torques and the
+    rates of these."""
     c, s, w = math.cos(q[2]), math.sin(q[2]), q[5]
     mass, mx, my, inertia = p.m0, p.moment_x, p.moment_y, p.I0
     if loaded:
@@ -207,6 +250,7 @@ def derivative(
     b[0] = w * w * sx + fx + mass * slope_x
     b[1] = w * w * sy + fy + mass * slope_y
     b[2] = sx * slope_y - sy * slope_x
+    b[2] -= p.scrub * math.tanh(w / p.scrub_width) + p.twist_stiffness * (q[2] - p.twist_neutral)
 
     for i in range(4):
         x = p.half_length if i < 2 else -p.half_length
@@ -218,19 +262,26 @@ def derivative(
         row[0], row[1], row[2] = c * jx - s * jy, s * jx + c * jy, jy * x - jx * y
         rate = row[0] * q[3] + row[1] * q[4] + row[2] * w
         bias = w * (row[0] * q[4] - row[1] * q[3])
-        torque = q[10 + i] if p.lag > 0.0 else (1.0 + p.gain[i]) * command[i]
+        wanted = _exerted(p, i, command[i], rate, time)
+        torque = q[10 + i] if p.lag > 0.0 or p.swing > 0.0 else wanted
         resists = _wheel_friction(p, i, rate, q[6 + i], torque, time)
         _couple(a, b, row, p.I1, bias, torque - resists)
         dq[6 + i] = rate
-        dq[10 + i] = ((1.0 + p.gain[i]) * command[i] - q[10 + i]) / p.lag if p.lag > 0.0 else 0.0
+        dq[10 + i] = (wanted - q[10 + i]) / p.lag if p.lag > 0.0 else 0.0
+        dq[14 + i] = 0.0
+        if p.swing > 0.0:
+            dq[10 + i] = q[14 + i]
+            dq[14 + i] = p.swing**2 * (wanted - q[10 + i])
+            dq[14 + i] -= 2.0 * p.swing_damping * p.swing * q[14 + i]
         # Its roller: sideways speed of the contact, over r times the cosine of its axis.
         j = -1.0 / (math.cos(p.roller_angle[i]) * p.roller_radius)
         row[0], row[1], row[2] = -s * j, c * j, x * j
         rate = row[0] * q[3] + row[1] * q[4] + row[2] * w
         bias = w * (row[0] * q[4] - row[1] * q[3])
         resists = p.mu2 * rate
-        if p.roller_coulomb != 0.0:
-            resists += p.roller_coulomb * math.tanh(rate / p.roller_dry_width)
+        roller_dry = p.roller_coulomb + p.roller_dry[i]
+        if roller_dry != 0.0:
+            resists += roller_dry * math.tanh(rate / p.roller_dry_width)
         _couple(a, b, row, p.roller_inertia, bias, -resists)
 
     dq[0], dq[1], dq[2] = q[3], q[4], w
@@ -269,8 +320,8 @@ def _speeds(p: Physics, q: Array, out: Array):
 
 @njit(cache=True)
 def _drive(p, wanted, dt, steps, limits, speed, command, pose):
-    q = np.zeros(14)
-    work, k = np.empty((5, 3)), np.empty((5, 14))
+    q = np.zeros(18)
+    work, k = np.empty((5, 3)), np.empty((5, 18))
     total = np.zeros(4)
     for n in range(len(wanted)):
         _speeds(p, q, speed[n])
@@ -290,11 +341,13 @@ def steps_for(p: Physics, dt: float) -> int:
     That of a smoothed dry friction at rest is inertia times width over torque. With much longer
     steps the method would be unstable.
     """
-    wheel = (p.coulomb + p.breakaway + p.load_share * 2.0) / p.dry_width
-    roller = p.roller_coulomb / p.roller_dry_width
+    wheel = (p.coulomb + p.dry.max() + p.breakaway + p.load_share * 2.0) / p.dry_width
+    wheel += abs(p.forward_dry) / p.forward_width
+    roller = (p.roller_coulomb + p.roller_dry.max()) / p.roller_dry_width
     inertia = 0.25 * p.m0 * p.wheel_radius**2 + p.I1
     rate = wheel / inertia + 8.0 * roller / (p.roller_radius**2 * p.m0)
     rate += (p.nap / 0.01 + p.patch / 0.005) / p.m0 + (1.0 / p.lag if p.lag > 0.0 else 0.0)
+    rate += p.trail / p.trail_width / p.m0 + p.scrub / p.scrub_width / p.I0 + p.swing
     return max(1, math.ceil(rate * dt))
 
 

@@ -80,7 +80,9 @@ def true_model(case: Case) -> Model | None:
 def velocity_error(model: Model, logs: Sequence[Log]) -> float:
     """Velocity error of a model's free run over all logs."""
     mechanism = Mecanum(model.geometry, model.structure)
-    runs = (velocity_traces(mechanism, model.theta, mechanism.samples(log)) for log in logs)
+    runs = (
+        velocity_traces(mechanism, model.theta, samples) for samples in mechanism.samples_of(logs)
+    )
     return add_up(map(SumsOfSquares.of, runs)).ratio
 
 

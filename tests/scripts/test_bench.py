@@ -70,14 +70,19 @@ def derivative(case: cases.Case, state: np.ndarray, torque: np.ndarray) -> np.nd
     """What the generator says of a state in the order of the package's own."""
     (vx, vy, wz), pose, time = state[:3], state[3:6], state[10]
     c, s = np.cos(pose[2]), np.sin(pose[2])
-    q = np.zeros(14)
+    q = np.zeros(18)
     q[:3], q[3:6], q[6:10] = pose, (c * vx - s * vy, s * vx + c * vy, wz), state[6:10]
-    q[10:] = state[11:15] if len(state) > 11 else 0.0
-    p, dq = cases.physics(case), np.zeros(14)
+    # What stands behind the platform's own state: drives, and when the log began.
+    known = trials.true_model(case)
+    names = known.structure.state_names[11:] if known else ()
+    more = dict(zip(names, state[11:], strict=True))
+    drives = [name for name in names if name != "start"]
+    q[10 : 10 + len(drives)] = [more[name] for name in drives]
+    p, dq = cases.physics(case)._replace(began=more.get("start", 0.0)), np.zeros(18)
     plant.derivative(p, q, torque, time, time >= p.load_time, np.empty((5, 3)), dq)
     ax, ay = c * dq[3] + s * dq[4] + wz * vy, c * dq[4] - s * dq[3] - wz * vx
     rates = [ax, ay, dq[5], *dq[:3], *dq[6:10], 1.0]
-    return np.array([*rates, *dq[10:]] if len(state) > 11 else rates)
+    return np.array([*rates, *dq[10 : 10 + len(drives)], *([0.0] if "start" in names else [])])
 
 
 def truth_of(case: cases.Case) -> Model:
@@ -104,6 +109,8 @@ def test_two_statements_of_the_same_physics_agree(name: str):
                 rng.standard_normal(size) * np.r_[0.2, 0.2, 0.5, np.ones(7), 0, np.ones(size - 11)]
             )
             state[10] = rng.uniform(0.0, 60.0)
+            if model.structure.reads_start:
+                state[-1] = rng.uniform(0.0, 60.0)
             torque = rng.standard_normal(4)
             expected = model.state_derivative(state, torque)
             np.testing.assert_allclose(derivative(case, state, torque), expected, 1e-9, 1e-9)

@@ -2,18 +2,26 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
+from controllers.recording import record
+from identification import identify
+from identification.comparison import _clock_of
 from identification.diagnosis.diagnose import select
 from identification.diagnosis.sentences import WORDS, describe
 from identification.diagnosis.structures import LoggedData
+from identification.fitting.errors import SumsOfSquares, force_traces
 from identification.fitting.final_fit import final_fit
+from identification.logs.log import Log, starts_on_shared_clock
 from identification.mechanisms.physical_parameters import fitted_model
 from identification.mechanisms.registry import mechanism_of
 from tests.identification.recordings import recording
 from tests.youbot_env.structures import EFFECTS, catalogue_values
 from youbot_env.model.model_file import load_model
+from youbot_env.motions.multisine import multisine
 from youbot_env.physics.effect import CATALOGUE
 
 PAPER = load_model("paper")
@@ -80,3 +88,43 @@ def test_a_sentence_holds_the_size_and_how_to_confirm_it(name: str):
     sentence = describe(CATALOGUE[name], catalogue_values(name), base)
     assert any(digit.isdigit() for digit in sentence)
     assert "to confirm" in sentence or name == "payload_change"
+
+
+def session(values: dict[str, float], *starts: float) -> list[Log]:
+    """Logs of one platform that begin at these times of a session."""
+    motions = [multisine(np.random.default_rng(k), name=f"run_{k}") for k in range(len(starts))]
+    made = []
+    for motion, start in zip(motions, starts, strict=True):
+        # The recorder's clock is that of the run: what has fallen since is a share of all torques.
+        fraction, constant = values["fraction"], values["time_constant"]
+        (log,) = record(PAPER, [motion], rate=50.0, seed=1)
+        factor = 1 - fraction * (1 - np.exp(-(start + log.time - log.time[0]) / constant))
+        made.append(replace(log, time=log.time + start, effort=log.effort / factor[:, None]))
+    return made
+
+
+def test_a_drift_goes_on_over_a_session_and_into_logs_that_come_later():
+    values = {"fraction": 0.2, "time_constant": 80.0}
+    *fitted, later = session(values, 5.0, 90.0, 200.0)
+    start = PAPER.with_effect("torque_constant_drift", time_constant=80.0)
+    found = identify(fitted, start=start, recursive=False).model
+    assert found.values["torque_constant_drift.fraction"] == pytest.approx(0.2, abs=0.02)
+    clock, of_clock = _clock_of(found)
+    assert clock == {"start": pytest.approx(5.02), "end": pytest.approx(150.0)}
+    mechanism = mechanism_of(found)
+    errors = []
+    for known in (clock, None):
+        (samples,) = mechanism.samples_of([later], known, of_clock)
+        errors.append(SumsOfSquares.of(force_traces(mechanism, found.theta, samples)).ratio)
+    assert errors[0] < 0.3 * errors[1]
+    assert _clock_of(replace(found, provenance={"clock": {"start": "yesterday"}}))[0] is None
+
+
+def test_logs_that_overlap_share_no_clock():
+    log = recording(rate=50.0)
+    later = replace(log, time=log.time + 500.0)
+    assert starts_on_shared_clock([log, later]) == [0.0, pytest.approx(500.0)]
+    assert starts_on_shared_clock([log, replace(log, time=log.time + 1.0)]) == [0.0, 0.0]
+    clock = {"start": -20.0, "end": -10.0}
+    assert starts_on_shared_clock([later], clock)[0] == pytest.approx(later.time[0] + 20.0)
+    assert starts_on_shared_clock([later], {"start": 0.0, "end": 600.0}) == [0.0]
