@@ -109,8 +109,9 @@ class LogTerms:
         """At the poses: way per c (m,), e^(i yaw) (m,), turned angle per g/4 (m,)."""
         angle = angles_at(self.motion, delay)
         yaw = self.smooth_yaw(angle, float(theta[_G]))
-        path = turned_paths(angle, yaw)
-        rolled = path.sum(axis=1) + 1j * (path @ LATERAL)
+        # x + i y of four wheels at once: ways ahead and to the left, turned into the world.
+        ahead = (angle.sum(axis=1) + 1j * (angle @ LATERAL))[:, None]
+        rolled = turned_paths(ahead, yaw)[:, 0]
         return rolled[self.rows] / 4, np.exp(1j * yaw[self.rows]), (angle @ TURNING)[self.rows] / 4
 
     def residual_path(self, theta: Array) -> Array:

@@ -33,7 +33,7 @@ class KinematicsSettings(Settings):
         metadata={
             "unit": "s",
             "reason": "over which poses are averaged: a tracked body sways faster than wheels "
-            "drive. A real robot's delay of 50 ms is found as 35, 42 and 49 ms with 0.1, 0.2, 0.3 s",
+            "drive; a real robot's 50 ms are found as 35, 42, 49 ms with 0.1, 0.2, 0.3 s",
         },
     )
     yaw_smoothing_time: float = field(
@@ -82,6 +82,13 @@ class KinematicsSettings(Settings):
         metadata={
             "unit": "share of what the best leaves",
             "reason": "an order that leaves little more than the best is taken if it is simpler",
+        },
+    )
+    alternative_changes: float = field(
+        default=1.0,
+        metadata={
+            "unit": "changed columns",
+            "reason": "two signs and four exchanged columns may be one: both are told",
         },
     )
     min_explained_share: float = field(
