@@ -62,6 +62,12 @@ NO_SETTING = {
         "_DEGREES": "degrees in a radian",
         "_LOOKED_AT": "rows that tell whether a column is text",
         "DECIMALS": "of a written file",
+        **dict.fromkeys(
+            ("MAX_BYTES", "MAX_STREAM", "MAX_CELLS", "MAX_HEADER", "MAX_COLUMNS", "MAX_ROWS"),
+            "bound on time and memory: of what is read of a file",
+        ),
+        "MAX_LINE": "bound on time and memory: of a line",
+        "CHUNK": "bytes that are decompressed at a time",
     },
     "mechanisms": {
         "_MOTION": "names of a formula's arguments",
