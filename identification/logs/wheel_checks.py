@@ -237,7 +237,7 @@ def scale_of_pose(log: Log, limits: CheckLimits) -> Iterator[Finding]:
     if max(gain, 1 / gain) < settings.max_radius_ratio:
         radius, reach = geometry.R * gain, settings.interval_deviations * geometry.R * std
         message = (
-            f"R = {radius:.5f} +- {reach:.5f} m by the pose (95 %), {geometry.R:g} m by the "
+            f"R = {radius:.5f} +- {reach:.1g} m by the pose (95 %), {geometry.R:g} m by the "
             f"geometry: the pose travels {gain:.3g} times what the wheels roll"
         )
         cure = (
