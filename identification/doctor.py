@@ -153,11 +153,17 @@ def examine_log(
         log = read_log(path, kind.joints, geometry=geometry)
         start = (kind.whole or kind.start)([log], unit)
     except LogError as error:
-        return LogExamination(error.findings)
+        return LogExamination(most_serious_first(error.findings))
     except InputError as error:
         return LogExamination(refusal=str(error))
     shows = log_shows(log, mechanism_of(start, geometry), start.theta)
-    return LogExamination(log.findings, "", log, joint_units(start), shows)
+    return LogExamination(most_serious_first(log.findings), "", log, joint_units(start), shows)
+
+
+def most_serious_first(findings: Sequence[Finding]) -> tuple[Finding, ...]:
+    """Errors, warnings, repairs, remarks: each kind in the order in which it was found."""
+    levels = ("error", "warning", "repaired", "info")
+    return tuple(sorted(findings, key=lambda finding: levels.index(finding.level)))
 
 
 def joint_units(model: AnyModel) -> dict[str, str]:

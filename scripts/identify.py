@@ -114,6 +114,22 @@ def _print(out: Console, result: Identification) -> None:
     out.print(line)
     for warning in result.warnings[len(result.first_warnings) :]:
         out.print(f"warning: {warning}", style="yellow")
+    if told := _geometry_line(result.mechanism.geometry):
+        out.print(told, soft_wrap=True)
+
+
+def _geometry_line(geometry: object) -> str:
+    """The lengths that were taken for true; "" of what is no platform."""
+    from youbot_env.physics.geometry import Geometry
+
+    if not isinstance(geometry, Geometry):
+        return ""
+    g = geometry
+    whose = " (the youBot's; another robot's: --geometry)" if g == Geometry() else ""
+    return (
+        f"with l = {g.l:.4g}, h = {g.h:.4g}, R = {g.R:.4g}, r = {g.r:.4g} m, m1 = {g.m1:.4g} kg "
+        f"taken for true{whose}"
+    )
 
 
 if __name__ == "__main__":

@@ -79,7 +79,9 @@ def _print(out: Console, found: Kinematics) -> None:
     for finding in found.findings:
         cure = f"; {finding.cure}" if finding.cure else ""
         style = STYLES.get(finding.level)
-        out.print(f"{finding.level}: {finding.message}{cure}", style=style, soft_wrap=True)
+        place = f"{finding.column}: " if finding.column else ""
+        line = f"{finding.level}: {place}{finding.message}{cure}"
+        out.print(line, style=style, soft_wrap=True)
     rows = []
     for name, length in found.parameters.items():
         if length.value is None or length.std is None:

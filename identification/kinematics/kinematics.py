@@ -46,13 +46,14 @@ class Length:
 
 @dataclass(frozen=True)
 class KinematicFinding:
-    """What the estimation found: level (error, warning, info), message, cure."""
+    """What the estimation found: level (error, warning, info), message, cure, column."""
 
     level: str
     message: str
     cure: str = ""
+    column: str | None = None
 
-    def to_dict(self) -> dict[str, str]:
+    def to_dict(self) -> dict[str, str | None]:
         """JSON form."""
         return asdict(self)
 
@@ -159,18 +160,21 @@ def aligned(
         turned = _best(degrees, (0.0, lag), settings, True)
         if turned[0].share > max(settings.min_explained_share, other[0].share):
             cure = "convert it to radians (times 0.0174533)"
-            findings.append(KinematicFinding("error", "pose_yaw looks like degrees", cure))
+            told = KinematicFinding("error", "looks like degrees", cure, "pose_yaw")
+            findings.append(told)
             motion, found, other = degrees, turned, turned
         clearly = other[0].share - found[0].share > settings.min_better_share
         if clearly and other[0].share > settings.min_explained_share:
             found = other
     orientation, lag = found
+    if abs(lag) > settings.max_delay:
+        orientation, lag = _finer(motion, orientation, lag, settings)
     message, cure = describe(orientation)
     if message:
         now = f"{100 * orientation.share:.0f} % of the pose's way is explained then"
         findings.append(KinematicFinding("error", f"{message}: {now}", cure))
     right = orientation.corrected(motion)
-    if abs(lag) > settings.max_delay:
+    if abs(lag) > settings.max_delay and orientation.share > settings.min_explained_share:
         side = "later" if lag > 0 else "earlier"
         findings.append(
             KinematicFinding(
@@ -191,6 +195,16 @@ def _best(
         for lag in lags
     ]
     return max(found, key=lambda pair: pair[0].share)
+
+
+def _finer(
+    motion: Motion, found: Orientation, lag: float, settings: KinematicsSettings
+) -> tuple[Orientation, float]:
+    """The lag near a coarse one at which the pose is explained best."""
+    near = lag + settings.delay_step * np.arange(-20, 21, 2)
+    turned = found.corrected(motion)
+    best = _best(turned, near.tolist(), settings, True)
+    return replace(found, share=best[0].share), best[1]
 
 
 def _from_degrees(motion: Motion) -> Motion:
@@ -236,7 +250,7 @@ def _from_pose(
         lags.append(lag)
     arm = float(np.median([abs(c) / g if g > 0 else 0.0 for c, g in starts]))
     turned = sum(_turning(motion) for motion in done)
-    metre = _metre(arm, nominal, settings) if turned > settings.min_turning else 1.0
+    metre = units_a_metre(arm, nominal, settings) if turned > settings.min_turning else 1.0
     if metre != 1.0:
         name = {100.0: "centimetres", 1000.0: "millimetres"}[metre]
         told = f"pose_x and pose_y look like {name}: L would be {arm:.4g} m"
@@ -343,7 +357,7 @@ def _assemble(
     return Kinematics(parameters, slip, findings, travelled, turned, found, wheels, unit, counts)
 
 
-def _metre(arm: float, nominal: Geometry, settings: KinematicsSettings) -> float:
+def units_a_metre(arm: float, nominal: Geometry, settings: KinematicsSettings) -> float:
     """How many units of the pose's length a metre has, by the wheels' arm in them."""
     for metre in (100.0, 1000.0):
         ratio = arm / metre / nominal.L

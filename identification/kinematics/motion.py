@@ -83,10 +83,10 @@ def angles_at(motion: Motion, delay: float) -> Array:
     return inside + dt * beyond * speed[at]
 
 
-def turned_paths(angle: Array, yaw: Array) -> Complex:
-    """Way (n, 4) in the world that a metre of radius and wheel would roll ahead: complex x + i y.
+def turned_paths(angle: Array | Complex, yaw: Array) -> Complex:
+    """Ways (n, k) in the world, complex x + i y, of angles (n, k) that roll ahead at a radius of 1.
 
-    ``angle`` (n, 4) of the wheels, ``yaw`` (n,) of the platform.
+    An imaginary angle rolls to the left; ``yaw`` (n,) is the platform's.
     """
     middle = np.exp(0.5j * (yaw[1:] + yaw[:-1]))[:, None]
     path = np.zeros(angle.shape, complex)

@@ -7,7 +7,7 @@ world that may be mirrored. Pieces of a second are compared, so that the noise o
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import permutations, product
 
 import numpy as np
@@ -22,6 +22,7 @@ from identification.kinematics.motion import (
     turned_paths,
 )
 from identification.kinematics.settings import KinematicsSettings
+from identification.kinematics.wheel_order import described
 from youbot_env.physics.geometry import SIGN_LATERAL, SIGN_Y, WHEELS
 
 _LATERAL = np.array(SIGN_LATERAL)
@@ -40,6 +41,7 @@ class Orientation:
     yaw_sign : of pose_yaw
     c : complex, 1/4 of what makes ways of turned wheels [m/rad]
     g : the same for the yaw [rad/rad]
+    others : that explain as much and change little more
     share : of the pose's ways, or of its turns if that is less, that this explains; 1 at most
     """
 
@@ -50,6 +52,7 @@ class Orientation:
     c: complex
     g: float
     share: float
+    others: tuple[Orientation, ...] = ()
 
     @property
     def changes(self) -> float:
@@ -127,8 +130,11 @@ def orientation_of(
         found.append(_explain(pieces, order, signs, mirrored, yaw_sign, settings))
     best = max(one.share for one in found)
     least = best - settings.share_tolerance * (1 - min(best, 1 - 1e-3))
-    least = min(least, best - 1e-3)
-    return min((one for one in found if one.share >= least), key=lambda one: one.changes)
+    near = [one for one in found if one.share >= min(least, best - 1e-3)]
+    simplest = min(near, key=lambda one: one.changes)
+    most = simplest.changes + settings.alternative_changes
+    others = [one for one in near if one is not simplest and one.changes <= most]
+    return replace(simplest, others=tuple(sorted(others, key=lambda one: one.changes)[:1]))
 
 
 def _changes(
@@ -214,14 +220,24 @@ def describe(found: Orientation) -> tuple[str, str]:
     """What is wrong, and what cures it, in words; empty where nothing is."""
     if found.as_logged:
         return "", ""
+    message, cure = _described(found)
+    for other in found.others:
+        more, or_else = _described(other)
+        # A mirrored world and exchanged sides are told as one already.
+        if more and "mirrored" not in message:
+            message, cure = f"{message}, or {more}", f"{cure}; or {or_else}"
+    return message, cure
+
+
+def _described(found: Orientation) -> tuple[str, str]:
     wrong, cures = [], []
     turned = [WHEELS[k] for k, sign in zip(found.order, found.signs, strict=True) if sign < 0]
-    pairs = _exchanged(found.order)
+    pairs = described(found.order)
     if pairs:
         wrong.append(f"{pairs} are exchanged")
         cures.append("put velocity_* (and effort_*) in the order fl, fr, bl, br")
     if turned:
-        names = ", ".join(f"velocity_{wheel}" for wheel in turned)
+        names = " and ".join(f"velocity_{wheel}" for wheel in turned)
         wrong.append(f"the sign of {names} is wrong")
         cures.append(f"multiply {names} by -1")
     if found.mirrored or found.yaw_sign < 0:
@@ -231,25 +247,13 @@ def describe(found: Orientation) -> tuple[str, str]:
     return " and ".join(wrong), "; ".join(cures)
 
 
-def _exchanged(order: tuple[int, ...]) -> str:
-    """Which wheels' columns are exchanged, in words."""
-    named: dict[tuple[int, ...], str] = {
-        (2, 3, 0, 1): "front and back wheels",
-        (1, 0, 3, 2): "left and right wheels",
-        (3, 2, 1, 0): "wheels of opposite corners",
-    }
-    if order in named:
-        return named[order]
-    moved = [i for i, k in enumerate(order) if i != k]
-    return "the columns of " + ", ".join(WHEELS[i] for i in moved) if moved else ""
-
-
 def _pose_fault(found: Orientation) -> tuple[str, str]:
     turned = float(np.degrees(np.angle(found.c)))
     if found.mirrored and found.yaw_sign < 0:
         return (
-            "the pose is mirrored: y points right and yaw grows clockwise",
-            "multiply pose_y and pose_yaw by -1",
+            "the pose is mirrored (y to the right, yaw clockwise), or left and right wheels are "
+            "exchanged",
+            "multiply pose_y and pose_yaw by -1, or exchange the wheels' columns",
         )
     if not found.mirrored:
         return "pose_yaw grows clockwise", "multiply pose_yaw by -1"

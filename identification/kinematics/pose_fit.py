@@ -109,8 +109,9 @@ class LogTerms:
         """At the poses: way per c (m,), e^(i yaw) (m,), turned angle per g/4 (m,)."""
         angle = angles_at(self.motion, delay)
         yaw = self.smooth_yaw(angle, float(theta[_G]))
-        path = turned_paths(angle, yaw)
-        rolled = path.sum(axis=1) + 1j * (path @ LATERAL)
+        # x + i y of four wheels at once: ways ahead and to the left, turned into the world.
+        ahead = (angle.sum(axis=1) + 1j * (angle @ LATERAL))[:, None]
+        rolled = turned_paths(ahead, yaw)[:, 0]
         return rolled[self.rows] / 4, np.exp(1j * yaw[self.rows]), (angle @ TURNING)[self.rows] / 4
 
     def residual_path(self, theta: Array) -> Array:
@@ -124,7 +125,10 @@ class LogTerms:
         return found - found[0]
 
     def increments(self, theta: Array) -> tuple[Array, Array, Array]:
-        """Residuals (k, 3), their negative derivatives (k, 3, 6) and times (k,) between poses."""
+        """Residuals (k, 3), their negative derivatives (k, 3, 6) and times (k,), pose to pose.
+
+        Of means over ``mean_time``: faster motions of a tracked body are its own, not the wheels'.
+        """
         delay, small = float(theta[_DELAY]), 0.25 * self.motion.dt
         c = theta[_A] + 1j * theta[_B]
         rolled, heading, turned = self.predicted(theta, delay)
@@ -138,9 +142,18 @@ class LogTerms:
             columns[:, 0, name], columns[:, 1, name] = way[used].real, way[used].imag
         columns[:, 2, _G], columns[:, 2, _DELAY] = turned[used], yaw_by_delay[used]
         left = self.residual_path(theta)[used]
-        step = np.diff(left, axis=0)
+        step = np.diff(self.means(left), axis=0)
         step[:, 2] = (step[:, 2] + np.pi) % (2 * np.pi) - np.pi
-        return step, np.diff(columns, axis=0), np.diff(self.time[used])
+        times = np.diff(self.means(self.time[used]))
+        return step, np.diff(self.means(columns), axis=0), times
+
+    def means(self, values: Array) -> Array:
+        """Means (k, ...) over ``mean_time`` of what is given at the poses that are used."""
+        number = np.floor(self.time[self.used] / self.settings.mean_time)
+        first = np.flatnonzero(np.r_[True, np.diff(number) > 0])
+        count = np.diff(np.r_[first, len(number)])
+        total = np.add.reduceat(values, first, axis=0)
+        return total / count.reshape(-1, *[1] * (values.ndim - 1))
 
     def drop_outliers(self, theta: Array) -> None:
         """Set aside the poses that leap away from a running median of what is left."""
@@ -186,9 +199,8 @@ def _spread(values: Array) -> float:
 def _drift_share(terms: LogTerms, steps: Array, settings: KinematicsSettings) -> Array:
     """Variance (k,) of each step's slip over that of a usual one: it grows with time and speed."""
     speed = np.abs(terms.motion.velocity).mean(axis=1)
-    used = np.flatnonzero(terms.used)
-    way = np.diff(np.cumsum(speed)[terms.rows[used]])
-    square = (way / np.maximum(np.diff(terms.rows[used]), 1)) ** 2
+    turned = np.cumsum(speed)[terms.rows[terms.used]]
+    square = (np.diff(terms.means(turned)) / steps) ** 2
     even = settings.even_slip_share
     return (even + (1 - even) * square / max(float(square.mean()), 1e-300)) * steps / steps.mean()
 
@@ -219,7 +231,7 @@ def _whitened_rows(terms: LogTerms, theta: Array, settings: KinematicsSettings) 
         step = float(steps.mean())
         least = settings.min_slip**2 * way * settings.slip_memory / step
         drift = max(drift, least) / float(share.mean())
-        noises.append(float(np.sqrt(noise)))
+        noises.append(float(np.sqrt(noise * terms.used.sum() / (len(left) + 1))))
         for axis in axes:
             stacked = np.column_stack([left[:, axis], columns[:, axis]])
             result = whitened(stacked, noise, drift * share)
@@ -229,7 +241,7 @@ def _whitened_rows(terms: LogTerms, theta: Array, settings: KinematicsSettings) 
     size = np.abs(out)
     weight = np.minimum(1.0, settings.huber_deviations / np.maximum(size, 1e-12))
     root = np.sqrt(weight)
-    time = terms.time[np.flatnonzero(terms.used)]
+    time = terms.means(terms.time[terms.used])
     span = float(time[-1] - time[0])
     count = max(int(min(settings.blocks, span / settings.min_block_time)), 4)
     block = np.minimum(((time[1:] - time[0]) / span * count).astype(np.intp), count - 1)

@@ -28,6 +28,14 @@ class KinematicsSettings(Settings):
             "reason": "a pose that stays as long is one at rest, of which some are kept",
         },
     )
+    mean_time: float = field(
+        default=0.3,
+        metadata={
+            "unit": "s",
+            "reason": "over which poses are averaged: a tracked body sways faster than wheels "
+            "drive; a real robot's 50 ms are found as 35, 42, 49 ms with 0.1, 0.2, 0.3 s",
+        },
+    )
     yaw_smoothing_time: float = field(
         default=0.5,
         metadata={
@@ -74,6 +82,13 @@ class KinematicsSettings(Settings):
         metadata={
             "unit": "share of what the best leaves",
             "reason": "an order that leaves little more than the best is taken if it is simpler",
+        },
+    )
+    alternative_changes: float = field(
+        default=1.0,
+        metadata={
+            "unit": "changed columns",
+            "reason": "two signs and four exchanged columns may be one: both are told",
         },
     )
     min_explained_share: float = field(

@@ -7,6 +7,7 @@ What the file or its time column can have wrong is found while reading (`parsing
 from __future__ import annotations
 
 from collections.abc import Iterator
+from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -14,19 +15,27 @@ from numpy.typing import NDArray
 from identification.logs import wheel_checks
 from identification.logs.columns import joint_columns
 from identification.logs.findings import Finding, Level, percent
+from identification.logs.force_checks import (
+    effort_offsets,
+    efforts_at_rest,
+    low_passed_speeds,
+    units_of_motion,
+)
 from identification.logs.log import Log
 from identification.logs.logger_checks import (
     counted_speeds,
     counted_step,
     effort_order,
     foreign_drive,
+    interpolated_channels,
     moving,
     stale_channels,
     unsigned_efforts,
 )
+from identification.logs.pose_checks import pose_against_wheels
 from identification.logs.settings import LogSettings
 from identification.logs.timebase import runs_of
-from identification.logs.wheel_checks import CheckLimits, power_share
+from identification.logs.wheel_checks import CheckLimits, power_share, unsigned_speeds
 from identification.signals.filters import block_mean, integral_of
 from identification.signals.noise import thinned, white_noise
 from youbot_env.physics.geometry import WHEELS, Geometry
@@ -70,17 +79,27 @@ def noise_estimate(log: Log) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
 def check(log: Log, limits: CheckLimits) -> list[Finding]:
     """All findings on a log's channels, errors among them; nothing is changed or raised.
 
-    There are three stages. A stage is left out if an earlier one has found an error, because its
+    There are four stages. A stage is left out if an earlier one has found an error, because its
     checks assume that the earlier ones passed.
     """
-    wheels = (*wheel_checks.CHECKS, effort_order) if log.joints == WHEELS else ()
+    four = log.joints == WHEELS
+    wheels, forces = (_WHEELS, _FORCES) if four else ((), ())
     findings: list[Finding] = []
     # Wheels before joints: with columns swapped or of a wrong sign the power of a joint means
-    # nothing.
-    for stage in (_SENSORS, wheels, _JOINTS):
-        if not any(finding.level == "error" for finding in findings):
-            findings += [finding for one in stage for finding in one(log, limits)]
+    # nothing, and forces still less.
+    for stage in (_SENSORS, wheels, _JOINTS, forces):
+        for one in stage:
+            # Exchanged wheels make the later checks of wheels tell nonsense.
+            if stage is wheels and _has_error(findings):
+                break
+            findings += one(log, limits)
+        if _has_error(findings):
+            break
     return findings
+
+
+def _has_error(findings: list[Finding]) -> bool:
+    return any(finding.level == "error" for finding in findings)
 
 
 def _at(
@@ -132,10 +151,19 @@ def _motion(log: Log, limits: CheckLimits) -> Iterator[Finding]:
 def _units(log: Log, limits: CheckLimits) -> Iterator[Finding]:
     cases = (
         ("velocity", limits.max_speed, "rad/s", "convert it to rad/s (rpm: times 0.10472; "
-         "deg/s: times 0.0174533), or raise the limit"),
-        ("effort", limits.max_effort, "N m", "convert it to N m (from mN m: times 0.001), or "
-         "raise the limit"),
+         "deg/s: times 0.0174533; of the motor: over the gear's ratio)"),
+        ("effort", limits.max_effort, "N m", "convert it to N m (from mN m: times 0.001)"),
     )  # fmt: skip
+    too_fast = np.abs(log.velocity).max() > limits.max_speed
+    too_strong = np.abs(log.effort).max() > limits.max_effort
+    if log.joints == WHEELS and (too_fast or too_strong):
+        # The pose or the masses name the unit, which the limit alone does not.
+        named = (*wheel_checks.scale_of_pose(log, limits), *units_of_motion(log, limits))
+        column = "velocity_*" if too_fast else "effort_*"
+        told = [replace(one, level="error") for one in named if one.column == column]
+        if told:
+            yield told[0]
+            return
     for kind, limit, unit, cure in cases:
         for column, signal in _channels(log, kind):
             size = np.abs(signal)
@@ -169,6 +197,16 @@ def _frozen_channels(log: Log, limits: CheckLimits) -> Iterator[Finding]:
     """A noisy channel that holds one value for long is frozen, unless it is at a limit."""
     settings = limits.settings
     least = max(settings.frozen_samples, int(settings.frozen_time / log.dt))
+    off = np.asarray((log.effort == 0).all(axis=1) & (log.velocity != 0).any(axis=1))
+    start, stop = max(runs_of(off), key=lambda run: run[1] - run[0], default=(0, 0))
+    if stop - start >= least and not off.all():
+        rows = int(log.rows[start]), int(log.rows[stop - 1])
+        message = (
+            f"rows {rows[0]} to {rows[1]}: all efforts are 0 for {(stop - start) * log.dt:.2g} s "
+            "while the wheels turn: the motors are off, or something else drives"
+        )
+        yield _at(log, "error", message, "cut these rows off", start)
+        return
     for column, signal in _channels(log, "velocity", "effort"):
         same = np.diff(signal) == 0
         longest = max(runs_of(same), key=lambda run: run[1] - run[0], default=(0, 0))
@@ -319,8 +357,17 @@ _SENSORS = (
     _frozen_channels,
     _stale_rows,
     stale_channels,
+    interpolated_channels,
     counted_speeds,
     unsigned_efforts,
     _saturation,
 )
 _JOINTS = (_power, _position, foreign_drive)
+_WHEELS = (
+    unsigned_speeds,
+    pose_against_wheels,
+    *wheel_checks.CHECKS,
+    effort_order,
+    units_of_motion,
+)
+_FORCES = (efforts_at_rest, effort_offsets, low_passed_speeds)

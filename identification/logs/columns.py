@@ -151,7 +151,14 @@ def _missing(
     cure = f"a log needs it; this one has {', '.join(table.names[:12])}"
     velocities = set(joint_columns("velocity", joints))
     efforts = set(joint_columns("effort", joints))
-    if name in efforts and velocities <= set(table.names) and not efforts & set(table.names):
+    wheels = [other for other in table.names if other.startswith("velocity_")]
+    if name in velocities and len(joints) == 4 and len(wheels) in (2, 3):
+        drive = {2: "a differential drive", 3: "a platform with three wheels"}[len(wheels)]
+        cure = (
+            f"{', '.join(wheels)} are those of {drive}: not this tool, which is for four mecanum "
+            "wheels (fl, fr, bl, br); of one axis: --mechanism axis"
+        )
+    elif name in efforts and velocities <= set(table.names) and not efforts & set(table.names):
         cure = (
             "without efforts youbot kinematics alone reads a log (radius, arm, delay, slip); "
             "log the wheels' torques, or their currents and import them with a torque constant"

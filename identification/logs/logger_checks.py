@@ -6,7 +6,7 @@ Such a log looks sound row by row, and makes a wrong model all the same.
 from __future__ import annotations
 
 from collections.abc import Iterator
-from itertools import permutations
+from itertools import permutations, product
 
 import numpy as np
 from numpy.typing import NDArray
@@ -84,16 +84,53 @@ def counted_speeds(log: Log, limits: CheckLimits) -> Iterator[Finding]:
 
 
 def stale_channels(log: Log, limits: CheckLimits) -> Iterator[Finding]:
-    """A kind of channel that takes a new value every few rows only, and always as few."""
+    """Channels that take a new value every few rows only, and always as few: of a kind, or one."""
     for kind in ("velocity", "effort"):
-        found = fresh_rows(getattr(log, kind), limits.settings.held)
-        if found is None:
-            continue
-        usual, fresh = found
+        columns = joint_columns(kind, log.joints)
+        block = getattr(log, kind)
         name = kind if len(log.joints) == 1 else f"{kind}_*"
-        message = f"{name} is new every {1e3 * usual * log.dt:.3g} ms only"
-        cure = "log at the rate at which it is measured; what is held is late by half of that"
-        yield Finding("warning", message, int(log.rows[fresh[0]]), cure=cure)
+        alone = zip(columns, np.hsplit(block, len(columns)), strict=True)
+        for told, channels in ((name, block), *(alone if len(columns) > 1 else ())):
+            found = fresh_rows(channels, limits.settings.held)
+            if found is None:
+                continue
+            usual, fresh = found
+            message = f"{told} is new every {1e3 * usual * log.dt:.3g} ms only"
+            cure = "log at the rate at which it is measured; what is held is late by half of that"
+            yield Finding("warning", message, int(log.rows[fresh[0]]), cure=cure)
+            if told == name:
+                break
+
+
+def interpolated_channels(log: Log, limits: CheckLimits) -> Iterator[Finding]:
+    """Channels that go straight from one measured value to the next, over rows in between."""
+    for kind in ("velocity", "effort"):
+        columns = joint_columns(kind, log.joints)
+        rows = [_rows_of_lines(channel, limits.settings) for channel in getattr(log, kind).T]
+        if not any(rows):
+            continue
+        told = [name for name, count in zip(columns, rows, strict=True) if count]
+        name = f"{kind}_*" if len(told) == len(columns) > 1 else " and ".join(told)
+        time = 1e3 * float(np.median([count for count in rows if count])) * log.dt
+        message = f"{name} lies on straight lines of {time:.3g} ms: interpolated from a slower log"
+        cure = "log at the rate of the rows; what is faster than these lines is lost"
+        yield Finding("warning", message, cure=cure)
+
+
+def _rows_of_lines(channel: Array, settings: LogSettings) -> float:
+    """Rows from one bend to the next of a channel (n,) of straight lines; 0 of any other."""
+    slope = np.diff(channel)
+    bend = np.abs(np.diff(slope))
+    moving = np.abs(slope[1:]) > 0
+    if moving.sum() < settings.min_rows or not bend.any():
+        return 0.0
+    size = float(np.sqrt((bend**2).mean()))
+    # Of digits that a file drops a smooth signal has many equal slopes too, but no large bends.
+    digits = float(bend[bend > 0].min())
+    if size < settings.min_bend_digits * digits:
+        return 0.0
+    straight = float((bend[moving] < settings.max_straight_bend * size).mean())
+    return 1 / (1 - straight) if settings.min_straight_share < straight < 1 else 0.0
 
 
 def unsigned_efforts(log: Log, limits: CheckLimits) -> Iterator[Finding]:
@@ -154,23 +191,48 @@ def effort_order(log: Log, limits: CheckLimits) -> Iterator[Finding]:
     sums = np.array([[1, 1, 1, 1], [-1, 1, 1, -1], [-1, 1, -1, 1]]) / 2
     rate = np.gradient(twist, axis=0)
     bases = [np.linalg.qr(np.column_stack([twist[:, i], rate[:, i]]))[0] for i in range(3)]
-    # The sign of what friction explains tells a force from its negative.
-    found = {}
-    for order in permutations(range(4)):
-        force = effort[:, order] @ sums.T
+    total = max(float((effort**2).sum()), 1e-300)
+
+    def left(order: tuple[int, ...], signs: tuple[float, ...]) -> float:
+        force = (effort[:, order] * signs) @ sums.T
+        # The sign of what friction explains tells a force from its negative.
         along = [float(force[:, i] @ twist[:, i]) for i in range(3)]
         parts = (
             float(((base.T @ force[:, i]) ** 2).sum())
             for i, base in enumerate(bases)
             if along[i] > 0
         )
-        found[order] = 1.0 - sum(parts) / max(float((effort**2).sum()), 1e-300)
-    best = min(found, key=lambda order: found[order])
-    now = found[0, 1, 2, 3]
-    if now < settings.max_other_force or found[best] > settings.max_other_order_share * now:
+        return 1.0 - sum(parts) / total
+
+    as_logged = (0, 1, 2, 3), (1.0,) * 4
+    now = left(*as_logged)
+    if now < settings.max_other_force:
         return
-    names = joint_columns("effort", log.joints)
-    given = ", ".join(f"{names[i]} as {names[k]}" for i, k in enumerate(best) if i != k)
-    message = "the efforts are in another order than the speeds"
-    cure = f"in the order that fits, take the columns {given.replace(' as ', ' from ')}"
-    yield Finding("error", message, cure=cure)
+    changes = product(permutations(range(4)), product((1.0, -1.0), repeat=4))
+    found = {change: left(*change) for change in changes}
+    least = min(found.values())
+    near = [change for change in found if found[change] <= least + 0.1 * (now - least)]
+    best = min(near, key=_changes)
+    if best == as_logged or found[best] > settings.max_other_order_share * now:
+        return
+    yield _order_fault(*best, joint_columns("effort", log.joints))
+
+
+def _changes(change: tuple[tuple[int, ...], tuple[float, ...]]) -> int:
+    order, signs = change
+    return sum(k != i for i, k in enumerate(order)) + 2 * sum(sign < 0 for sign in signs)
+
+
+def _order_fault(
+    order: tuple[int, ...], signs: tuple[float, ...], names: tuple[str, ...]
+) -> Finding:
+    given = ", ".join(f"{names[i]} from {names[k]}" for i, k in enumerate(order) if i != k)
+    turned = " and ".join(names[k] for k, sign in zip(order, signs, strict=True) if sign < 0)
+    messages, cures = [], []
+    if given:
+        messages.append("the efforts are in another order than the speeds")
+        cures.append(f"in the order that fits, take the columns {given}")
+    if turned:
+        messages.append(f"the sign of {turned} is wrong")
+        cures.append(f"multiply {turned} by -1")
+    return Finding("error", " and ".join(messages), cure="; ".join(cures))

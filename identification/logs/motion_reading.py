@@ -10,7 +10,6 @@ from identification.kinematics.motion import Motion
 from identification.logs.columns import GYRO, POSE, Draft, joint_columns, select
 from identification.logs.findings import Finding, fault
 from identification.logs.formats import parser_for, read_bytes
-from identification.logs.log import Log
 from identification.logs.reading import log_name
 from identification.logs.repair import (
     fill_missing,
@@ -69,11 +68,6 @@ def read_motions(
         if names.count(name) > 1:
             raise fault(name, "two logs have this name", "rename one; results go by name")
     return found
-
-
-def motion_of(log: Log) -> Motion:
-    """The motion of a log of wheels."""
-    return Motion(log.name, log.time, log.velocity, log.pose, log.gyro_z, log.position, log.rows)
 
 
 def _motion(draft: Draft) -> Motion:

@@ -167,18 +167,47 @@ def _parse_cells(source: str, text: str) -> LogTable:
         cure = "the file was cut while it was written"
         findings.append(Finding("repaired", "the last row is incomplete: dropped", row, cure=cure))
     names = _read_header(source, lines[used[0]], used[0] + 1)
+    width = len(names)
+    names, kept = _without_text(names, [_split(lines[i]) for i in used[1:_LOOKED_AT]], findings)
     rows = []
     for i in used[1:]:
         row = i + 1
         cells = _split(lines[i])
-        if any(cell.strip() for cell in cells[len(names) :]) or len(cells) < len(names):
-            raise _ragged(source, cells, len(names), row)
-        rows.append(_numbers(source, cells[: len(names)], names, row))
+        if any(cell.strip() for cell in cells[width:]) or len(cells) < width:
+            raise _ragged(source, cells, width, row)
+        rows.append(_numbers(source, [cells[k] for k in kept], names, row))
     values = np.array(rows, float).reshape(len(rows), len(names))
     # Infinity means a missing value too.
     values[~np.isfinite(values)] = np.nan
     lines_used = np.array(used[1:], dtype=np.int64) + 1
     return LogTable(names, values, lines_used, findings, header_row=used[0] + 1)
+
+
+_LOOKED_AT = 20
+"""Rows from the first that tell whether a column holds text."""
+
+_OF_A_LOG = re.compile(
+    r"(time|pose_x|pose_y|pose_yaw|gyro_z|(velocity|effort|position|command)\w*)$"
+)
+"""Names that a log's own columns have; text in these is a fault."""
+
+
+def _without_text(
+    names: tuple[str, ...], rows: list[list[str]], findings: list[Finding]
+) -> tuple[tuple[str, ...], list[int]]:
+    """Names and places of the columns without those of text, which are told and left out."""
+    kept = []
+    for k, name in enumerate(names):
+        cells = [row[k].strip() for row in rows if len(row) > k]
+        text = [cell for cell in cells if cell.lower() not in MISSING and not _is_number(cell)]
+        # A decimal comma splits a number in two, and a header that occurs again is told as such.
+        if text and not _OF_A_LOG.match(name) and len(text) == len(cells):
+            shown = text[0] if len(text[0]) <= 20 else text[0][:17] + "..."
+            message = f"holds text ({shown!r}): left out"
+            findings.append(Finding("warning", message, 1, name, "a log needs numbers only"))
+        else:
+            kept.append(k)
+    return tuple(names[k] for k in kept), kept
 
 
 def _split(line: str) -> list[str]:

@@ -185,7 +185,39 @@ def read_usable_logs(
             aside.append(SetAside(str(path), str(error).removeprefix(f"{path}: ")))
     if first and not read:
         raise first
-    return read, aside
+    return _without_copies(read, aside, strict), aside
+
+
+def _without_copies(read: list[Log], aside: list[SetAside], strict: bool) -> list[Log]:
+    """The logs of which no earlier one holds the same measurements; copies are set aside."""
+    kept: list[Log] = []
+    for log in read:
+        twin = next((other for other in kept if _holds_the_same(log, other)), None)
+        if twin is None:
+            kept.append(log)
+            continue
+        reason = f"holds the same measurements as {twin.source}, which must not count twice"
+        if strict:
+            raise fault(log.source, reason, "give each log once")
+        aside.append(SetAside(log.source, reason))
+    return kept
+
+
+def _holds_the_same(log: Log, other: Log) -> bool:
+    """Whether a log's speeds are those of another one, or of a part of it."""
+    if log.sha256 == other.sha256:
+        return True
+    short, long = sorted((log.velocity, other.velocity), key=len)
+    # Noise never repeats: one row that is equal tells where the shorter one lies in the longer.
+    row = len(short) // 2
+    if not short[row].any():
+        row = int(np.argmax(np.abs(short).max(axis=1)))
+    for at in np.flatnonzero((long == short[row]).all(axis=1)).tolist():
+        first = at - row
+        inside = 0 <= first and first + len(short) <= len(long)
+        if inside and np.array_equal(long[first : first + len(short)], short):
+            return True
+    return False
 
 
 def read_logs(
@@ -210,6 +242,8 @@ def _differing(paths: Iterable[str | os.PathLike[str]]) -> list[Path]:
     for path in found:
         if log_name(path) in seen:
             other = seen[log_name(path)]
+            if other == path:
+                raise fault(str(path), "is given twice", "give each log once")
             raise fault(str(path), f"has the name of {other}", "rename one; results go by name")
         seen[log_name(path)] = path
     return found

@@ -58,8 +58,24 @@ def _refuse_missing(draft: Draft) -> None:
     worst = max(missing, key=lambda name: missing[name])
     at = int(np.argmax(np.isnan(draft.channel(worst))))
     count, total = missing[worst], len(draft.time)
+    alone = [name for name in draft.required if name.split("_")[0] != worst.split("_")[0]]
+    if alone and _takes_turns(draft.channel(worst), draft.channel(alone[0]), draft.settings):
+        message = (
+            f"rows of several topics are merged: where {worst} has no value, {alone[0]} has one"
+        )
+        cure = "youbot import brings both to one time base"
+        raise draft.fault(message, f"{cure}: youbot import {draft.source} -o LOG.csv", at, worst)
     what = "has no values" if count == total else f"lacks {count} of {total} values"
     raise draft.fault(what, "record it again, or cut that part off", at, worst)
+
+
+def _takes_turns(
+    first: NDArray[np.float64], second: NDArray[np.float64], settings: LogSettings
+) -> bool:
+    """Whether one channel has its values where the other has none, again and again."""
+    has, other = np.isfinite(first), np.isfinite(second)
+    alternate = float((has != other).mean()) > settings.min_alternate_share
+    return alternate and int((np.diff(has) != 0).sum()) > settings.min_rows
 
 
 def fill_missing(draft: Draft, joints: tuple[str, ...], left: tuple[str, ...] = ()) -> None:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field
 
+from identification.kinematics.settings import KinematicsSettings
 from identification.signals.held import HeldSettings
 from identification.signals.noise import NoiseSettings
 from youbot_env.errors import InputError, Settings, check_settings
@@ -23,6 +24,7 @@ class LogSettings(Settings):
 
     noise: NoiseSettings = field(default_factory=NoiseSettings)
     held: HeldSettings = field(default_factory=HeldSettings)
+    kinematics: KinematicsSettings = field(default_factory=KinematicsSettings)
 
     # Time column
     min_step: float = field(
@@ -50,6 +52,31 @@ class LogSettings(Settings):
             "reason": "more rows without a time are a fault of the logger, not single losses",
         },
     )
+    max_moved_rows: int = field(
+        default=10,
+        metadata={"unit": "rows", "reason": "packets overtake each other by no more"},
+    )
+    min_sorted_share: float = field(
+        default=0.98,
+        metadata={
+            "unit": "share of the steps",
+            "reason": "regular after sorting: then the times are right and the order was not",
+        },
+    )
+    min_rounded_share: float = field(
+        default=0.3,
+        metadata={
+            "unit": "share of the rows",
+            "reason": "with the time of the row before: more are digits that were lost",
+        },
+    )
+    least_epoch: float = field(
+        default=1e8,
+        metadata={"unit": "s", "reason": "times since 1970 are above; no log runs for three years"},
+    )
+    max_clock_settings: int = field(
+        default=3, metadata={"unit": "1", "reason": "a clock is not set more often in a run"}
+    )
     max_gap_samples: int = field(
         default=5,
         metadata={"unit": "samples", "reason": "a gap as long is bridged at low rates"},
@@ -76,6 +103,52 @@ class LogSettings(Settings):
     max_step_offset: float = field(
         default=0.25,
         metadata={"unit": "share of the step", "reason": "the same for a single step"},
+    )
+    max_lateness: float = field(
+        default=0.1,
+        metadata={"unit": "s", "reason": "of a message on a busy computer; more is a pause"},
+    )
+    lateness_time: float = field(
+        default=0.5,
+        metadata={"unit": "s", "reason": "over which jitter averages out"},
+    )
+    max_slow_share: float = field(
+        default=0.5,
+        metadata={
+            "unit": "share of the jitter",
+            "reason": "that stays over that time: lost rows make 0.9, jitter 0.2 at 50 Hz",
+        },
+    )
+    min_lattice_share: float = field(
+        default=0.95,
+        metadata={
+            "unit": "share of the steps",
+            "reason": "that are whole numbers of the usual one, to a tenth: rows are lost, times "
+            "do not jitter",
+        },
+    )
+    max_stamped_share: float = field(
+        default=0.97,
+        metadata={
+            "unit": "1",
+            "reason": "bends by the stamps over bends by the rows' numbers: less, and the values "
+            "were taken at the stamps",
+        },
+    )
+    max_burst_step: float = field(
+        default=0.25,
+        metadata={"unit": "mean steps", "reason": "steps within a burst are shorter"},
+    )
+    min_burst_steps: float = field(
+        default=0.3,
+        metadata={
+            "unit": "share of the steps",
+            "reason": "bursts of two rows have a half; jitter of half a step a sixth",
+        },
+    )
+    min_cubic_step: float = field(
+        default=0.4,
+        metadata={"unit": "steps", "reason": "samples that are closer magnify noise twice"},
     )
     burst_quantile: float = field(
         default=0.25,
@@ -126,6 +199,13 @@ class LogSettings(Settings):
         metadata={
             "unit": "share of the rows",
             "reason": "a channel that lacks more of its values is not filled",
+        },
+    )
+    min_alternate_share: float = field(
+        default=0.8,
+        metadata={
+            "unit": "share of the rows",
+            "reason": "with either speeds or efforts: rows of two topics, one after the other",
         },
     )
     max_outlier_share: float = field(
@@ -319,6 +399,25 @@ class LogSettings(Settings):
             "reason": "coarser counts show no acceleration",
         },
     )
+    min_straight_share: float = field(
+        default=0.45,
+        metadata={
+            "unit": "share of the rows",
+            "reason": "on a line with their neighbours: one of two where every other row is "
+            "measured; of measured channels hardly any",
+        },
+    )
+    max_straight_bend: float = field(
+        default=1e-3,
+        metadata={"unit": "usual bends", "reason": "a line's own bends are rounding"},
+    )
+    min_bend_digits: float = field(
+        default=30.0,
+        metadata={
+            "unit": "least bends",
+            "reason": "bends of the size of a file's last digits say nothing",
+        },
+    )
     small_effort_share: float = field(
         default=0.05,
         metadata={
@@ -383,6 +482,100 @@ class LogSettings(Settings):
             "reason": "the right order leaves half or less; on 80 logs without fault none of the "
             "others leaves less than the given one",
         },
+    )
+
+    # Efforts against the motion
+    min_offset_rows: int = field(
+        default=100, metadata={"unit": "rows of 0.1 s", "reason": "for some twenty coefficients"}
+    )
+    offset_memory: float = field(
+        default=1.0,
+        metadata={"unit": "s", "reason": "what the regression leaves is alike for as long"},
+    )
+    offset_deviations: float = field(
+        default=8.0,
+        metadata={
+            "unit": "standard deviations",
+            "reason": "dry friction alone makes up to 7 of a log without offsets",
+        },
+    )
+    sure_offset_deviations: float = field(
+        default=6.0,
+        metadata={
+            "unit": "standard deviations",
+            "reason": "where the regression leaves noise alone nothing but an offset makes more; a "
+            "cable that twists makes 5",
+        },
+    )
+    max_left_of_efforts: float = field(
+        default=0.003,
+        metadata={
+            "unit": "share of an effort's squares",
+            "reason": "noise leaves up to 0.001 of means over 0.1 s, dry friction 0.004 and more",
+        },
+    )
+    min_offset_share: float = field(
+        default=0.02,
+        metadata={"unit": "share of the usual effort", "reason": "a smaller offset hardly matters"},
+    )
+    resting_deviations: float = field(
+        default=3.0,
+        metadata={"unit": "standard deviations of the noise", "reason": "a wheel below may stand"},
+    )
+    min_rest_time: float = field(
+        default=0.5,
+        metadata={"unit": "s", "reason": "a reversal is shorter"},
+    )
+    min_rest_share: float = field(
+        default=0.1,
+        metadata={
+            "unit": "share of the usual effort",
+            "reason": "what dry friction holds at rest is mostly less, and differs",
+        },
+    )
+    min_noise_decay: float = field(
+        default=0.3,
+        metadata={"unit": "1", "reason": "autocorrelation over a row; less is white noise"},
+    )
+    max_noise_decay: float = field(
+        default=0.93,
+        metadata={"unit": "1", "reason": "more is no noise: a wheel of another size makes 0.95"},
+    )
+    max_decay_error: float = field(
+        default=0.08,
+        metadata={
+            "unit": "1",
+            "reason": "of the autocorrelations over 2 to 5 rows against the first's powers; the "
+            "rollers of the contact simulator are 0.25 off",
+        },
+    )
+    max_mean_error: float = field(
+        default=0.05,
+        metadata={"unit": "1", "reason": "the same against a straight fall, of means over rows"},
+    )
+    max_mass_std: float = field(
+        default=0.15,
+        metadata={"unit": "share", "reason": "a mass by turns known less well tells no unit"},
+    )
+    usual_mass_ratio: float = field(
+        default=1.3,
+        metadata={
+            "unit": "1",
+            "reason": "mass by accelerations, in which the wheels' spin is, over that by turns: "
+            "1.0 to 2.5 in 60 logs of all kinds",
+        },
+    )
+    max_unit_doubt: float = field(
+        default=3.0,
+        metadata={"unit": "1", "reason": "a unit is at least 4 off; lags make 2.3"},
+    )
+    max_platform_mass: float = field(
+        default=300.0,
+        metadata={"unit": "kg", "reason": "heavier platforms have other drives"},
+    )
+    usual_platform_mass: float = field(
+        default=45.0,
+        metadata={"unit": "kg", "reason": "by which the efforts' unit is guessed: the youBot's"},
     )
 
     # Signs and slip of the wheels

@@ -8,6 +8,7 @@ from numpy.typing import NDArray
 from identification.logs.columns import Draft
 from identification.logs.findings import percent
 from identification.logs.settings import LogSettings
+from identification.signals.filters import block_mean
 
 
 def interpolate_at(
@@ -69,6 +70,12 @@ def runs_of(mask: NDArray[np.bool_]) -> list[tuple[int, int]]:
     return list(zip(edges[::2].tolist(), edges[1::2].tolist(), strict=True))
 
 
+def ordinal(number: int) -> str:
+    """A positive number as "1st", "2nd", "3rd", "11th"."""
+    ending = "th" if number % 100 in (11, 12, 13) else {1: "st", 2: "nd", 3: "rd"}.get(number % 10)
+    return f"{number}{ending or 'th'}"
+
+
 _UNITS = {
     "milliseconds": (1e3, "0.001"),
     "microseconds": (1e6, "1e-6"),
@@ -108,11 +115,18 @@ def check_time(draft: Draft) -> bool:
         too long to bridge.
     """
     _fill_time(draft)
+    _sort_exchanged_rows(draft)
     _drop_repeated_rows(draft)
     if len(draft.time) < draft.settings.min_rows:
         cure = f"record at least {draft.settings.min_rows} rows of motion"
         raise draft.fault(f"has only {len(draft.time)} row(s)", cure)
     _check_order(draft)
+    if (even := even_step(draft.time, draft.settings)) is not None:
+        _check_step(draft, even)
+        if not _is_irregular(draft.time, even, draft.settings):
+            return False
+        _check_bursts(draft)
+        return not _evened(draft, even)
     _check_bursts(draft)
     step = nominal_step(draft.time)
     _check_step(draft, step)
@@ -163,10 +177,30 @@ def _drop_repeated_rows(draft: Draft) -> None:
     draft.keep(~repeated)
 
 
+def _sort_exchanged_rows(draft: Draft) -> None:
+    """Sort rows that stand in another order than their times, if their times are regular then."""
+    order = np.argsort(draft.time, kind="stable")
+    moved = order != np.arange(len(order))
+    settings = draft.settings
+    if not moved.any() or np.abs(order - np.arange(len(order))).max() > settings.max_moved_rows:
+        return
+    steps = np.diff(draft.time[order])
+    usual = float(np.median(steps))
+    regular = (steps > 0.5 * usual) & (steps < 1.5 * usual)
+    if usual <= 0 or regular.mean() < settings.min_sorted_share:
+        return
+    at = int(np.argmax(moved))
+    message = f"{int(moved.sum())} rows stand in another order than their times: sorted"
+    draft.report("repaired", message, "check the logger", at, "time")
+    draft.time, draft.data = draft.time[order], draft.data[order]
+    draft.lines, draft.valid = draft.lines[order], draft.valid[order]
+
+
 def _check_order(draft: Draft) -> None:
     steps = np.diff(draft.time)
     if (steps > 0).all():
         return
+    _check_rounded(draft, steps)
     at = int(np.argmax(steps <= 0)) + 1
     now, before = draft.time[at], draft.time[at - 1]
     # Mostly backwards, or no step at all: the whole column is wrong, not a single row.
@@ -176,8 +210,35 @@ def _check_order(draft: Draft) -> None:
     if now == before:
         cure = "remove the row, or write time with more decimals"
         raise draft.fault(f"time {now:.12g} s repeats", cure, at, "time")
+    times = int((steps < 0).sum())
+    if times > draft.settings.max_clock_settings:
+        message = f"time runs back {times} times, first from {before:.12g} to {now:.12g} s"
+        cure = (
+            "seconds and nanoseconds glued without leading zeros, or rows of several topics? "
+            "import it with both columns, or sort the rows"
+        )
+        raise draft.fault(message, cure, at, "time")
     cure = "remove the row, or split the log there if the clock was set"
     raise draft.fault(f"time runs back from {before:.12g} to {now:.12g} s", cure, at, "time")
+
+
+def _check_rounded(draft: Draft, steps: NDArray[np.float64]) -> None:
+    """Refuse times that many rows share: their last digits are lost."""
+    same = float((steps == 0).mean())
+    if same < draft.settings.min_rounded_share or (steps < 0).any():
+        return
+    at = int(np.argmax(steps == 0)) + 1
+    rising = steps[steps > 0]
+    every = f" in steps of {float(np.median(rising)):.4g} s" if rising.size else ""
+    message = f"{percent(same)} of the rows have the time of the row before{every}"
+    # The times of these years, in seconds, have ten digits; a float32 holds seven.
+    epoch = abs(float(draft.time[0])) > draft.settings.least_epoch
+    why = "an epoch in float32, or rounded by a spreadsheet" if epoch else "rounded"
+    cure = (
+        "write time with all its digits (float64), less its start; or the row's number times the "
+    )
+    cure += "sample time"
+    raise draft.fault(f"time is {why}: {message}", cure, at, "time")
 
 
 def _check_step(draft: Draft, step: float) -> None:
@@ -185,7 +246,8 @@ def _check_step(draft: Draft, step: float) -> None:
     least, most = settings.min_step * (1 - margin), settings.max_step * (1 + margin)
     if step < least:
         # Less 1e-6: rounding of an exact ratio must not advise one row more.
-        cure = f"keep every {int(np.ceil(settings.min_step / step - 1e-6))}th row, after a low-pass"
+        rows = int(np.ceil(settings.min_step / step - 1e-6))
+        cure = f"keep every {ordinal(rows)} row, after a low-pass"
         fastest = f"{1e-3 / settings.min_step:g} kHz"
         raise draft.fault(f"{1 / step:.6g} Hz is above {fastest}", cure, 1, "time")
     if step <= most:
@@ -199,9 +261,61 @@ def _check_step(draft: Draft, step: float) -> None:
     raise draft.fault(f"{1 / step:.4g} Hz is below {1 / settings.max_step:g} Hz", cure, 1, "time")
 
 
+def even_step(time: NDArray[np.float64], settings: LogSettings) -> float | None:
+    """Time step [s] of rows of which none is lost, however their times jitter; None of others.
+
+    Jitter goes back and forth about a straight line over the row's number. Lost rows bend it.
+    """
+    steps = np.diff(time) / np.median(np.diff(time))
+    whole = np.abs(steps - np.round(steps)) < 0.1
+    lost = np.round(steps).max() > 1 and np.round(steps).min() >= 1
+    if lost and whole.mean() > settings.min_lattice_share:
+        return None
+    number = np.arange(len(time))
+    slope, start = np.polyfit(number, time - time[0], 1)
+    left = time - time[0] - start - slope * number
+    if slope <= 0 or np.abs(left).max() > max(settings.max_lateness, 1.5 * slope):
+        return None
+    size = max(round(settings.lateness_time / slope), 2)
+    means = block_mean(left, size)
+    if len(means) > 2 and float(means.std()) > settings.max_slow_share * float(left.std()):
+        return None
+    return float(slope)
+
+
+def _evened(draft: Draft, step: float) -> bool:
+    """Take rows for evenly sampled where their values say so, and their times jitter; report it.
+
+    Values that were taken at the stamps lie nearer to a line between their neighbours by the
+    stamps; those that were taken evenly and stamped late, by the rows' numbers.
+    """
+    time = draft.time
+    part = ((time[1:-1] - time[:-2]) / (time[2:] - time[:-2]))[:, None]
+    values = draft.data[:, [draft.names.index(name) for name in draft.required]]
+    values = values[:, : max(values.shape[1] // 2, 1)]  # speeds: smoother than efforts
+    first, middle, last = values[:-2], values[1:-1], values[2:]
+    by_stamp = np.nansum((middle - first - part * (last - first)) ** 2)
+    by_number = np.nansum((middle - 0.5 * (first + last)) ** 2)
+    if by_stamp < draft.settings.max_stamped_share * by_number:
+        return False
+    line = time.mean() + step * (np.arange(len(time)) - (len(time) - 1) / 2)
+    late = time - line
+    at = int(np.argmax(np.abs(late)))
+    message = (
+        f"times jitter by {1e3 * float(late.std()):.2g} ms (rms) about {1 / step:.6g} Hz, the "
+        "values do not: taken as evenly sampled"
+    )
+    draft.report("repaired", message, "use the message's own stamp (header.stamp)", at, "time")
+    draft.time = line
+    return True
+
+
 def _check_bursts(draft: Draft) -> None:
     """Refuse times of arrival: rows in bursts, between which nothing comes."""
     steps, settings = np.diff(draft.time), draft.settings
+    # Jitter makes few steps as short as those within a burst.
+    if float((steps < settings.max_burst_step * steps.mean()).mean()) < settings.min_burst_steps:
+        return
     short = float(np.quantile(steps, settings.burst_quantile))
     pauses = steps > settings.min_burst_pause * short
     share = float(pauses.mean())
@@ -281,14 +395,21 @@ def resample(draft: Draft) -> None:
     old = draft.time
     steps = np.diff(old)
     # Mean step with missing rows counted, so that the grid ends at the last sample.
-    step = float((old[-1] - old[0]) / np.maximum(np.round(steps / nominal_step(old)), 1).sum())
+    even = even_step(old, draft.settings)
+    counted = (
+        np.maximum(np.round(steps / nominal_step(old)), 1).sum() if even is None else steps.size
+    )
+    step = float((old[-1] - old[0]) / counted)
     grid = old[0] + step * np.arange(int((old[-1] - old[0]) / step + 1e-6) + 1)
     after = np.clip(np.searchsorted(old, grid, side="right"), 1, len(old) - 1)
     jitter = np.sqrt(np.mean((steps - step) ** 2)) / step
     message = f"time steps vary by {percent(jitter)} (rms): interpolated to {1 / step:.6g} Hz"
     at = int(np.argmax(np.abs(steps - step))) + 1
     draft.report("repaired", message, "log at a constant rate", at, "time")
-    draft.data = interpolate_at(grid, old, draft.data)
+    if steps.min() > draft.settings.min_cubic_step * step:
+        draft.data = interpolate_at(grid, old, draft.data)
+    else:  # A cubic through two samples that are close together would leap
+        draft.data = np.column_stack([np.interp(grid, old, channel) for channel in draft.data.T])
     # A value interpolated across a gap is not a measurement.
     near = steps[after - 1] < 2.5 * step
     draft.valid = draft.valid[after - 1] & draft.valid[after] & near

@@ -14,6 +14,7 @@ from identification.logs.log import Log
 from identification.logs.settings import LogSettings
 from identification.signals.filters import integral_of
 from youbot_env.physics.geometry import WHEELS, Geometry
+from youbot_env.physics.hardware import GEAR_RATIO
 
 
 @dataclass(frozen=True)
@@ -76,6 +77,24 @@ def _identity(log: Log, limits: CheckLimits) -> Iterator[Finding]:
     else:
         cure = "the model assumes no slip: drive more gently, or check the velocity columns"
         yield Finding("warning", f"the wheels slip: {measured}", cure=cure)
+
+
+def unsigned_speeds(log: Log, limits: CheckLimits) -> Iterator[Finding]:
+    """Speeds without their sign: they come down to zero and never go beyond, and nothing fits."""
+    settings = limits.settings
+    if slip_ratio(log.velocity) < settings.max_slip:
+        return
+    largest = np.abs(log.velocity).max(axis=0)
+    small = (np.abs(log.velocity) < settings.small_effort_share * largest).mean(axis=0)
+    # Noise at rest may have a sign of its own.
+    beyond = -np.quantile(log.velocity, 0.001, axis=0)
+    one_way = (beyond <= settings.moving_noise_deviations * log.speed_noise) & (
+        small > settings.min_small_share
+    )
+    if one_way.any():
+        names = ", ".join(f"velocity_{w}" for w, one in zip(WHEELS, one_way, strict=True) if one)
+        message = f"{names}: never negative though the wheels reverse: the sign is lost"
+        yield Finding("error", message, cure="log the speeds with their signs")
 
 
 def _moments_of_slip(log: Log, limits: CheckLimits) -> Iterator[Finding]:
@@ -189,11 +208,13 @@ UNIT_FACTORS = {
     "turns/s": (2 * np.pi, "6.28319"),
     "rpm": (np.pi / 30, "0.104720"),
     "degrees/s": (np.pi / 180, "0.0174533"),
+    "rad/s of the motors": (1 / GEAR_RATIO, f"{1 / GEAR_RATIO:.6g}"),
+    "rpm of the motors": (np.pi / 30 / GEAR_RATIO, f"{np.pi / 30 / GEAR_RATIO:.6g}"),
 }
 """Units that wheel speeds may be in, by what makes rad/s of them."""
 
 
-def _scale(log: Log, limits: CheckLimits) -> Iterator[Finding]:
+def scale_of_pose(log: Log, limits: CheckLimits) -> Iterator[Finding]:
     """What the pose travels and turns over what the wheels say: radius, time scale or unit."""
     if log.pose is None:
         return
@@ -216,12 +237,11 @@ def _scale(log: Log, limits: CheckLimits) -> Iterator[Finding]:
     if max(gain, 1 / gain) < settings.max_radius_ratio:
         radius, reach = geometry.R * gain, settings.interval_deviations * geometry.R * std
         message = (
-            f"the pose travels {gain:.3g} times what the wheels roll: R = {radius:.5f} m "
-            f"(95 %: {radius - reach:.5f} ... {radius + reach:.5f}) would, where the geometry has "
-            f"{geometry.R:g} m"
+            f"R = {radius:.5f} +- {reach:.1g} m by the pose (95 %), {geometry.R:g} m by the "
+            f"geometry: the pose travels {gain:.3g} times what the wheels roll"
         )
         cure = (
-            "measure the wheels, and give their radius (--geometry), or mend the pose; until then "
+            "youbot kinematics LOG -o FILE writes it for --geometry; or mend the pose; until then "
             f"all intervals are with R = {geometry.R:g} m taken as true"
         )
         yield Finding("warning", message, cure=cure)
@@ -234,10 +254,12 @@ def _scale(log: Log, limits: CheckLimits) -> Iterator[Finding]:
     if alike > settings.max_other_scale:
         return
     near = settings.max_other_scale
-    unit = next((u for u, (f, _) in UNIT_FACTORS.items() if abs(gain / f - 1) < near), "")
+    factors = UNIT_FACTORS | {"m/s of the rim": (1 / geometry.R, f"{1 / geometry.R:.6g}")}
+    unit = next((u for u, (f, _) in factors.items() if abs(gain / f - 1) < near), "")
     message = f"the pose travels and turns {gain:.3g} times what the wheels say"
     if unit:
-        cure = f"velocity_* look like {unit}: multiply them by {UNIT_FACTORS[unit][1]}"
+        message += f": velocity_* look like {unit}"
+        cure = f"multiply them by {factors[unit][1]}"
     else:
         cure = (
             f"the time column runs {1 / gain:.3g} times as fast as the motion (wall clock beside "
@@ -278,7 +300,7 @@ def _compare(
 CHECKS: tuple[Callable[[Log, CheckLimits], Iterator[Finding]], ...] = (
     _identity,
     _moments_of_slip,
-    _scale,
+    scale_of_pose,
     _turning,
     _travel,
 )

@@ -98,3 +98,15 @@ def test_a_real_robot(tmp_path: Path):
     assert known["L"]["value"] is None
     assert any("L is not shown" in one["message"] for one in found["findings"])
     assert found["unit"]["name"] == "rad/min of the motor at 5:1"
+
+
+def test_a_geometry_in_centimetres_is_refused(tmp_path: Path, capsys: pytest.CaptureFixture):
+    log, nominal = tmp_path / "run.csv", tmp_path / "g.json"
+    write_motion(log)
+    for factor, unit in ((100, "cm"), (1000, "mm")):
+        lengths = {"l": 0.15, "h": 0.2355, "R": 0.0475, "r": 0.014}
+        scaled = {name: value * factor for name, value in lengths.items()} | {"m1": 1.4}
+        nominal.write_text(json.dumps({"geometry": scaled}))
+        assert main(["kinematics", str(log), "--geometry", str(nominal)]) == 2
+        error = capsys.readouterr().err
+        assert f"lengths in {unit}? divide l, h, R, r by {factor}" in error

@@ -56,8 +56,11 @@ NO_SETTING = {
     "logs": {
         "_UNITS": "units that a time column is recognised in",
         "UNIT_FACTORS": "units of wheel speeds",
+        "EFFORT_NUMBERS": "units of efforts",
+        "ROLLING": "geometry: signs of the wheels' rates",
         "NO_SLIP": "geometry: wheel speeds that no rigid motion makes",
         "_DEGREES": "degrees in a radian",
+        "_LOOKED_AT": "rows that tell whether a column is text",
         "DECIMALS": "of a written file",
         **dict.fromkeys(
             ("MAX_BYTES", "MAX_STREAM", "MAX_CELLS", "MAX_HEADER", "MAX_COLUMNS", "MAX_ROWS"),

@@ -29,6 +29,9 @@ from youbot_env.physics.geometry import Geometry
 LENGTHS = ("l", "h", "R", "r", "m1")
 """Of a platform's geometry, in the order of :class:`Geometry`."""
 
+MIN_WHEEL_RADIUS, MAX_WHEEL_RADIUS = 0.015, 0.6
+"""Of wheels that a platform may have [m]: beyond, the file is in another unit."""
+
 # --- what the model files of all mechanisms share ---------------------------------------------
 
 ENTRY: Schema = {
@@ -266,7 +269,15 @@ def _with_wheels(history: dict[str, Any], effects: Iterable[str]) -> dict[str, A
 
 def _geometry(content: dict[str, Any], source: str) -> Geometry:
     numbers = content["geometry"]
-    return Geometry(*(number(numbers[name], f"geometry.{name}") for name in LENGTHS))
+    found = {name: number(numbers[name], f"geometry.{name}") for name in LENGTHS}
+    # A wheel's radius of 0.6 m is a lorry's; in other units than m that of any platform is more.
+    if found["R"] > MAX_WHEEL_RADIUS:
+        unit, factor = ("mm", 1000) if found["R"] / 1000 > MIN_WHEEL_RADIUS else ("cm", 100)
+        raise InputError(
+            f"{source}: geometry.R: {found['R']:g} m cannot be a wheel's radius; lengths in "
+            f"{unit}? divide l, h, R, r by {factor}"
+        )
+    return Geometry(**found)
 
 
 def _effect(name: str, entry: Mapping[str, Any]) -> dict[str, Estimate]:

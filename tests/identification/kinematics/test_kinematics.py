@@ -125,7 +125,8 @@ def test_a_yaw_in_degrees():
     motion = made(USUAL, 5)
     pose = np.array(motion.pose) * (1, 1, 180 / np.pi)
     found = estimate_kinematics([replace(motion, pose=pose)], PLATFORM)
-    assert "pose_yaw looks like degrees" in said(found, "error")
+    (told,) = [one for one in found.findings if one.level == "error"]
+    assert told.column == "pose_yaw" and told.message == "looks like degrees"
 
 
 ORDERS = {

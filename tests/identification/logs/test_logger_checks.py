@@ -119,8 +119,10 @@ def test_times_of_arrival_in_bursts(free: Log, rows: int, short: float, tmp_path
 @pytest.mark.parametrize("scale", [0.94, 1.05, 1.1])
 def test_a_pose_tells_the_radius_with_its_interval(free: Log, scale: float):
     (line,) = told(replace(free, pose=pose_of(free, scale)), "warning")
-    radius, low, high = (float(word) for word in re.findall(r"0\.0\d{4}", line)[:3])
-    assert radius == pytest.approx(scale * 0.0475, rel=1e-3) and low <= radius <= high
+    found = re.match(r"R = (\S+) \+- (\S+) m by the pose .*, 0.0475 m by the geometry", line)
+    assert found, line
+    radius, reach = map(float, found.groups())
+    assert radius == pytest.approx(scale * 0.0475, rel=1e-3) and reach < 1e-3 * radius
 
 
 @pytest.mark.parametrize("scale", [0.4, 0.5, 2.0])

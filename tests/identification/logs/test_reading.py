@@ -13,7 +13,14 @@ import pytest
 from identification.logs.checks import noise_estimate
 from identification.logs.log import AXIS, Log
 from identification.logs.parsing import _parse_cells, _parse_regular
-from identification.logs.reading import log_name, log_table, read_log, read_logs, write_log
+from identification.logs.reading import (
+    log_name,
+    log_table,
+    read_log,
+    read_logs,
+    read_usable_logs,
+    write_log,
+)
 from identification.logs.repair import find_outliers
 from identification.logs.timebase import bridge, interpolate_at
 from tests.identification.healthy import EFFORT_NOISE, SPEED_NOISE, healthy_log
@@ -248,7 +255,7 @@ def test_limits_can_be_raised(tmp_path: Path) -> None:
     log = healthy_log()
     fast = Log("fast", WHEELS, log.time, 8 * log.velocity, log.effort)
     write_log(tmp_path / "fast.csv", fast)
-    with pytest.raises(InputError, match="raise the limit"):
+    with pytest.raises(InputError, match="cannot be"):
         read_log(tmp_path / "fast.csv")
     assert len(read_log(tmp_path / "fast.csv", max_speed=200.0)) == len(log)
 
@@ -318,3 +325,36 @@ def test_wheels_that_are_dragged_along_are_not_taken_for_wrong_signs():
 
     share = power_share(recording("I"))
     assert np.isnan(share[[0, 2]]).all() and (share[[1, 3]] > 0.5).all()
+
+
+def test_the_same_measurements_do_not_count_twice(tmp_path: Path) -> None:
+    log = healthy_log()
+    part = slice(200, 1500)
+    cut = Log("cut", WHEELS, log.time[part] + 5.0, log.velocity[part], log.effort[part])
+    other = healthy_log(seed=3)
+    for name, one in (("a", log), ("b", log), ("cut", cut), ("other", other)):
+        write_log(tmp_path / f"{name}.csv", one)
+    paths = [tmp_path / f"{name}.csv" for name in ("a", "b", "cut", "other")]
+    read, aside = read_usable_logs(paths)
+    assert [one.name for one in read] == ["a", "other"]
+    assert all("must not count twice" in one.reason for one in aside)
+    with pytest.raises(InputError, match="must not count twice; give each log once"):
+        read_logs(paths)
+
+
+@pytest.mark.parametrize(
+    ("wheels", "drive"),
+    [(("left", "right"), "a differential drive"), (("1", "2", "3"), "three wheels")],
+)
+def test_other_drives_are_told_plainly(tmp_path: Path, wheels: tuple[str, ...], drive: str) -> None:
+    names = [f"{kind}_{wheel}" for kind in ("velocity", "effort") for wheel in wheels]
+    rows = "\n".join(",".join(["0.01"] * (len(names) + 1)) for _ in range(3))
+    (tmp_path / "log.csv").write_text(f"time,{','.join(names)}\n{rows}\n")
+    with pytest.raises(InputError, match=f"{drive}.*not this tool"):
+        read_log(tmp_path / "log.csv")
+
+
+def test_a_log_given_twice_is_told(tmp_path: Path) -> None:
+    write_log(tmp_path / "a.csv", healthy_log())
+    with pytest.raises(InputError, match="is given twice"):
+        read_logs([tmp_path / "a.csv", tmp_path / "a.csv"])

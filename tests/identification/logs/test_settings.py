@@ -14,7 +14,7 @@ from identification.signals.noise import NoiseSettings
 from tests.identification.healthy import healthy_log
 from youbot_env.errors import InputError
 
-FIELDS = [item for item in fields(LogSettings) if item.name not in ("noise", "held")]
+FIELDS = [item for item in fields(LogSettings) if item.name not in ("noise", "held", "kinematics")]
 
 
 @pytest.mark.parametrize("item", FIELDS, ids=lambda item: item.name)

@@ -25,7 +25,7 @@ def repeated_time(rows):
     return put(rows, "time", [502], rows[500][0])
 
 
-@case(Refused("repeats", row=3, column="time"))
+@case(Refused("rounded: 50 % of the rows have the time of the row before", row=3, column="time"))
 def coarse_time(rows):
     for i, row in enumerate(rows[1:]):
         row[0] = f"{(i // 2) * 0.02:.2f}"
@@ -37,7 +37,7 @@ def clock_set_back(rows):
     return change(rows, ["time"], lambda t: t - 3.0, first=1001)
 
 
-@case(Refused("runs back", row=702, column="time"))
+@case(Read("another order than their times: sorted", row=701))
 def two_rows_exchanged(rows):
     rows[700], rows[701] = rows[701], rows[700]
     return rows
@@ -48,7 +48,7 @@ def reversed_time(rows):
     return [rows[0], *rows[:0:-1]]
 
 
-@case(Refused("does not increase", column="time"))
+@case(Refused("rounded: 100 % of the rows have the time", column="time"))
 def constant_time(rows):
     return put(rows, "time", range(2, len(rows) + 1), "5.0")
 
@@ -127,7 +127,7 @@ def ten_hertz(rows):
     return [rows[0], *rows[1::10]]
 
 
-@case(Refused("2000 Hz is above 1 kHz; keep every 2th", column="time"))
+@case(Refused("2000 Hz is above 1 kHz; keep every 2nd row", column="time"))
 def two_kilohertz(rows):
     return change(rows, ["time"], lambda t: t / 20)
 

@@ -1,0 +1,66 @@
+"""Wheels against a pose: exchanged wheels, wrong axes, units, clocks and frames."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from itertools import permutations
+
+import numpy as np
+import pytest
+
+from controllers.recording import record
+from identification.logs.log import Log
+from tests.identification.logs.test_force_checks import PAPER, first
+from tests.identification.logs.test_logger_checks import pose_of
+from youbot_env.motions.multisine import multisine
+
+
+@pytest.fixture(scope="module")
+def tracked() -> Log:
+    motion = multisine(np.random.default_rng(7), duration=40.0)
+    log = record(PAPER, [motion], rate=50.0, seed=4, torque_noise=0.03, speed_noise=0.01)[0]
+    noise = np.random.default_rng(0).standard_normal((len(log), 3)) * (0.002, 0.002, 0.004)
+    return replace(log, pose=pose_of(log, 1.0) + noise, gyro_z=None)
+
+
+def test_a_sound_pose_is_not_doubted(tracked: Log):
+    assert first(tracked) == ""
+
+
+@pytest.mark.parametrize("order", [o for o in permutations(range(4)) if o != (0, 1, 2, 3)])
+def test_every_other_order_of_the_wheels(tracked: Log, order: tuple[int, ...]):
+    chosen = list(order)
+    swapped = replace(
+        tracked, velocity=tracked.velocity[:, chosen], effort=tracked.effort[:, chosen]
+    )
+    assert "are exchanged" in first(swapped)
+
+
+@pytest.mark.parametrize(
+    ("change", "message"),
+    [
+        (lambda p: p * (1, -1, 1), "pose_y has the wrong sign"),
+        (lambda p: p * (-1, 1, 1), "pose_x has the wrong sign"),
+        (lambda p: p * (1, 1, -1), "pose_yaw grows clockwise"),
+        (lambda p: p[:, [1, 0, 2]], "pose_x and pose_y are exchanged"),
+        (lambda p: p * (1, -1, -1), "the pose is mirrored"),
+        (lambda p: p * (1000, 1000, 1), "millimetres"),
+        (lambda p: p * (100, 100, 1), "centimetres"),
+        (lambda p: p * (1, 1, 180 / np.pi), "looks like degrees"),
+        (lambda p: p + (0, 0, np.pi / 2), "-90 degrees off the pose's forward"),
+        (lambda p: p[::-1], "the pose does not follow the wheels"),
+    ],
+)
+def test_axes_units_and_frames_of_the_pose(tracked: Log, change, message: str):
+    assert tracked.pose is not None
+    assert message in first(replace(tracked, pose=change(np.array(tracked.pose))))
+
+
+@pytest.mark.parametrize("rows", [40, -60])
+def test_another_clock(tracked: Log, rows: int):
+    assert tracked.pose is not None
+    late = replace(tracked, pose=np.roll(tracked.pose, rows, axis=0))
+    told = first(late)
+    word = "earlier" if rows > 0 else "later"
+    assert "the wheels' clock is" in told and word in told
+    assert float(told.split("clock is ")[1].split()[0]) == pytest.approx(abs(rows) / 50, abs=0.1)
