@@ -86,8 +86,8 @@ def _name_by_place(table: Table) -> None:
     if len(names) < 5 or not all(_UNNAMED.fullmatch(name) for name in names):
         return
     first = table.columns[names[0]]
-    steps = np.diff(first[np.isfinite(first)])
-    if (steps > 0).sum() <= ImportSettings.min_number_share * len(steps):
+    rising = np.diff(first[np.isfinite(first)]) > 0
+    if not rising.size or not rising.mean() > ImportSettings.min_number_share:
         return
     parts = (VELOCITY, EFFORT, POSITION)
     named = {names[0]: "time"}
