@@ -75,10 +75,6 @@ def main(
     """
     from youbot_scripts.shared.exported_files import LoopOptions, exported, write_files
 
-    if effects is not None:
-        from youbot_env.plugins import load_effects
-
-        load_effects(effects)  # before the model is read, since its file may name these effects
     loop = LoopOptions(rate, delay, age, noise, torque_limit, bandwidth)
     files = exported(model, to.value, name, loop)
     written = write_files(output, files)

@@ -9,6 +9,7 @@ from typing import Annotated
 import typer
 
 from youbot_scripts.cli import run_script
+from youbot_scripts.shared.options import EffectsOption
 
 EXAMPLES = (
     "youbot workbench",
@@ -28,6 +29,7 @@ def main(
             metavar="DIR", help="No file outside it is read; `workbench/` in it holds the results."
         ),
     ] = Path("."),
+    effects: EffectsOption = None,
     port: Annotated[int, typer.Option(min=0, max=65535, help="0: any that is free.")] = 0,
 ) -> None:
     """Serve the workbench on loopback and print its address; Ctrl-C ends it.

@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import re
 from collections.abc import Iterator, Mapping, Sequence
+from itertools import islice
 from typing import Any
 
 import numpy as np
@@ -12,6 +13,7 @@ import numpy as np
 from identification.importing.settings import ImportSettings
 from identification.importing.tables import RECEIVED, Array, Table
 from identification.logs.findings import Finding, fault
+from youbot_env.errors import optional_library
 
 _BULKY = re.compile(
     r"Image|PointCloud|LaserScan|OccupancyGrid|Costmap|CameraInfo|Marker|Diagnostic|Log$|"
@@ -19,6 +21,7 @@ _BULKY = re.compile(
 )
 _SKIPPED = ("covariance", "__msgtype__")
 STAMP = "header.stamp"
+_ALIAS = re.compile(r"(^|[\s\[{,:-])[&*]\w")
 _JOINT_LISTS = ("position", "velocity", "effort")
 
 
@@ -95,7 +98,7 @@ class _Rows:
         row = len(self.received)
         self.received.append(received)
         self.stamps.append(_stamp_of(message))
-        for path, value in _leaves(message, settings):
+        for path, value in islice(_leaves(message, settings), settings.max_fields):
             if isinstance(value, str):
                 if self.texts.setdefault(path, value) != value:
                     self.changing.add(path)
@@ -145,15 +148,56 @@ def read_json_table(source: str, content: bytes, settings: ImportSettings) -> Ta
             raise fault(source, f"begins as JSON and is none ({error})", cure) from None
     if len(found) == 1 and isinstance(found[0], list):
         found = found[0]
+    return _table_of(source, "json", found if isinstance(found, list) else [], settings)
+
+
+def looks_like_echo(content: bytes) -> bool:
+    """Whether a text is what ``rostopic echo`` or ``ros2 topic echo`` prints: YAML documents."""
+    start = content[: 1 << 14]
+    fields = re.findall(rb"^ *[A-Za-z_]+:(?: .*)?$", start, re.MULTILINE)
+    return b"\n---" in start and len(fields) > 3
+
+
+def read_echo_table(source: str, content: bytes, settings: ImportSettings) -> Table:
+    """The table of messages that were printed as YAML, with ``---`` between them.
+
+    Raises
+    ------
+    InputError
+        If ruamel.yaml is not installed (rosbags brings it), or no message can be read.
+    """
+    need = "the text of `ros2 topic echo` needs rosbags' YAML reader"
+    reader = optional_library("ruamel.yaml", "import", need).YAML(typ="safe")
+    found, damaged = [], 0
+    texts = re.split(r"^---\s*$", content.decode("utf-8", errors="replace"), flags=re.MULTILINE)
+    for text in texts:
+        # No echo has aliases, and a few lines of them would stand for any number of lists.
+        if _ALIAS.search(text):
+            damaged += 1
+        elif text.strip():
+            try:
+                found.append(reader.load(text))
+            except Exception:  # its own kinds, and those of what it builds
+                damaged += 1
+    if damaged > len(found):
+        cure = "record a bag: ros2 bag record, or echo with --csv"
+        raise fault(source, "looks like echoed messages and is no YAML", cure)
+    table = _table_of(source, "echo", found, settings)
+    if damaged:
+        table.note(f"{damaged} message(s) that are cut or damaged are left out")
+    return table
+
+
+def _table_of(source: str, kind: str, found: Sequence[Any], settings: ImportSettings) -> Table:
+    """The table of messages of a text; nothing tells when they arrived."""
     rows = _Rows()
-    for row, message in enumerate(found if isinstance(found, list) else []):
+    for row, message in enumerate(found):
         if isinstance(message, Mapping):
             rows.add(row, message, settings)
     table = rows.table(source, "", "")
     if table is None:
         raise fault(source, "holds no objects with numbers", "write an object a line")
-    table.kind = "json"
-    # No logger wrote down when these rows arrived.
+    table.kind = kind
     del table.clocks[RECEIVED]
     return table
 

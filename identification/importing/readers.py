@@ -9,7 +9,7 @@ from pathlib import Path
 from identification.importing.bags import read_bag, read_mcap
 from identification.importing.clock_columns import add_clocks
 from identification.importing.joint_names import name_joints
-from identification.importing.messages import read_json_table
+from identification.importing.messages import looks_like_echo, read_echo_table, read_json_table
 from identification.importing.settings import ImportSettings
 from identification.importing.tables import Table
 from identification.importing.text_tables import (
@@ -60,6 +60,8 @@ def read_source(
         table = read_parquet_table(source, content)
     elif content.lstrip()[:1] in (b"{", b"["):
         table = read_json_table(source, content, settings)
+    elif looks_like_echo(content):
+        table = read_echo_table(source, content, settings)
     else:
         table = read_text_table(source, content)
     table.drop_absurd(settings.max_number)

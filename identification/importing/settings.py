@@ -36,6 +36,10 @@ class ImportSettings(Settings):
         default=64,
         metadata={"unit": "numbers", "reason": "longer lists in a message are no joints"},
     )
+    max_fields: int = field(
+        default=4096,
+        metadata={"unit": "numbers", "reason": "of a message: a state of 100 joints has 400"},
+    )
     max_record_bytes: int = field(
         default=1 << 28,
         metadata={"unit": "bytes", "reason": "of a chunk of an MCAP file: usual ones have 1 MB"},

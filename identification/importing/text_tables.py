@@ -30,6 +30,7 @@ DELIMITERS = (";", "\t", "|", ",")
 _COMMENT = re.compile(r"^\s*(#|%|//)\s*")
 _DECIMAL_COMMA = re.compile(r"\s*[+-]?\d*,\d+([eE][+-]?\d+)?\s*")
 _THOUSANDS = re.compile(r"\s*[+-]?\d{1,3}(\.\d{3})+,\d+\s*")
+_US_THOUSANDS = re.compile(r"\s*[+-]?\d{1,3}(,\d{3})+\.\d*\s*")
 _LIST = re.compile(r"""\s*(?:array\(\s*(?:'.'\s*,)?)?\s*[\[({]([^\[\](){}]*)[\])}]\s*\)?\s*""")
 _TRUTH = {"true": 1.0, "false": 0.0}
 _NAMES_OF_COLUMNS = re.compile(r"[A-Za-zµ_%]")
@@ -433,9 +434,11 @@ def _number(cell: str) -> float | None:
     except ValueError:
         if text.lower() in _TRUTH:
             return _TRUTH[text.lower()]
-        if _THOUSANDS.fullmatch(text):
+        if _US_THOUSANDS.fullmatch(text):
+            text = text.replace(",", "")
+        elif _THOUSANDS.fullmatch(text):
             text = text.replace(".", "")
-        if not _DECIMAL_COMMA.fullmatch(text):
+        elif not _DECIMAL_COMMA.fullmatch(text):
             return None
         value = float(text.replace(",", "."))
     return value if np.isfinite(value) else None

@@ -54,6 +54,7 @@ def test_the_motion_that_a_diagnosis_proposes(here: Path) -> None:
         (["--motions", "V"], "'V': not known"),
         (["--rate", "0"], "--rate"),
         (["--wheel-speed", "-1"], "wheel_speed"),
+        (["--rest", "1e308"], "set points; lower the rate"),
         (["--geometry", "no.json"], "no.json"),
         (["--next-motion", "no.json"], "no.json"),
     ],

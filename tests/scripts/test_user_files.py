@@ -18,7 +18,7 @@ from youbot_scripts.shared import effect_points
 
 WITH_MODELS = (
     *("identify", "compare", "diagnose", "add", "record", "evaluate", "train", "tune"),
-    "effects",
+    *("effects", "export", "workbench"),
 )
 """Commands that read a model."""
 

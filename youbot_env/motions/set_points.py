@@ -21,6 +21,9 @@ COLUMNS = (
 MARGIN = 0.3
 """Floor [m] beyond the ideal path on each side: a robot that slips drifts from it."""
 
+MAX_ROWS = 5e6
+"""Of a file of set points: 80 minutes at 1 kHz."""
+
 REST = 2.0
 """Standing still before and after [s]: it shows the sensors' noise and offsets."""
 
@@ -121,7 +124,10 @@ def set_points(
     geometry, limits = geometry or Geometry(), limits or MotionLimits()
     rate = finite("rate [Hz]", rate, positive=True)
     rest = finite("rest [s]", rest, least=0.0)
-    count = int(np.ceil((motion.duration + 2 * rest) * rate)) + 1
+    rows = (motion.duration + 2 * rest) * rate
+    if not rows < MAX_ROWS:
+        raise InputError(f"motion '{motion.name}': over {MAX_ROWS:.0e} set points; lower the rate")
+    count = int(np.ceil(rows)) + 1
     if count < 3:
         raise InputError(f"rate: {rate:g} Hz leaves no set points of '{motion.name}'; raise it")
     time = np.arange(count) / rate

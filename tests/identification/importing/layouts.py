@@ -205,6 +205,20 @@ def blanks_and_a_commented_header() -> str:
     return "\n".join(["# log of robot 7", "# t w1 w2 w3 w4 tau1 tau2 tau3 tau4", *lines, ""])
 
 
+def echoed_yaml() -> str:
+    """What ``ros2 topic echo`` prints without --csv."""
+    parts = []
+    for time, speeds, torques in zip(LOG.time, LOG.velocity, LOG.effort, strict=True):
+        nanoseconds = round(1e9 * time)
+        lines = ["header:", "  stamp:", f"    sec: {1_700_000_000 + nanoseconds // 10**9}"]
+        lines += [f"    nanosec: {nanoseconds % 10**9}", "  frame_id: ''", "name:"]
+        lines += [f"- {name}" for name in names("wheel_joint_{}")]
+        lines += ["position: []", "velocity:", *(f"- {speed:.5f}" for speed in speeds)]
+        lines += ["effort:", *(f"- {torque:.5f}" for torque in torques), "---", ""]
+        parts.append("\n".join(lines))
+    return "".join(parts)
+
+
 LAYOUTS: dict[str, Callable[[], str]] = {
     "plain": plain,
     "semicolons": semicolons_and_decimal_commas,
@@ -231,6 +245,7 @@ LAYOUTS: dict[str, Callable[[], str]] = {
     "whole_seconds": whole_seconds,
     "minutes": minutes_and_seconds,
     "german_dates": german_dates,
+    "echoed_yaml": echoed_yaml,
     "blanks": blanks_and_a_commented_header,
 }
 """Layouts whose meaning is plain."""

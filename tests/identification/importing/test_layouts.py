@@ -148,6 +148,16 @@ def test_currents_are_asked_for_their_constant(tmp_path: Path) -> None:
     assert any("torque_constant" in finding.message for finding in found.findings)
 
 
+def test_aliases_of_yaml_are_not_followed(tmp_path: Path) -> None:
+    lines = ["header: {stamp: {sec: 1, nanosec: 2}}", "a: &a [1, 1]", "name: []", "velocity: []"]
+    lines += [
+        f"{b}: &{b} [{', '.join([f'*{a}'] * 9)}]"
+        for a, b in zip("abcdefgh", "bcdefghi", strict=True)
+    ]
+    with pytest.raises(InputError, match="looks like echoed messages and is no YAML"):
+        imported(written(tmp_path, "\n".join([*lines, "---", ""])))
+
+
 def test_efforts_that_are_zero_were_not_measured(tmp_path: Path) -> None:
     body = [[*row[:5], *["0.0"] * 4] for row in rows(LOG)]
     header = ["time", *names("velocity_{}"), *names("effort_{}")]
