@@ -219,7 +219,7 @@ def of_json(draw: random.Random, content: bytes) -> bytes:
         holder[draw.choice(("", "stranger", "\x1b[31m", "\ud800", "__class__", "k" * 5000))] = (
             holder[key]
         )
-    elif action == 2 and isinstance(holder[key], (int, float)) and holder[key] not in (True, False):
+    elif action == 2 and isinstance(holder[key], float):
         holder[key] = holder[key] * draw.choice((-1, 0, 1e-12, 1e12, 1e200, 1.5))
     elif action == 3:
         other, place = draw.choice(nodes)[:2]
