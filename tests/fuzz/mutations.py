@@ -5,6 +5,7 @@ from __future__ import annotations
 import gzip
 import json
 import random
+import zlib
 from collections.abc import Callable
 from typing import Any
 
@@ -84,7 +85,7 @@ def mutated(draw: random.Random, content: bytes, other: bytes) -> bytes:
     if content.startswith(b"\x1f\x8b") and draw.random() < 0.8:
         try:
             return gzip.compress(mutated(draw, gzip.decompress(content), other), 1)
-        except (OSError, EOFError):
+        except (OSError, EOFError, zlib.error):
             pass
     if draw.random() < 0.02:
         cut = draw.randrange(len(content) + 1)
