@@ -5,6 +5,7 @@ from __future__ import annotations
 import gzip
 import json
 import random
+import zlib
 from collections.abc import Callable
 from typing import Any
 
@@ -84,7 +85,7 @@ def mutated(draw: random.Random, content: bytes, other: bytes) -> bytes:
     if content.startswith(b"\x1f\x8b") and draw.random() < 0.8:
         try:
             return gzip.compress(mutated(draw, gzip.decompress(content), other), 1)
-        except (OSError, EOFError):
+        except (OSError, EOFError, zlib.error):
             pass
     if draw.random() < 0.02:
         cut = draw.randrange(len(content) + 1)
@@ -219,7 +220,7 @@ def of_json(draw: random.Random, content: bytes) -> bytes:
         holder[draw.choice(("", "stranger", "\x1b[31m", "\ud800", "__class__", "k" * 5000))] = (
             holder[key]
         )
-    elif action == 2 and isinstance(holder[key], (int, float)) and holder[key] not in (True, False):
+    elif action == 2 and isinstance(holder[key], float):
         holder[key] = holder[key] * draw.choice((-1, 0, 1e-12, 1e12, 1e200, 1.5))
     elif action == 3:
         other, place = draw.choice(nodes)[:2]

@@ -89,7 +89,7 @@ def test_the_same_seed_makes_the_same_files():
     assert first == second and len(set(first)) > 100
 
 
-SMALL = (b"", b"\n", b"x", b"a,b\n1,2\n", b"{}", b'{"a": 1}', b"[[[]]]")
+SMALL = (b"\x1f\x8b\x08junk", b"", b"\n", b"x", b"a,b\n1,2\n", b"{}", b'{"a": 1}', b"[[[]]]")
 MUTATIONS = tuple(dict.fromkeys((*BLIND, *TEXT, of_json)))
 
 
@@ -98,6 +98,7 @@ MUTATIONS = tuple(dict.fromkeys((*BLIND, *TEXT, of_json)))
 def test_a_mutation_takes_any_bytes(mutate, content: bytes):
     for seed in range(50):
         assert isinstance(mutate(random.Random(seed), content), bytes)
+        assert isinstance(mutated(random.Random(seed), content, b"a"), bytes)
 
 
 def _raises(error: BaseException):

@@ -317,6 +317,7 @@ def test_other_versions_are_refused(kind: Kind, path: Path):
         ([[0.04, 1e-3], [1e-4, 1e-4]], "symmetric"),
         ([[0.04, 0.0], [0.0, -1e-4]], "variances"),
         ([[1.0, 2.0], [2.0, 1.0]], "positive semidefinite"),
+        ([[1e-300, 1e300], [1e300, 1e-300]], "too far apart"),
         ([[1.0]], "2 x 2"),
         ([[1.0, 0.0], [0.0]], "2 x 2"),
         ([["a", "b"], ["c", "d"]], "2 x 2"),

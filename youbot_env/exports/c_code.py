@@ -414,7 +414,6 @@ class _Parts:
         rates = [f"rate_{identifier(name)}" for name in self.mechanism.joints]
         motion, places = self._motion()
         lengths, theta = self._lengths(), self._theta()
-        # The second rates, which drives of second order read, are taken as zero.
         second = [f"second_{identifier(name)}" for name in self.mechanism.joints]
         formulas = command_formulas(
             self.structure, dynamics, lengths, theta, motion, torques, rates, second
@@ -422,7 +421,7 @@ class _Parts:
         places |= {
             **{name: f"torque[{k}]" for k, name in enumerate(torques)},
             **{name: f"torque_rate[{k}]" for k, name in enumerate(rates)},
-            **dict.fromkeys(second, "0.0"),
+            **{name: f"torque_second_rate[{k}]" for k, name in enumerate(second)},
             **self._parameters(),
         }
         head = (
@@ -430,6 +429,7 @@ class _Parts:
             "                             const youbot_motion *motion,\n"
             "                             const double torque[YOUBOT_JOINTS],\n"
             "                             const double torque_rate[YOUBOT_JOINTS],\n"
+            "                             const double torque_second_rate[YOUBOT_JOINTS],\n"
             "                             double command[YOUBOT_JOINTS])"
         )
         return c_function(head, formulas, places, _array("command", torques))
@@ -474,7 +474,7 @@ def _samples(model: Model) -> str:
     for _ in range(SAMPLES):
         state = rng.uniform(-1.0, 1.0, len(model.structure.state_names))
         state[:axes] *= full
-        torque, rate = most * rng.uniform(-1.0, 1.0, (2, joints))
+        torque, rate, second = most * rng.uniform(-1.0, 1.0, (3, joints))
         motion = {
             "twist": state[:axes],
             "acceleration": 2.0 * rng.uniform(-1.0, 1.0, axes),
@@ -485,9 +485,10 @@ def _samples(model: Model) -> str:
         at = Instant(
             **{key: v if key == "time" else tuple(v) for key, v in motion.items()},
             torque_rate=tuple(10.0 * rate),
+            torque_second_rate=tuple(100.0 * second),
         )
         command = dynamics.inverse_dynamics(np, model.structure, model.geometry, model.theta, at)
         rates = model.state_derivative(state, torque)
-        parts = (state, torque, rates, tuple(motion.values()), 10.0 * rate, command)
+        parts = (state, torque, rates, tuple(motion.values()), 10.0 * rate, 100.0 * second, command)
         rows.append("    {" + ",\n     ".join(map(initialiser, parts)) + "},")
     return "\n".join(rows)

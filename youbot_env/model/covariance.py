@@ -37,7 +37,10 @@ def check_covariance(
     # Correlations, so that one tolerance fits parameters of all sizes. A variance of 0 must not
     # divide by 0.
     scale = np.sqrt(np.abs(np.diag(covariance)))
-    unit = covariance / np.outer(scale, scale).clip(min=1e-300)
+    with np.errstate(over="ignore", invalid="ignore"):
+        unit = covariance / np.outer(scale, scale).clip(min=1e-300)
+    if not np.isfinite(unit).all():
+        raise InputError(f"{where} holds numbers that are too far apart for variances")
     if not np.allclose(unit, unit.T, atol=ROUNDING) or np.diag(covariance).min(initial=0) < 0:
         raise InputError(f"{where} must be symmetric with variances on its diagonal")
     # Rounding of k x k entries moves an eigenvalue by up to k times as much.

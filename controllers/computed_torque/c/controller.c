@@ -434,11 +434,12 @@ static void look_ahead(const youbot_controller *c, youbot_motion motion[3])
 /* --- the command ----------------------------------------------------------------------------- */
 
 /* Torques of the interface that, held for a period, do best what the motions demand: they make the
-   mean of the acting torques (Simpson's rule) and their mean rate. */
+   mean of the acting torques (Simpson's rule), their mean rates and second rates. */
 static void feed_forward(youbot_controller *c, const youbot_motion motion[3],
                          double mean[YOUBOT_JOINTS], double forward[YOUBOT_JOINTS])
 {
-    double rate[YOUBOT_JOINTS];
+    const double hold = c->design.period;
+    double rate[YOUBOT_JOINTS], second[YOUBOT_JOINTS];
     int k, wheel;
 
     for (k = 0; k < 3; k++)
@@ -446,9 +447,13 @@ static void feed_forward(youbot_controller *c, const youbot_motion motion[3],
     for (wheel = 0; wheel < WHEELS; wheel++) {
         mean[wheel] =
             (c->demanded[0][wheel] + 4.0 * c->demanded[1][wheel] + c->demanded[2][wheel]) / 6.0;
-        rate[wheel] = (c->demanded[2][wheel] - c->demanded[0][wheel]) / c->design.period;
+        rate[wheel] = (c->demanded[2][wheel] - c->demanded[0][wheel]) / hold;
+        second[wheel] = 4.0 *
+                        (c->demanded[0][wheel] - 2.0 * c->demanded[1][wheel] +
+                         c->demanded[2][wheel]) /
+                        (hold * hold);
     }
-    youbot_interface_torque(&c->parameters, mean, rate, motion[1].time, forward);
+    youbot_interface_torque(&c->parameters, &motion[1], mean, rate, second, forward);
 }
 
 /* The acceleration to command: it cancels the disturbance and drives the error to zero that is

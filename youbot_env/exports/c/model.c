@@ -52,6 +52,7 @@ void youbot_joint_torque(const youbot_parameters *p, const youbot_motion *motion
 
 void youbot_inverse_dynamics(const youbot_parameters *p, const youbot_motion *motion,
                              const double torque_rate[YOUBOT_JOINTS],
+                             const double torque_second_rate[YOUBOT_JOINTS],
                              double command[YOUBOT_JOINTS])
 {
     /* [N m] Rounding moves torques of some N m by less. */
@@ -60,7 +61,8 @@ void youbot_inverse_dynamics(const youbot_parameters *p, const youbot_motion *mo
     double torque[YOUBOT_JOINTS] = {0.0};
 
     youbot_joint_torque(p, motion, tolerance, torque);
-    youbot_interface_torque(p, motion, torque, torque_rate ? torque_rate : steady, command);
+    youbot_interface_torque(p, motion, torque, torque_rate ? torque_rate : steady,
+                            torque_second_rate ? torque_second_rate : steady, command);
 }
 
 void youbot_advance(const youbot_parameters *p, double state[YOUBOT_STATES],

@@ -50,18 +50,21 @@ void youbot_forward_dynamics(const youbot_parameters *p, const double state[YOUB
 void youbot_joint_torque(const youbot_parameters *p, const youbot_motion *motion,
                          double tolerance, double torque[YOUBOT_JOINTS]);
 
-/* Torques of the interface [N m] behind which `torque` [N m] acts at the joints and changes at
-   `torque_rate` [N m/s]: drives and channels taken back. They belong to an instant
-   youbot_torque_delay() before that of the motion, of which velocity and time are read. */
+/* Torques of the interface [N m] behind which `torque` [N m] acts at the joints, changes at
+   `torque_rate` [N m/s], and this at `torque_second_rate` [N m/s^2]: drives and channels taken back.
+   They belong to an instant youbot_torque_delay() before that of the motion. */
 void youbot_interface_torque(const youbot_parameters *p, const youbot_motion *motion,
                              const double torque[YOUBOT_JOINTS],
                              const double torque_rate[YOUBOT_JOINTS],
+                             const double torque_second_rate[YOUBOT_JOINTS],
                              double command[YOUBOT_JOINTS]);
 
 /* Inverse dynamics: the torques of the interface [N m] that drive a motion, the feed-forward.
-   `torque_rate` [N m/s] is the rate of the torques that act, read by drives alone; NULL is 0. */
+   `torque_rate` [N m/s] is the rate of the torques that act, `torque_second_rate` [N m/s^2] that of
+   it, read by drives of first and second order alone; NULL is 0. */
 void youbot_inverse_dynamics(const youbot_parameters *p, const youbot_motion *motion,
                              const double torque_rate[YOUBOT_JOINTS],
+                             const double torque_second_rate[YOUBOT_JOINTS],
                              double command[YOUBOT_JOINTS]);
 
 /* By how much [s] a commanded torque acts late. */

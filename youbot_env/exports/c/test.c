@@ -18,7 +18,7 @@ typedef struct sample {
     double torque[YOUBOT_JOINTS]; /* of the interface */
     double rates[YOUBOT_STATES];  /* Python's */
     youbot_motion motion;
-    double torque_rate[YOUBOT_JOINTS];
+    double torque_rate[YOUBOT_JOINTS], torque_second_rate[YOUBOT_JOINTS];
     double command[YOUBOT_JOINTS]; /* Python's */
 } sample;
 
@@ -68,7 +68,8 @@ static int check_model(void)
         const sample *s = &SAMPLES[i];
         youbot_forward_dynamics(&youbot_identified, s->state, s->torque, rates);
         forward = fmax(forward, difference(rates, s->rates, YOUBOT_STATES));
-        youbot_inverse_dynamics(&youbot_identified, &s->motion, s->torque_rate, command);
+        youbot_inverse_dynamics(&youbot_identified, &s->motion, s->torque_rate,
+                                s->torque_second_rate, command);
         inverse = fmax(inverse, difference(command, s->command, YOUBOT_JOINTS));
     }
     failed = report("forward dynamics", forward) + report("inverse dynamics", inverse);
@@ -82,7 +83,7 @@ static int check_model(void)
     start = clock();
     for (i = 0; i < REPEATS; i++) {
         youbot_inverse_dynamics(&youbot_identified, &SAMPLES[i % SAMPLE_COUNT].motion, NULL,
-                                command);
+                                NULL, command);
         sum += command[0];
     }
     printf("inverse dynamics: %.3f us\n", microseconds_since(start, REPEATS));
