@@ -21,7 +21,9 @@ from identification.diagnosis.experiment_design import best_experiment
 from identification.diagnosis.report import (
     Diagnosis,
     candidate_rows,
+    effects_of,
     leaves_something,
+    plain_ties,
     sentences_of,
     verdict_of,
     warnings_of,
@@ -45,6 +47,7 @@ from identification.residual_map.residual_map import residual_map
 from identification.residual_map.shares import ResidualMap
 from identification.threads import side_by_side
 from youbot_env.errors import InputError
+from youbot_env.physics.effect import effect_of
 
 Array = NDArray[np.float64]
 
@@ -91,9 +94,9 @@ def diagnose(
     of_logs = warnings_of_logs(logs) + [*data.notes, *coarse_speed_warnings(data.samples, final)]
     return Diagnosis(
         verdict=verdict,
-        missing=tuple(accepted),
-        ambiguous_with=ties,
-        partial=tuple(accepted) if unexplained else (),
+        missing=effects_of(accepted),
+        ambiguous_with=plain_ties(ties),
+        partial=effects_of(accepted) if unexplained else (),
         steps=steps,
         rankings=chosen.rankings,
         model=fitted_model,
@@ -109,7 +112,7 @@ def diagnose(
         ),
         told_first=len(of_logs),
         sentences=tuple(sentences_of(fitted_model, steps, verdict, ties, floor, maps[-1])),
-        candidates=candidate_rows(chosen.first, steps[0], fitted_model),
+        candidates=candidate_rows(chosen.first, steps, fitted_model),
         settings=settings,
         changes=changed_parameters(model, fitted_model, mechanism, settings.fit),
     )
@@ -158,7 +161,7 @@ def select(
         if len(steps) > 1 and _nothing_left(data, steps[-1]):
             break
         present = steps[-1].fitted.mechanism.structure.effects
-        left = [name for name in names if name not in present]
+        left = [name for name in names if _can_be_added(mechanism, name, present)]
         ranking = rank(data, steps[-1].fitted, left, rng)
         # Without any effect too: the report lists the candidates on top of the base in any case.
         first = first or ranking
@@ -184,6 +187,13 @@ def select(
     assert first is not None
     kept = _with_sound_free_runs(data, steps)
     return Selection(tuple(kept), tuple(rankings), first, data.out_of_time)
+
+
+def _can_be_added(mechanism: Mechanism, name: str, present: Sequence[str]) -> bool:
+    """Whether a structure can hold an effect beside those present: once more in some logs, too."""
+    # Two lags or two delays in a row are one.
+    once = mechanism.catalogue[name].acts_at.kind in ("actuator", "shift")
+    return name not in (map(effect_of, present) if once else ())
 
 
 def _ties(rankings: Sequence[Ranking], accepted: Sequence[str]) -> dict[str, list[str]]:
@@ -305,7 +315,7 @@ def _accepted_pair(
             break
         item = item if item.fitted else with_joint_fit(data, base, item)
         assert item.fitted is not None
-        second = rank(data, item.fitted, [name for name in names if name != item.name], rng)
+        second = rank(data, item.fitted, _others(names, item.name), rng)
         if second.best is not None and second.best.fitted is not None:
             pairs.append((second.best.square, item, second))
     for square, item, second in sorted(pairs, key=lambda pair: pair[0]):
@@ -318,6 +328,10 @@ def _accepted_pair(
         if more and _free_run_holds(data, before, more[0][0]):
             return [(step, replace(ranking, best=item, tied=())), *more]
     return []
+
+
+def _others(names: Sequence[str], name: str) -> list[str]:
+    return [other for other in names if effect_of(other) != effect_of(name)]
 
 
 def _judged_alike(data: LoggedData, steps: Sequence[Step]) -> list[Step]:
@@ -448,4 +462,5 @@ def _next_experiment(
 
 def _named(item: Candidate) -> tuple[str, Mechanism, Array]:
     assert item.fitted is not None
-    return item.name, item.fitted.mechanism, item.fitted.theta
+    # A motion that is proposed has no log yet: it is to be driven where the effect acts.
+    return effect_of(item.name), item.fitted.mechanism.everywhere(), item.fitted.theta

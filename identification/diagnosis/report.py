@@ -15,6 +15,7 @@ from identification.fitting.changed_parameters import ParameterChanges
 from identification.mechanisms.mechanism import Mechanism
 from identification.mechanisms.samples import Samples
 from identification.residual_map.shares import ResidualMap
+from youbot_env.physics.effect import effect_of
 
 
 @dataclass(frozen=True)
@@ -27,7 +28,8 @@ class Diagnosis:
     missing : accepted effects, in order; if several are ambiguous, the best one
     ambiguous_with : what the data cannot tell apart from an accepted effect
     partial : accepted effects, if they explain only a part and something unknown remains
-    steps : held-out errors as they fall; the first is the refitted base
+    steps : held-out errors as they fall; the first is the refitted base. Names of effects in
+        steps and rankings tell instances apart: floor_tilt@2 acts in the second log alone
     rankings : all candidates, on top of each step
     model : refitted, with the accepted effects
     maps : what the residual depends on, before and after the accepted effects
@@ -85,12 +87,23 @@ class Diagnosis:
         return found.episodes if found.is_episodic else []
 
     @property
+    def logs(self) -> dict[str, list[str]]:
+        """Of accepted effects that act in some logs only, the names of these logs."""
+        found: dict[str, list[str]] = {}
+        for step in self.steps[1:]:
+            if step.effect and step.logs:
+                named = found.setdefault(effect_of(step.effect), [])
+                named += [name for name in step.logs if name not in named]
+        return found
+
+    @property
     def explained(self) -> list[dict[str, Any]]:
         """Each accepted effect's own part of that share, in order."""
         whole = _predictable_square(self.steps)
         return [
             {
-                "effect": after.effect,
+                "effect": effect_of(after.effect or ""),
+                **({"logs": list(after.logs)} if after.logs else {}),
                 "share": (before.force_error**2 - after.force_error**2) / whole,
             }
             for before, after in zip(self.steps, self.steps[1:], strict=False)
@@ -102,6 +115,7 @@ class Diagnosis:
         return {
             "verdict": self.verdict,
             "missing": list(self.missing),
+            "logs": self.logs,
             "ambiguous_with": self.ambiguous_with,
             "partial": list(self.partial),
             "steps": [step.to_dict() for step in self.steps],
@@ -123,6 +137,22 @@ class Diagnosis:
             "warnings": list(self.warnings),
             "settings": self.settings.to_dict(),
         }
+
+
+def effects_of(names: Sequence[str]) -> tuple[str, ...]:
+    """Names of the effects behind names of instances, each once, in order."""
+    return tuple(dict.fromkeys(map(effect_of, names)))
+
+
+def plain_ties(ties: Mapping[str, Sequence[str]]) -> dict[str, list[str]]:
+    """Ties between instances, under the names of their effects."""
+    found: dict[str, list[str]] = {}
+    for name, others in ties.items():
+        effect = effect_of(name)
+        rivals = [other for other in effects_of(others) if other != effect]
+        if rivals:
+            found[effect] = [*dict.fromkeys([*found.get(effect, []), *rivals])]
+    return found
 
 
 def _predictable_square(steps: Sequence[Step]) -> float:
@@ -187,11 +217,15 @@ def sentences_of(
 
     ``remaining``: what the last step's residual depends on.
     """
-    found = []
+    found, mechanism = [], steps[-1].fitted.mechanism
     for step in steps[1:]:
         assert step.effect is not None
-        sentence = describe_in(model, step.fitted.mechanism.catalogue[step.effect])
-        others = ties.get(step.effect)
+        key = mechanism.plain_names[step.effect]
+        sentence = describe_in(model, mechanism.catalogue[key])
+        if step.logs:
+            where = f"{listed(step.logs)} alone" if len(step.logs) == 1 else listed(step.logs)
+            sentence = f"{effect_of(key)}, in {where}: {sentence}"
+        others = effects_of(ties.get(step.effect, ()))
         if others:
             sentence += f"; these logs cannot tell it from {' or '.join(others)}"
         # Beside an unknown rest an effect may only imitate what is missing.
@@ -215,7 +249,8 @@ def _of_the_unknown(steps: Sequence[Step], level: float, remaining: ResidualMap)
         f"predicts {max(steps[-1].predictable.share, 0.0):.0%} of its squares"
     )
     if len(steps) > 1 and share is not None:
-        names = _listed([step.effect.replace("_", " ") for step in steps[1:] if step.effect])
+        effects = effects_of([step.effect for step in steps[1:] if step.effect])
+        names = listed([name.replace("_", " ") for name in effects])
         verb = "take" if len(steps) > 2 else "takes"
         found = [
             f"{names} {verb} {share:.0%} of what could be explained; something more is missing: "
@@ -251,7 +286,7 @@ SHOWN_STRETCHES = 3
 """Stretches of logs that a sentence names."""
 
 
-def _listed(names: Sequence[str]) -> str:
+def listed(names: Sequence[str]) -> str:
     """Names in a sentence: a, b and c."""
     *most, last = names
     return f"{', '.join(most)} and {last}" if most else last
@@ -295,20 +330,25 @@ def warnings_of(
     return found
 
 
-def candidate_rows(ranking: Ranking, base: Step, model: Any) -> list[dict[str, Any]]:
+def candidate_rows(ranking: Ranking, steps: Sequence[Step], model: Any) -> list[dict[str, Any]]:
     """First-step candidates, best first; an accepted one with its parameters in the final fit.
 
-    Errors are converted to the noise and the folds of the base, as in the ranking.
+    ``logs``: of one that acts in some logs only. Errors are converted to the noise and the folds of
+    the base, as in the ranking.
     """
-    found = []
+    found, base = [], steps[0]
+    keys = steps[-1].fitted.mechanism.plain_names
     for item in ranking.candidates:
+        acts_in = item.mechanism.acts_in.get(item.name, ())
+        logs = [samples.name for samples in base.fitted.samples if samples.name in acts_in]
         ratio = np.sqrt(max(item.square, 0.0) / max(ranking.square, 1e-300))
         found.append(
             {
-                "effect": item.name,
+                "effect": effect_of(item.name),
+                **({"logs": logs} if logs else {}),
                 "force_error": float(base.force_error * ratio),
                 "p_value": ranking.p_values[item.name],
-                "parameters": _parameters(item, model),
+                "parameters": _parameters(item, model, keys.get(item.name)),
             }
         )
     return found
@@ -322,9 +362,10 @@ def estimates(entries: Mapping[str, Any]) -> dict[str, Any]:
     }
 
 
-def _parameters(item: Candidate, model: Any) -> dict[str, Any]:
-    if item.name in model.effects:
-        return estimates(model.effects[item.name])
+def _parameters(item: Candidate, model: Any, key: str | None) -> dict[str, Any]:
+    """By name; ``key``: that of the effect in the model, if it was accepted."""
+    if key in model.effects:
+        return estimates(model.effects[key])
     theta = item.theta.copy()
     if item.fitted is None:
         theta[item.free] += item.held_out.step

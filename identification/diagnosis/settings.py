@@ -199,6 +199,24 @@ class DiagnosisSettings(Settings):
         },
     )
 
+    # Effects in some logs only
+    max_logs_for_any_choice: int = field(
+        default=4,
+        metadata={
+            "unit": "1",
+            "reason": "up to here an effect is tried in each set of logs; of more logs in each "
+            "one, in all since one and in all before one: a bound on time and on chance",
+        },
+    )
+    min_choice_gain: float = field(
+        default=0.01,
+        metadata={
+            "unit": "share of the structure's squares",
+            "reason": "by which an effect must be better in more logs to be named in more: logs "
+            "that hardly show it make no difference",
+        },
+    )
+
     # Joint fits of the candidates in the lead
     max_joint_fits: int = field(
         default=5,

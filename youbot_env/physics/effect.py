@@ -29,7 +29,7 @@ from __future__ import annotations
 import inspect
 from collections.abc import Callable, Generator, Iterable
 from contextlib import contextmanager
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from math import isfinite
 from typing import NamedTuple, Protocol, TypeVar, cast
 
@@ -313,8 +313,21 @@ def _defaults(parameters: Iterable[Parameter]) -> dict[str, float]:
     return {name: item.default or 0.0 for item in parameters for name in item.names}
 
 
+INSTANCE = "@"
+"""Between an effect's name and what tells its instances in a model apart: floor_tilt@2."""
+
+
+def effect_of(name: str) -> str:
+    """The registered name of an effect, of which ``name`` may be an instance."""
+    return name.partition(INSTANCE)[0]
+
+
 class Registry:
-    """Effects by name, in the order of registration."""
+    """Effects by name, in the order of registration.
+
+    An instance (``floor_tilt@2``) is its effect under its own name: a floor may slope otherwise in
+    another log, so a model may hold one effect twice, at different values.
+    """
 
     def __init__(self) -> None:
         self._effects: dict[str, Effect] = {}
@@ -335,7 +348,8 @@ class Registry:
 
     def __getitem__(self, name: str) -> Effect:
         try:
-            return self._effects[name]
+            found = self._effects[effect_of(name)]
+            return found if name == found.name else replace(found, name=name)
         except KeyError:
             raise InputError(
                 f"unknown effect {name!r}; known are {', '.join(self._effects) or 'none'} "
