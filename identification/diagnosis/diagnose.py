@@ -40,9 +40,11 @@ from identification.diagnosis.structures import (
 from identification.fitting.changed_parameters import changed_parameters
 from identification.fitting.final_fit import coarse_speed_warnings, final_fit
 from identification.fitting.least_squares import Fit
+from identification.fitting.regression import regression
 from identification.logs.log import Log, warnings_of_logs
 from identification.mechanisms.mechanism import Mechanism
 from identification.mechanisms.registry import AnyModel, kind_of, mechanism_of
+from identification.residual_map.regime import Regime, find_regime
 from identification.residual_map.residual_map import residual_map
 from identification.residual_map.shares import ResidualMap
 from identification.threads import side_by_side
@@ -89,6 +91,7 @@ def diagnose(
     ties = _ties(chosen.rankings, accepted)
     verdict = verdict_of(unexplained, bool(ties), bool(accepted))
     final, maps = _final_fit_and_maps(data, steps)
+    regime = _regime(data, steps[-1]) if unexplained else None
     given = data.given_errors(mechanism, model.theta)
     fitted_model = _model(steps[-1], final, model, logs, floor)
     of_logs = warnings_of_logs(logs) + [*data.notes, *coarse_speed_warnings(data.samples, final)]
@@ -111,9 +114,10 @@ def diagnose(
             *warnings_of(given, steps[0], chosen.out_of_time, settings),
         ),
         told_first=len(of_logs),
-        sentences=tuple(sentences_of(fitted_model, steps, verdict, ties, floor, maps[-1])),
+        sentences=tuple(sentences_of(fitted_model, steps, verdict, ties, floor, maps[-1], regime)),
         candidates=candidate_rows(chosen.first, steps, fitted_model),
         settings=settings,
+        regime=regime,
         changes=changed_parameters(model, fitted_model, mechanism, settings.fit),
     )
 
@@ -424,6 +428,18 @@ def _final_fit_and_maps(data: LoggedData, steps: Sequence[Step]) -> tuple[Fit, l
     tasks = [partial(final_fit, *args), *(partial(mapped, f) for f in shown)]
     final, *maps = side_by_side(lambda task: task(), tasks, data.progress)
     return final, maps
+
+
+def _regime(data: LoggedData, step: Step) -> Regime | None:
+    """Where what a structure leaves lives, if a rule says so."""
+    fitted, settings = step.fitted, data.settings
+    rows = [
+        regression(fitted.mechanism, fitted.theta, item, fitted.free, settings.fit)
+        for item in data.samples
+    ]
+    noise = np.concatenate([step.predictable.noise(k) for k in range(len(rows))])
+    level = float((noise**2).sum(axis=1).mean())
+    return find_regime(fitted.mechanism, rows, data.samples, level, settings.regime, settings.fit)
 
 
 def _model(

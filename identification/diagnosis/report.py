@@ -14,6 +14,7 @@ from identification.diagnosis.structures import Candidate, Ranking, Step
 from identification.fitting.changed_parameters import ParameterChanges
 from identification.mechanisms.mechanism import Mechanism
 from identification.mechanisms.samples import Samples
+from identification.residual_map.regime import Regime
 from identification.residual_map.shares import ResidualMap
 from youbot_env.physics.effect import effect_of
 
@@ -34,6 +35,7 @@ class Diagnosis:
     model : refitted, with the accepted effects
     maps : what the residual depends on, before and after the accepted effects
     sentences : the verdict in words
+    regime : where what remains lives, of an unknown rest; None if no rule says so
     changes : the given model's parameters beside the refitted ones
     settings : all numbers that the verdict depends on
     """
@@ -56,6 +58,7 @@ class Diagnosis:
     candidates: list[dict[str, Any]] = field(default_factory=list)
     settings: DiagnosisSettings = field(default_factory=DiagnosisSettings)
     told_first: int = 0
+    regime: Regime | None = None
     changes: ParameterChanges = field(default_factory=ParameterChanges)
 
     @property
@@ -132,6 +135,7 @@ class Diagnosis:
             "candidates": self.candidates,
             "where": self.where,
             "remaining": self.remaining,
+            "regime": self.regime and self.regime.rule,
             "next_experiment": self.next_experiment,
             "words": list(self.sentences),
             "warnings": list(self.warnings),
@@ -212,10 +216,11 @@ def sentences_of(
     ties: Mapping[str, Sequence[str]],
     floor: Mapping[str, float],
     remaining: ResidualMap,
+    regime: Regime | None = None,
 ) -> list[str]:
     """The verdict in words; the effects have the sizes that they have in ``model``.
 
-    ``remaining``: what the last step's residual depends on.
+    ``remaining``: what the last step's residual depends on; ``regime``: where it lives.
     """
     found, mechanism = [], steps[-1].fitted.mechanism
     for step in steps[1:]:
@@ -238,6 +243,7 @@ def sentences_of(
         )
     elif verdict == "unknown":
         found += _of_the_unknown(steps, level, remaining)
+        found += [regime.sentence] if regime else []
     return found
 
 
@@ -267,7 +273,7 @@ def _of_the_unknown(steps: Sequence[Step], level: float, remaining: ResidualMap)
         parts = ", ".join(f"{item.variable} ({item.share:.0%})" for item in shown)
         found.append(f"what remains depends on {parts}")
     elif not steps[-1].predictable.is_episodic:
-        found.append("what remains depends on no single variable more than chance would have it")
+        found.append(f"of what remains: {remaining.words(large=True)}")
     return found
 
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass, field, replace
 
 from identification.fitting.settings import FitSettings
-from identification.residual_map.settings import ResidualMapSettings
+from identification.residual_map.settings import RegimeSettings, ResidualMapSettings
 from youbot_env.errors import Settings, check_settings
 
 
@@ -24,6 +24,7 @@ class DiagnosisSettings(Settings):
     # Settings of what the diagnosis is made of
     fit: FitSettings = field(default_factory=FitSettings)
     residual_map: ResidualMapSettings = field(default_factory=ResidualMapSettings)
+    regime: RegimeSettings = field(default_factory=RegimeSettings)
 
     # Verdict
     min_explained_share: float = field(

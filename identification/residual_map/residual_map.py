@@ -63,8 +63,9 @@ def residual_map(
     Shares of different variables overlap: a force along the world's X axis depends on the heading
     and, in a small room, on the position too.
     """
-    if sum(samples.dt * len(samples) for samples in logs) < settings.min_duration:
-        return ResidualMap(())
+    seconds = sum(samples.dt * len(samples) for samples in logs)
+    if seconds < settings.min_duration:
+        return ResidualMap((), seconds=seconds)
     table = residual_table(mechanism, np.asarray(theta, float), logs, settings, fit)
     folds = table.folds
     rng = np.random.default_rng(seed)
@@ -89,7 +90,7 @@ def residual_map(
     rest = held_out_gains(folds, sides, with_twist, groups, settings.ridge_strengths)
     shares = _shares(table, [of_twist, *rest], twist_gain, total, signs.shape[1], beyond)
     refit = 1.0 - total / given if given > 0 else 0.0
-    return ResidualMap(shares, float(refit), partial(_curves, table, residual, beyond))
+    return ResidualMap(shares, float(refit), seconds, partial(_curves, table, residual, beyond))
 
 
 def _curves(

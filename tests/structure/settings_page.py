@@ -29,7 +29,7 @@ from identification.diagnosis.settings import DiagnosisSettings
 from identification.fitting.settings import FitSettings, PredictabilitySettings
 from identification.logs.settings import LogSettings
 from identification.mechanisms.settings import MechanismSettings
-from identification.residual_map.settings import ResidualMapSettings
+from identification.residual_map.settings import RegimeSettings, ResidualMapSettings
 from identification.signals.filters import FilterSettings
 from identification.signals.held import HeldSettings
 from identification.signals.noise import NoiseSettings
@@ -46,6 +46,7 @@ AREAS = {
         PredictabilitySettings,
         FitSettings,
         ResidualMapSettings,
+        RegimeSettings,
         DiagnosisSettings,
         ComparisonSettings,
     ),

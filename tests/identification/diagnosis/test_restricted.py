@@ -1,4 +1,4 @@
-"""Effects in some logs only: found by the sums over logs, named with the logs, and simulated there."""
+"""Effects in some logs only: found by sums over logs, named with the logs, simulated there."""
 
 from dataclasses import replace
 
