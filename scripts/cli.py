@@ -32,7 +32,9 @@ PACKAGE = "youbot_scripts"
 
 COMMANDS = (
     "record",
+    "import",
     "doctor",
+    "kinematics",
     "identify",
     "compare",
     "diagnose",
@@ -42,6 +44,8 @@ COMMANDS = (
     "tune",
     "bench",
     "effects",
+    "export",
+    "workbench",
     "demo",
 )
 """Names of the commands, in the order of the help; a module of `PACKAGE` each."""

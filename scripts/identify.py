@@ -128,7 +128,8 @@ def _tables(result: Identification) -> list[Table]:
 
 def _page(result: Identification, read: Sequence[Log], seed: int) -> Iterator[Part]:
     """The parts of the web page: the verdict first, then its reasons."""
-    from identification.figures.charts import charts_of_identification, residual_charts
+    from identification.figures.charts import charts_of_identification
+    from identification.figures.single_charts import residual_charts
     from identification.mechanisms.registry import quantities_of
     from identification.residual_map.residual_map import residual_map
     from youbot_scripts.shared.effect_tables import equations_with

@@ -90,7 +90,12 @@ def write_atomically(path: str | os.PathLike[str], content: str | bytes) -> None
 
 def write_json(path: str | os.PathLike[str], content: Mapping[str, Any]) -> None:
     """Write a JSON file: complete or not at all."""
-    write_atomically(path, json.dumps(plain(content), indent=1, allow_nan=False) + "\n")
+    write_atomically(path, json_text(content))
+
+
+def json_text(content: Mapping[str, Any]) -> str:
+    """The text of a JSON file."""
+    return json.dumps(plain(content), indent=1, allow_nan=False) + "\n"
 
 
 def plain(value: Any) -> Any:

@@ -17,7 +17,6 @@ from identification.diagnosis.report import describe_in, estimates
 from identification.diagnosis.settings import DiagnosisSettings
 from identification.diagnosis.structures import LoggedData, Step
 from identification.fitting.final_fit import final_fit
-from identification.fitting.least_squares import Fit
 from identification.logs.log import Log
 from identification.mechanisms.registry import AnyModel, kind_of, mechanism_of
 from youbot_env.errors import InputError
@@ -114,7 +113,12 @@ def add_effect(
     p_value = ranking.p_values[effect]
     reasons = [
         *_errors_that_doubt(before, after, p_value, settings),
-        *_parameters_that_doubt(new.effects[effect], result, settings.fit.interval_deviations),
+        *_parameters_that_doubt(
+            effect,
+            new.effects[effect],
+            [fitted.mechanism.labels[result.free[k]].component for k in result.bounded],
+            settings.fit.interval_deviations,
+        ),
     ]
     return Addition(
         effect=effect,
@@ -148,16 +152,20 @@ def _errors_that_doubt(
     return found
 
 
-def _parameters_that_doubt(entries: Mapping[str, Any], result: Fit, deviations: float) -> list[str]:
+def _parameters_that_doubt(
+    owner: str, entries: Mapping[str, Any], bounded: Sequence[str], deviations: float
+) -> list[str]:
     """Why the effect's parameters do not speak for it.
 
     Parameters
     ----------
-    entries : of the effect in the fitted model
+    owner, entries : the effect, and its parameters in the fitted model
+    bounded : components with a parameter that stopped at its bound. One of the base model says
+        nothing against the effect: more may be missing
     deviations : standard deviations either side of a value that hold the truth in 95 % of cases
     """
     found = []
-    if result.bounded:
+    if owner in bounded:
         found.append("a parameter stopped at its physical bound: sign or size are implausible")
     unsure = [
         name

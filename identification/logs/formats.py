@@ -31,7 +31,10 @@ def read_bytes(path: Path) -> bytes:
     except FileNotFoundError:
         raise fault(source, "no such file", "check the path") from None
     except IsADirectoryError:
-        raise fault(source, "is a directory", f"name the logs in it: {path}/*.csv") from None
+        cure = (
+            f"name the logs in it: {path}/*.csv (of a ROS 2 bag: youbot import {path} -o LOG.csv)"
+        )
+        raise fault(source, "is a directory", cure) from None
     except PermissionError:
         raise fault(source, "no permission to read it", f"chmod +r {path}") from None
     except (OSError, ValueError) as error:
@@ -47,7 +50,8 @@ def parser_for(path: Path) -> Callable[[str, bytes], LogTable]:
         return parse_gzip
     if name.endswith(".csv"):
         return parse_csv
-    raise fault(str(path), "unknown kind of file", "a log ends in .csv, .csv.gz or .parquet")
+    cure = f"a log ends in .csv, .csv.gz or .parquet; of others: youbot import {path} -o LOG.csv"
+    raise fault(str(path), "unknown kind of file", cure)
 
 
 def parse_gzip(source: str, content: bytes) -> LogTable:

@@ -8,7 +8,7 @@ import os
 import platform
 import sys
 from collections.abc import Callable, Iterator, Mapping
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -16,6 +16,9 @@ import typer
 
 if TYPE_CHECKING:
     from rich.console import Console
+
+PROGRESS_FILE = "YOUBOT_PROGRESS_FILE"
+"""Environment variable: the file into which a command writes the share that it has done."""
 
 STDOUT = Path("-")
 """The file name that means standard output."""
@@ -229,8 +232,13 @@ def console(json: Path | None = None) -> Console:
 def progress(total: float, description: str) -> Iterator[Callable[..., None]]:
     """A progress bar on standard error; yields `advance(steps=1)`.
 
-    No bar if standard error is no terminal. It disappears at the end, also after Ctrl-C.
+    No bar if standard error is no terminal. It disappears at the end, also after Ctrl-C. Another
+    program learns the share done from the file that ``PROGRESS_FILE`` names.
     """
+    told = os.environ.get(PROGRESS_FILE)
+    if told:
+        yield _told_in_a_file(Path(told), total)
+        return
     if not sys.stderr.isatty():
         yield lambda steps=1: None
         return
@@ -248,3 +256,17 @@ def progress(total: float, description: str) -> Iterator[Callable[..., None]]:
     with bar:
         task = bar.add_task(description, total=total)
         yield lambda steps=1: bar.advance(task, steps)
+
+
+def _told_in_a_file(path: Path, total: float) -> Callable[..., None]:
+    """An ``advance`` that keeps the share done, 0 to 1, in a file."""
+    done = 0.0
+
+    def advance(steps: float = 1) -> None:
+        nonlocal done
+        done += steps
+        # The reader may look at any time; a torn number is read as none.
+        with suppress(OSError):
+            path.write_text(f"{done / max(total, 1e-9):.4f}", encoding="utf-8")
+
+    return advance

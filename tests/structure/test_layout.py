@@ -38,7 +38,9 @@ MAY_IMPORT = {
     "identification": {
         "signals": set(),
         "threads": set(),
-        "logs": {"signals"},
+        "kinematics": {"signals"},
+        "logs": {"kinematics"},
+        "importing": {"logs"},
         "mechanisms": {"logs"},
         "fitting": {"mechanisms", "threads"},
         "residual_map": {"fitting"},

@@ -60,12 +60,13 @@ class Check:
     """A further check of the test driver.
 
     headers : files that it includes; functions : its source; call : an expression that returns how
-    many checks failed
+    many checks failed; tolerances : declarations before it
     """
 
     headers: tuple[str, ...]
     functions: str
     call: str
+    tolerances: str = ""
 
 
 def to_c(
@@ -118,6 +119,7 @@ def to_c(
             f'#include "{NAME}_{file}"'
             for file in dict.fromkeys(("model.h", *(h for check in checks for h in check.headers)))
         ),
+        "tolerances": "\n".join(check.tolerances for check in checks),
         "more_checks": "\n".join(check.functions for check in checks),
         "more_calls": "\n".join(f"    failed += {check.call};" for check in checks),
     }
