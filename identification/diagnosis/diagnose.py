@@ -18,10 +18,12 @@ from identification.diagnosis.candidates import (
     with_joint_fit,
 )
 from identification.diagnosis.experiment_design import best_experiment
+from identification.diagnosis.regimes import regime_left
 from identification.diagnosis.report import (
     Diagnosis,
     candidate_rows,
     effects_of,
+    explained_share,
     leaves_something,
     plain_ties,
     sentences_of,
@@ -40,11 +42,9 @@ from identification.diagnosis.structures import (
 from identification.fitting.changed_parameters import changed_parameters
 from identification.fitting.final_fit import coarse_speed_warnings, final_fit
 from identification.fitting.least_squares import Fit
-from identification.fitting.regression import regression
 from identification.logs.log import Log, warnings_of_logs
 from identification.mechanisms.mechanism import Mechanism
 from identification.mechanisms.registry import AnyModel, kind_of, mechanism_of
-from identification.residual_map.regime import Regime, find_regime
 from identification.residual_map.residual_map import residual_map
 from identification.residual_map.shares import ResidualMap
 from identification.threads import side_by_side
@@ -85,13 +85,15 @@ def diagnose(
     names = list(effects) if effects is not None else list(mechanism.catalogue.names())
     chosen = select(data, mechanism, model.theta, names, np.random.default_rng(seed))
     steps = without_imitators(chosen.steps, settings)
-    floor = data.floor(steps[-1].fitted).to_dict()
     unexplained = leaves_something(steps, settings)
+    steps, regime = (
+        regime_left(data, steps, explained_share(steps)) if unexplained else (steps, None)
+    )
+    floor = data.floor(steps[-1].fitted).to_dict()
     accepted = _names(steps)
     ties = _ties(chosen.rankings, accepted)
     verdict = verdict_of(unexplained, bool(ties), bool(accepted))
     final, maps = _final_fit_and_maps(data, steps)
-    regime = _regime(data, steps[-1]) if unexplained else None
     given = data.given_errors(mechanism, model.theta)
     fitted_model = _model(steps[-1], final, model, logs, floor)
     of_logs = warnings_of_logs(logs) + [*data.notes, *coarse_speed_warnings(data.samples, final)]
@@ -428,18 +430,6 @@ def _final_fit_and_maps(data: LoggedData, steps: Sequence[Step]) -> tuple[Fit, l
     tasks = [partial(final_fit, *args), *(partial(mapped, f) for f in shown)]
     final, *maps = side_by_side(lambda task: task(), tasks, data.progress)
     return final, maps
-
-
-def _regime(data: LoggedData, step: Step) -> Regime | None:
-    """Where what a structure leaves lives, if a rule says so."""
-    fitted, settings = step.fitted, data.settings
-    rows = [
-        regression(fitted.mechanism, fitted.theta, item, fitted.free, settings.fit)
-        for item in data.samples
-    ]
-    noise = np.concatenate([step.predictable.noise(k) for k in range(len(rows))])
-    level = float((noise**2).sum(axis=1).mean())
-    return find_regime(fitted.mechanism, rows, data.samples, level, settings.regime, settings.fit)
 
 
 def _model(

@@ -35,6 +35,15 @@ class DiagnosisSettings(Settings):
             "it: of a carpet's nap, which no effect is, an uneven friction takes 26 %",
         },
     )
+    max_imitators_share: float = field(
+        default=0.9,
+        metadata={
+            "unit": "share of what was predictable beyond the base model",
+            "reason": "effects that together take less, where a rule says that all that is missing "
+            "lives in a part of the motion, imitate it: of a friction of one wheel in one "
+            "direction slope and uneven friction took 68 %, slope and gain error 76 %",
+        },
+    )
     max_small_rest: float = field(
         default=0.005,
         metadata={

@@ -51,6 +51,23 @@ class ResidualMapSettings(Settings):
         },
     )
 
+    log_stretch: float = field(
+        default=6.0,
+        metadata={
+            "unit": "s",
+            "reason": "of each log that is held out together, where it is asked what differs "
+            "between logs: as where it is asked whether anything can be predicted",
+        },
+    )
+    min_log_share: float = field(
+        default=0.05,
+        metadata={
+            "unit": "share of the residual's squares",
+            "reason": "of the log or the shared time: logs of different motions differ a little "
+            "wherever a model is not exact",
+        },
+    )
+
     # Bootstrap
     bootstrap_block_time: float = field(
         default=2.0,
