@@ -32,6 +32,7 @@ PACKAGE = "youbot_scripts"
 
 COMMANDS = (
     "record",
+    "motions",
     "import",
     "doctor",
     "kinematics",
@@ -208,7 +209,9 @@ def _abandon_stdout() -> None:
 
 
 def _complain(message: str, status: int) -> int:
-    print(f"youbot: {' '.join(message.split())}", file=sys.stderr)
+    from youbot_env.errors import shortened, visible  # slow: not at the top
+
+    print(f"youbot: {visible(shortened(' '.join(message.split())))}", file=sys.stderr)
     return status
 
 

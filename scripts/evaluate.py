@@ -11,7 +11,7 @@ import typer
 from controllers.policy.policy_file import shipped_policies
 from controllers.registry import CONTROLLERS
 from youbot_scripts.cli import run_script
-from youbot_scripts.evaluation.conditions import BASIC
+from youbot_scripts.evaluation.conditions import BASIC, MOST_SEEDS
 from youbot_scripts.evaluation.evaluation import Evaluation, evaluate
 from youbot_scripts.evaluation.suites import SUITES, settings_from_options
 from youbot_scripts.shared import options as common
@@ -21,6 +21,7 @@ EXAMPLES = (
     "youbot evaluate",
     "youbot evaluate --suite late --resume late/ --report late.html",
     "youbot evaluate --plant model.json --model model.json --controllers pid,computed_torque",
+    "youbot evaluate --controllers kinematic_tuned,computed_torque,my_controller.py",
     "youbot evaluate --effect floor_tilt:tilt_x=0.02 --model identified,diagnosed --bands 0.5-3",
 )
 
@@ -61,7 +62,7 @@ def main(
         typer.Option(
             metavar="A,B,...",
             help=f"Of {', '.join((*CONTROLLERS, *shipped_policies()))}; or a gains file of `tune`, "
-            f"a policy of `train`. Default: {', '.join(BASIC)}.",
+            f"a policy of `train`, your own FILE.py. Default: {', '.join(BASIC)}.",
         ),
     ] = None,
     band: Annotated[
@@ -69,7 +70,8 @@ def main(
         typer.Option("--bands", metavar="LOW-HIGH,...", help="Reference frequencies [rad/s]."),
     ] = None,
     seeds: Annotated[
-        int | None, typer.Option(min=1, metavar="N", help="References for each band: 5.")
+        int | None,
+        typer.Option(min=1, max=MOST_SEEDS, metavar="N", help="References for each band: 5."),
     ] = None,
     peaks: Annotated[
         str | None,
@@ -97,6 +99,7 @@ def main(
     against: Annotated[
         str | None, typer.Option(metavar="NAME", help="Measure the others by this one.")
     ] = None,
+    effects: common.EffectsOption = None,
     jobs: common.JobsOption = 2,
     resume: Annotated[
         Path | None,

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from youbot_scripts.cli import run_script
-from youbot_scripts.shared.options import JsonOption, console, write_result, write_text
+from youbot_scripts.shared.options import JsonOption, console, make_folder, write_result, write_text
 from youbot_scripts.shared.tables import show
 
 if TYPE_CHECKING:
@@ -132,7 +132,7 @@ def _write(
 
     map_path = target.with_name(_stem(target) + MAP_ENDING)
     if pieces:
-        target.parent.mkdir(parents=True, exist_ok=True)
+        make_folder(target.parent)
     if source.proposal is not None and source.undecided:
         write_text(map_path, source.map_text)
         named = " ".join(shlex.quote(str(path)) for path in paths)

@@ -36,6 +36,7 @@ from controllers.linear.margins import Margins, frequency_grid, margins
 from youbot_env.errors import InputError, check_settings
 from youbot_env.model.model import Model
 from youbot_env.physics import inverse_dynamics as dynamics
+from youbot_env.physics.mechanism import Instant
 
 
 @dataclass(frozen=True)
@@ -248,11 +249,20 @@ def channel_slope(model: Model) -> Array:
     InputError
         If a channel does not pass the command on.
     """
-    zero, one = (
-        dynamics.channel_torque(np, model.structure, model.theta, (torque,) * 4, 0.0)
-        for torque in (0.0, 1.0)
-    )
-    slope = np.array([float(b) - float(a) for a, b in zip(zero, one, strict=True)])
+    # Of small torques: below any limit of the drives, and beyond what a dead zone takes.
+    torques = (2.0**-10, 2.0**-9)
+    commands = [
+        dynamics.interface_torque(
+            np,
+            model.structure,
+            model.geometry,
+            model.theta,
+            Instant((0.0,) * 3, torque=(torque,) * 4),
+        )
+        for torque in torques
+    ]
+    rise = np.array([float(b) - float(a) for a, b in zip(*commands, strict=True)])
+    slope = (torques[1] - torques[0]) / rise
     if not (np.isfinite(slope).all() and np.abs(slope).min() > 0.0):
         raise InputError(f"model {model.name}: a wheel's torque does not follow its command")
     return slope

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
-from typing import Any
+from typing import Any, ClassVar
 
 import numpy as np
 
@@ -19,11 +19,13 @@ from identification.diagnosis.structures import LoggedData, Step
 from identification.fitting.final_fit import final_fit
 from identification.logs.log import Log
 from identification.mechanisms.registry import AnyModel, kind_of, mechanism_of
+from identification.mechanisms.samples import Samples
+from identification.showing import Shown
 from youbot_env.errors import InputError
 
 
-@dataclass(frozen=True)
-class Addition:
+@dataclass(frozen=True, repr=False)
+class Addition(Shown):
     """Result of :func:`add_effect`.
 
     Attributes
@@ -33,6 +35,7 @@ class Addition:
     p_value : of the effect, by wild block bootstrap
     worthwhile : whether the fall is material and significant and the size plausible
     reasons : why it is not worthwhile, in words
+    samples : the logs
     settings : all numbers that this depends on
     """
 
@@ -45,7 +48,24 @@ class Addition:
     worthwhile: bool
     reasons: tuple[str, ...]
     sentence: str
+    samples: tuple[Samples, ...] = ()
     settings: DiagnosisSettings = field(default_factory=DiagnosisSettings)
+    kind: ClassVar[str] = "addition"
+
+    def summary(self) -> str:
+        """How far the error falls, and whether that is worth an effect."""
+        worth = "worth it" if self.worthwhile else f"not worth it: {'; '.join(self.reasons)}"
+        return (
+            f"with {self.effect} the force error goes from {self.before.force_error:.2%} to "
+            f"{self.after.force_error:.2%} (noise {self.noise_floor['force_error']:.2%}), {worth}"
+        )
+
+    def rows(self) -> list[dict[str, Any]]:
+        """Held-out errors before and after."""
+        return [
+            {"with": name, "force error": step.force_error, "velocity error": step.velocity_error}
+            for name, step in (("before", self.before), (self.effect, self.after))
+        ]
 
     def to_dict(self) -> dict[str, Any]:
         """JSON form."""
@@ -130,6 +150,7 @@ def add_effect(
         worthwhile=not reasons,
         reasons=tuple(reasons),
         sentence=describe_in(new, item),
+        samples=tuple(data.samples),
         settings=settings,
     )
 

@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from identification.comparison import Comparison, LogComparison
+from identification.diagnosis.add_effect import Addition
 from identification.diagnosis.report import Diagnosis
 from identification.figures import chart_style as look
 from identification.figures.chart_style import Chart
@@ -28,10 +29,9 @@ from identification.fitting.errors import SumsOfSquares, Traces, force_traces, v
 from identification.fitting.identify import Identification
 from identification.mechanisms.mechanism import Mechanism
 from identification.mechanisms.quantities import Quantities
-from identification.mechanisms.registry import AnyModel, quantities_of
+from identification.mechanisms.registry import quantities_of
 from identification.mechanisms.samples import Samples, planar_pose
 from youbot_env.errors import InputError
-from youbot_env.physics.geometry import Geometry
 
 if TYPE_CHECKING:
     pass
@@ -54,14 +54,14 @@ def charts_of_identification(result: Identification) -> Charts:
         yield _estimates(result)
 
 
-def charts_of_comparison(result: Comparison, geometry: Geometry | None = None) -> Charts:
+def charts_of_comparison(result: Comparison) -> Charts:
     """Of a comparison.
 
     free_run_K and forces_K: measured and predicted, of log K; plan_K: its way on the floor,
     coloured by the force residual; stretches: force error by stretch, of all logs; residual: over
     the variables that it depends on most.
     """
-    shown = quantities_of(result.model, geometry)
+    shown = quantities_of(result.model, result.geometry)
     bins = bins_of(2 * len(result.logs), 3 * len(shown.forces))
     yield _stretches(result)
     for k, item in enumerate(result.logs):
@@ -80,19 +80,15 @@ def charts_of_comparison(result: Comparison, geometry: Geometry | None = None) -
     yield from residual_charts([("", result.where)], shown.forces)
 
 
-def charts_of_diagnosis(result: Diagnosis, model: AnyModel) -> Charts:
+def charts_of_diagnosis(result: Diagnosis) -> Charts:
     """Of a diagnosis.
 
     errors: held out, as they fall; residual: over its strongest variables, before and after the
     accepted effects; forces_K, free_run_K: measured and predicted of log K, before and after;
     plan_before_K, plan_after_K: the way on the floor, coloured by the force residual; next: the
     motion proposed.
-
-    Parameters
-    ----------
-    model : that was given
     """
-    shown, steps = quantities_of(model), list(result.steps)
+    shown, steps = quantities_of(result.model), list(result.steps)
     yield errors_chart(
         [(step.effect, step.force_error, step.velocity_error) for step in steps], result.noise_floor
     )
@@ -104,6 +100,16 @@ def charts_of_diagnosis(result: Diagnosis, model: AnyModel) -> Charts:
     ends = steps if len(steps) == 1 else [steps[0], steps[-1]]
     pairs = [(step.fitted.mechanism, step.fitted.theta) for step in ends]
     yield from _before_and_after(result.samples, pairs, titles, shown)
+
+
+def charts_of_addition(result: Addition) -> Charts:
+    """Of an effect that was added: the errors, and the signals before and after, as above."""
+    steps = [result.before, result.after]
+    rows = [(step.effect, step.force_error, step.velocity_error) for step in steps]
+    yield errors_chart(rows, result.noise_floor)
+    pairs = [(step.fitted.mechanism, step.fitted.theta) for step in steps]
+    titles = ("refitted model", f"with {result.effect}")
+    yield from _before_and_after(result.samples, pairs, titles, quantities_of(result.model))
 
 
 def _before_and_after(

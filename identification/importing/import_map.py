@@ -95,8 +95,9 @@ class Pose:
     quaternion : references of x, y, z, w; () where there is none
     unit, yaw_unit : of the place and of the heading
     sign : +1 or -1 of x, y and yaw
-    turn : angle by which the frame of the file is turned against the robot's [rad]: the heading is
-        less by it
+    frame_yaw : what is added to the file's heading to have the robot's [rad], as
+        `youbot kinematics` finds it
+    lever : place of the tracked point in the robot's frame [m, m]; the pose becomes that of O
     delay : by which the pose comes late [s]; it is undone
     """
 
@@ -107,7 +108,8 @@ class Pose:
     unit: str = "m"
     yaw_unit: str = "rad"
     sign: tuple[float, ...] = (1.0, 1.0, 1.0)
-    turn: float = 0.0
+    frame_yaw: float = 0.0
+    lever: tuple[float, ...] = (0.0, 0.0)
     delay: float = 0.0
 
 
@@ -149,6 +151,15 @@ class ImportMap:
     pose: Pose | None = None
     gyro: Gyro | None = None
     time: Time = field(default_factory=Time)
+
+    def references(self) -> list[str]:
+        """Names of all columns that it reads, those of time aside."""
+        found = [name for q in QUANTITIES if (c := self.of(q)) is not None for name in c.columns]
+        if self.pose is not None:
+            found += [self.pose.x, self.pose.y, self.pose.yaw, *self.pose.quaternion]
+        if self.gyro is not None:
+            found.append(self.gyro.z)
+        return [name for name in found if name]
 
     def of(self, quantity: str) -> Channels | None:
         """The four channels of a quantity."""
@@ -219,7 +230,8 @@ _SCHEMA = {
                 "unit": {"enum": _of("length")},
                 "yaw_unit": {"enum": ["rad", "deg", "turn", "mrad"]},
                 "sign": _signs(3),
-                "turn": _NUMBER,
+                "frame_yaw": _NUMBER,
+                "lever": {"type": "array", "items": _NUMBER, "minItems": 2, "maxItems": 2},
                 "delay": _NUMBER,
             },
             "required": ["x", "y"],
@@ -275,7 +287,7 @@ def _pose_of(given: Mapping[str, Any]) -> Pose:
     found = dict(given)
     if ("yaw" in found) == ("quaternion" in found):
         raise InputError("pose: give yaw, or quaternion (x, y, z, w), and not both")
-    for name in ("sign", "quaternion"):
+    for name in ("sign", "quaternion", "lever"):
         if name in found:
             found[name] = tuple(found[name])
     return Pose(**found)

@@ -102,7 +102,9 @@ def _pose(proposed: ImportMap) -> Iterator[str]:
     yield f"unit = {_text(pose.unit)}"
     yield f"yaw_unit = {_text(pose.yaw_unit)}"
     yield f"sign = {_signs(pose.sign)}    # of x, y, yaw"
-    yield f"turn = {_number(pose.turn)}    # rad by which the file's yaw is too large"
+    yield f"frame_yaw = {_number(pose.frame_yaw)}    # rad, added to yaw: by `youbot kinematics`"
+    lever = ", ".join(_number(number) for number in pose.lever)
+    yield f"lever = [{lever}]    # m, m: place of the tracked point in the robot's frame"
     yield f"delay = {_number(pose.delay)}    # s by which it comes late; undone"
 
 

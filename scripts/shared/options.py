@@ -96,11 +96,33 @@ MechanismOption = Annotated[
         "--mechanism", metavar="NAME", help="mecanum or axis; only checked: the model says it."
     ),
 ]
+
+
+def load_user_effects(path: Path | None) -> Path | None:
+    """Typer callback: register a user's effects before any model is read, which may name them.
+
+    Raises
+    ------
+    InputError
+        If the file cannot be run or registers nothing.
+    """
+    if path is not None:
+        from youbot_env.plugins import load_effects
+
+        load_effects(path)
+    return path
+
+
 EffectsOption = Annotated[
     Path | None,
-    typer.Option("--effects", metavar="FILE.py", help="Your own effects; runs this file."),
+    typer.Option(
+        "--effects",
+        metavar="FILE.py",
+        callback=load_user_effects,
+        help="Your own effects; runs this file.",
+    ),
 ]
-JobsOption = Annotated[int, typer.Option("--jobs", min=1, metavar="N", help="Processes.")]
+JobsOption = Annotated[int, typer.Option("--jobs", min=1, max=256, metavar="N", help="Processes.")]
 LogsOfOption = Annotated[
     str,
     typer.Option("--mechanism", metavar="NAME", help="What the logs are of: mecanum, axis."),
@@ -149,6 +171,20 @@ def check_pictures(folder: Path | None, report: Path | None) -> None:
 
 
 # --- files -----------------------------------------------------------------------------------
+
+
+def make_folder(path: Path) -> None:
+    """Make a folder, and those above it, unless it is there.
+
+    Raises
+    ------
+    InputError
+        If it cannot be made.
+    """
+    try:
+        path.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise _input_error(f"{path}: cannot be made a folder: {error.strerror or error}") from None
 
 
 def write_text(path: Path | str, text: str) -> None:
@@ -219,8 +255,16 @@ def _input_error(message: str) -> ValueError:
 def console(json: Path | None = None) -> Console:
     """Where a command prints: standard output, or standard error if that is for the JSON."""
     from rich.console import Console
+    from rich.text import Text
+
+    from youbot_env.errors import visible  # as in `_input_error`
 
     class PlainConsole(Console):
+        def render_str(self, text: str, **options: Any) -> Text:
+            # Names of files and models, and messages of libraries, may hold a terminal's commands.
+            lines = (visible(line.replace("\t", "    ")) for line in text.split("\n"))
+            return super().render_str("\n".join(lines), **options)
+
         def on_broken_pipe(self) -> None:
             raise BrokenPipeError  # Rich would exit with status 1; `cli.main` returns 141
 

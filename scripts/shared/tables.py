@@ -7,8 +7,11 @@ from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
+from youbot_env.errors import visible
+
 if TYPE_CHECKING:
     from rich.console import Console
+    from rich.text import Text
 
 
 @dataclass(frozen=True)
@@ -91,18 +94,25 @@ def _print(out: Console, table: Table) -> None:
     from rich.text import Text
 
     # Text, not str: in a str Rich would read brackets, as in units, as markup.
-    title = Text(table.title)
+    title = Text(visible(table.title))
     drawn = RichTable(title=title, title_justify="left", box=box.SIMPLE_HEAD, pad_edge=False)
     for column in table.columns:
         drawn.add_column(
-            Text(column.header),
+            _text(column.header),
             justify="left" if column.is_text else "right",
             overflow="fold",
             no_wrap=not column.is_text,
         )
     for row in table.cells:
-        drawn.add_row(*map(Text, row))
+        drawn.add_row(*map(_text, row))
     out.print(drawn)
+
+
+def _text(cell: str) -> Text:
+    """A cell as Rich's text, line by line."""
+    from rich.text import Text
+
+    return Text("\n".join(map(visible, cell.split("\n"))))
 
 
 # --- formats ---------------------------------------------------------------------------------

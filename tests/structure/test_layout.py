@@ -25,7 +25,8 @@ MAY_IMPORT = {
     "youbot_env": {
         "errors": set(),
         "files": {"errors"},
-        "physics": {"errors", "files"},
+        "caching": set(),
+        "physics": {"errors", "files", "caching"},
         "model": {"physics"},
         "simulation": {"model"},
         "contact": {"simulation"},
@@ -38,11 +39,12 @@ MAY_IMPORT = {
     "identification": {
         "signals": set(),
         "threads": set(),
+        "showing": set(),
         "kinematics": {"signals"},
         "logs": {"kinematics"},
         "importing": {"logs"},
         "mechanisms": {"logs"},
-        "fitting": {"mechanisms", "threads"},
+        "fitting": {"mechanisms", "threads", "showing"},
         "residual_map": {"fitting"},
         "diagnosis": {"residual_map"},
         "comparison": {"residual_map"},

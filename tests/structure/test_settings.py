@@ -59,6 +59,12 @@ NO_SETTING = {
         "NO_SLIP": "geometry: wheel speeds that no rigid motion makes",
         "_DEGREES": "degrees in a radian",
         "DECIMALS": "of a written file",
+        **dict.fromkeys(
+            ("MAX_BYTES", "MAX_STREAM", "MAX_CELLS", "MAX_HEADER", "MAX_COLUMNS", "MAX_ROWS"),
+            "bound on time and memory: of what is read of a file",
+        ),
+        "MAX_LINE": "bound on time and memory: of a line",
+        "CHUNK": "bytes that are decompressed at a time",
     },
     "mechanisms": {
         "_MOTION": "names of a formula's arguments",

@@ -230,6 +230,165 @@ def actuator_lag(xp: Namespace, drive: Actuator, time_constant: Number) -> Numbe
     return drive.torque + time_constant * drive.torque_rate
 
 
+STIFF = 1000.0
+"""Natural frequency [rad/s] of a drive above which no log shows it."""
+
+
+def _frequency_and_damping(geometry: object, first: float, second: float) -> tuple[float, ...]:
+    frequency = STIFF if second <= 0 else min(second**-0.5, STIFF)
+    return frequency, 0.5 * first * frequency
+
+
+def _first_and_second(
+    xp: Namespace, geometry: object, frequency: Number, damping: Number
+) -> tuple[Number, ...]:
+    return 2 * damping / frequency, frequency**-2
+
+
+@effect(
+    acts_at=ACTUATOR,
+    parameters=[
+        Parameter("first", "s", lower=0.0, upper=1.0, size=0.02),
+        Parameter("second", "s^2", lower=STIFF**-2, upper=0.1, size=1e-3),
+    ],
+    public=Public(
+        parameters=(
+            Parameter("frequency", "rad/s", lower=3.0, upper=STIFF, size=30.0, without=STIFF),
+            Parameter("damping", "1", lower=0.0, upper=500.0, size=0.3),
+        ),
+        forward=_frequency_and_damping,
+        inverse=_first_and_second,
+    ),
+    source="Second-order model of a drive with an elastic gear or a current loop that overshoots",
+    recognise="The robot swings after each step of torque, at one frequency.",
+)
+def drive_resonance(xp: Namespace, drive: Actuator, first: Number, second: Number) -> Number:
+    """Command behind a drive of second order [N m]: M + 2 z M'/w + M''/w^2."""
+    return drive.torque + first * drive.torque_rate + second * drive.torque_second_rate
+
+
+@effect(
+    acts_at=CHANNEL,
+    parameters=[
+        Parameter(
+            "offset",
+            "N m",
+            lower=-2.0,
+            upper=2.0,
+            size=0.1,
+            each_wheel=True,
+            relative_to="internal",
+        )
+    ],
+    source="Zero error of current sensors and their amplifiers",
+    recognise="A constant residual in the body frame: the wheels seem to push at rest.",
+)
+def torque_offset(xp: Namespace, channel: Channel, offset: Number) -> Number:
+    """True torque behind a channel whose zero is off [N m]: M_i + o_i."""
+    return channel.torque + offset
+
+
+@effect(
+    acts_at=CHANNEL,
+    parameters=[
+        Parameter("fraction", "1", lower=-1.0, upper=0.9, size=0.2),
+        Parameter(
+            "time_constant",
+            "s",
+            default=60.0,
+            lower=5.0,
+            upper=3600.0,
+            grid=(15.0, 40.0, 100.0, 300.0),
+        ),
+        Parameter(
+            "shared_clock", "1", default=1.0, lower=0.0, upper=1.0, grid=(1.0, 0.0), whole=True
+        ),
+    ],
+    source="Magnets and windings that warm up: exponential approach to the warm torque constant",
+    recognise="All torques do less and less over the session, in slow and fast motion alike.",
+)
+def torque_constant_drift(
+    xp: Namespace,
+    channel: Channel,
+    fraction: Number,
+    time_constant: Number,
+    shared_clock: Number,
+) -> Number:
+    """True torque of a motor that warms up [N m]: (1 - f (1 - exp(-t/T))) M.
+
+    t counts from the start of the clock that the logs share, or with ``shared_clock`` 0 from the
+    start of each log.
+    """
+    time = channel.time + shared_clock * channel.start
+    return (1 - fraction * (1 - xp.exp(-time / time_constant))) * channel.torque
+
+
+def _within(xp: Namespace, torque: Number, limit: Number) -> Number:
+    """A torque clipped at both limits; odd in the limit, so that it has a slope at zero too."""
+    return 0.5 * (xp.abs(torque + limit) - xp.abs(torque - limit))
+
+
+def _saturated(xp: Namespace, channel: Channel, limit: Number) -> Number:
+    return _within(xp, channel.torque, limit)
+
+
+@effect(
+    acts_at=CHANNEL,
+    parameters=[
+        Parameter(
+            "limit",
+            "N m",
+            lower=0.05,
+            upper=100.0,
+            size=1.0,
+            without=100.0,
+            grid=(0.3, 0.5, 0.8, 1.1, 1.5, 2.0, 2.7),
+        )
+    ],
+    source="Current limit of a drive that the command or its log does not know",
+    recognise="The residual is there at the largest torques only, and takes from them.",
+    # Nothing beyond the limit can be had: the limit is the nearest.
+    inverse=_saturated,
+)
+def torque_saturation(xp: Namespace, channel: Channel, limit: Number) -> Number:
+    """True torque of a drive with a limit [N m]: M clipped at -M_max and M_max."""
+    return _saturated(xp, channel, limit)
+
+
+def _beyond_zone(xp: Namespace, channel: Channel, width: Number) -> Number:
+    return channel.torque + width * xp.sign(channel.torque)
+
+
+@effect(
+    acts_at=CHANNEL,
+    parameters=[Parameter("width", "N m", lower=0.0, upper=2.0, size=0.1)],
+    source="Dead time of bridges and stiction of gears: no torque below a threshold",
+    recognise="Torques below a threshold do nothing, larger ones act by as much less.",
+    inverse=_beyond_zone,
+)
+def dead_zone(xp: Namespace, channel: Channel, width: Number) -> Number:
+    """True torque of a drive with a dead zone [N m]: M less M clipped at -w and w."""
+    return channel.torque - _within(xp, channel.torque, width)
+
+
+LOSS_SPEED = 10.0
+"""Wheel speed [rad/s] at which the loss of a speed-dependent gain is stated."""
+
+
+@effect(
+    acts_at=CHANNEL,
+    # The bound keeps the true torque's sign up to twice the speed at which the loss is stated.
+    parameters=[Parameter("loss", "1", lower=0.0, upper=0.45, size=0.2)],
+    source="Back EMF that a drive of limited voltage does not make up for",
+    recognise="The torque falls short in proportion to the speed of the wheels.",
+)
+def speed_dependent_gain(xp: Namespace, channel: Channel, loss: Number) -> Number:
+    """True torque of a drive that weakens with speed [N m]: (1 - s |phi'|/(10 rad/s)) M."""
+    # Never without any torque: a command could then not be found.
+    left = xp.maximum(1 - loss * xp.abs(channel.rate) / LOSS_SPEED, 0.05)
+    return left * channel.torque
+
+
 @effect(
     acts_at=CHANNEL,
     parameters=[
@@ -289,6 +448,91 @@ def roller_coulomb_friction(
 
 @effect(
     acts_at=WHEEL,
+    parameters=[
+        Parameter("extra", "N m", lower=0.0, upper=5.0, size=0.25, each_wheel=True),
+        Parameter("smoothing", "rad/s", default=0.03, lower=1e-3, upper=1.0),
+    ],
+    source="Coulomb friction, one size a wheel joint: a bearing or brake that rubs",
+    recognise="The residual is a step that changes its sign where one certain wheel reverses.",
+    dissipative=True,
+)
+def uneven_coulomb_friction(
+    xp: Namespace, wheel: Wheel, extra: Number, smoothing: Number
+) -> Number:
+    """Dry friction of one wheel joint beyond that of the freest [N m]: f_i tanh(phi_i'/eps)."""
+    return extra * xp.tanh(wheel.rate / smoothing)
+
+
+@effect(
+    acts_at=ROLLER,
+    parameters=[
+        Parameter("extra", "N m", lower=0.0, upper=1.0, size=0.05, each_wheel=True),
+        Parameter("smoothing", "rad/s", default=0.1, lower=1e-3, upper=5.0),
+    ],
+    source="Coulomb friction at the rollers' bushings, one size a wheel",
+    recognise="A step in the residual where the rollers of one certain wheel reverse.",
+    dissipative=True,
+)
+def uneven_roller_friction(
+    xp: Namespace, roller: Roller, extra: Number, smoothing: Number
+) -> Number:
+    """Dry friction at one wheel's roller beyond that of the freest [N m]: f_i tanh(gamma_i'/eps)"""
+    return extra * xp.tanh(roller.rate / smoothing)
+
+
+@effect(
+    acts_at=WHEEL,
+    parameters=[
+        Parameter("coulomb", "N m", lower=-2.0, upper=2.0, size=0.1),
+        Parameter("viscous", "N m s", lower=-0.5, upper=0.5, size=0.03),
+        # Wider than that of friction of one sign: noise of 0.01 rad/s on a wheel at rest would be
+        # a mean of 0.26 of |tanh(w/0.03)|, and of 0.08 here.
+        Parameter("smoothing", "rad/s", default=0.1, lower=1e-3, upper=1.0),
+    ],
+    source="Friction that depends on the direction: Armstrong-Helouvry et al., Automatica 30(7)",
+    recognise="The residual has one sign whichever way the wheels turn, and is gone at rest.",
+)
+def asymmetric_friction(
+    xp: Namespace, wheel: Wheel, coulomb: Number, viscous: Number, smoothing: Number
+) -> Number:
+    """Friction that is larger forwards [N m]: f |tanh(phi'/eps)| + k |phi'|."""
+    return coulomb * xp.abs(xp.tanh(wheel.rate / smoothing)) + viscous * xp.abs(wheel.rate)
+
+
+@effect(
+    acts_at=BODY,
+    parameters=[
+        Parameter("torque", "N m", lower=0.0, upper=50.0, size=2.0),
+        Parameter("smoothing", "rad/s", default=0.02, lower=1e-4, upper=1.0),
+    ],
+    source="Coulomb friction of contact patches that scrub as the platform turns",
+    recognise="A step in the residual moment where the yaw rate reverses; none in straight motion.",
+    dissipative=True,
+)
+def yaw_scrub(xp: Namespace, body: Body, torque: Number, smoothing: Number) -> Triple:
+    """Dry torque against the yaw rate [N m]: M_s tanh(W/eps)."""
+    return 0.0, 0.0, torque * xp.tanh(body.twist[2] / smoothing)
+
+
+@effect(
+    acts_at=BODY,
+    parameters=[
+        Parameter("force", "N", lower=0.0, upper=100.0, size=8.0),
+        Parameter("smoothing", "m/s", default=0.005, lower=1e-4, upper=0.1),
+    ],
+    source="Dry friction of a cable that is dragged along",
+    recognise="A force of constant size against the velocity, whichever way the robot drives.",
+    dissipative=True,
+)
+def cable_drag(xp: Namespace, body: Body, force: Number, smoothing: Number) -> Triple:
+    """Dry force against the velocity of O [N]: f v / sqrt(|v|^2 + eps^2)."""
+    vx, vy, _ = body.twist
+    pull = force / xp.sqrt(vx**2 + vy**2 + smoothing**2)
+    return pull * vx, pull * vy, 0.0
+
+
+@effect(
+    acts_at=WHEEL,
     parameters=[Parameter("coefficient", "N m s^2", lower=0.0, upper=1.0, size=0.01)],
     source="Turbulent (churning) losses: quadratic in the speed",
     recognise="The residual bends upwards with the speed of the wheels.",
@@ -311,14 +555,24 @@ def quadratic_friction(xp: Namespace, wheel: Wheel, coefficient: Number) -> Numb
             upper=600.0,
             grid=(6.0, 15.0, 40.0, 100.0),
         ),
+        Parameter(
+            "shared_clock", "1", default=0.0, lower=0.0, upper=1.0, grid=(0.0, 1.0), whole=True
+        ),
     ],
     source="Grease that warms up: exponential approach to the warm friction",
-    recognise="Friction that fades over the first minute of each log.",
+    recognise="Friction that fades over the first minute of each log, or of the session.",
     dissipative=True,
 )
-def friction_warmup(xp: Namespace, wheel: Wheel, fraction: Number, time_constant: Number) -> Number:
-    """Extra viscous friction of cold wheel joints [N m]: mu1 f exp(-t/T) phi'."""
-    return wheel.base.mu1 * fraction * xp.exp(-wheel.time / time_constant) * wheel.rate
+def friction_warmup(
+    xp: Namespace, wheel: Wheel, fraction: Number, time_constant: Number, shared_clock: Number
+) -> Number:
+    """Extra viscous friction of cold wheel joints [N m]: mu1 f exp(-t/T) phi'.
+
+    t counts from the start of each log, or with ``shared_clock`` 1 from that of the clock that
+    the logs share.
+    """
+    time = wheel.time + shared_clock * wheel.start
+    return wheel.base.mu1 * fraction * xp.exp(-time / time_constant) * wheel.rate
 
 
 @effect(
@@ -343,29 +597,42 @@ _CYCLES = Parameter(
 )
 
 
-def _amplitude_and_phase(
-    geometry: object, sine: float, cosine: float, cycles: float
-) -> tuple[float, ...]:
-    return hypot(sine, cosine), atan2(cosine, sine), cycles
+def _amplitudes_and_phases(geometry: object, *values: float) -> tuple[float, ...]:
+    sine, cosine, cycles = values[:4], values[4:8], values[8]
+    sizes = [hypot(*pair) for pair in zip(sine, cosine, strict=True)]
+    amplitude = sum(sizes) / len(sizes)
+    shares = [size / amplitude if amplitude else 1.0 for size in sizes]
+    phases = [atan2(c, s) for s, c in zip(sine, cosine, strict=True)]
+    return amplitude, *phases, *shares, cycles
 
 
-def _sine_and_cosine(
-    xp: Namespace, geometry: object, amplitude: Number, phase: Number, cycles: Number
+def _sines_and_cosines(
+    xp: Namespace, geometry: object, amplitude: Number, *values: Number
 ) -> tuple[Number, ...]:
-    return amplitude * xp.cos(phase), amplitude * xp.sin(phase), cycles
+    phases, shares, cycles = values[:4], values[4:8], values[8]
+    rows = list(zip(phases, shares, strict=True))
+    sine = [amplitude * share * xp.cos(phase) for phase, share in rows]
+    cosine = [amplitude * share * xp.sin(phase) for phase, share in rows]
+    return *sine, *cosine, cycles
 
 
 @effect(
     acts_at=WHEEL,
-    parameters=[Parameter("sine", "N m", size=0.2), Parameter("cosine", "N m", size=0.2), _CYCLES],
+    parameters=[
+        Parameter("sine", "N m", size=0.2, each_wheel=True),
+        Parameter("cosine", "N m", size=0.2, each_wheel=True),
+        _CYCLES,
+    ],
     public=Public(
         parameters=(
             Parameter("amplitude", "N m", lower=0.0, upper=5.0, size=0.2),
-            Parameter("phase", "rad", lower=-6.3, upper=6.3, size=0.5),
+            Parameter("phase", "rad", lower=-6.3, upper=6.3, size=0.5, each_wheel=True),
+            # Of a wheel's amplitude in the mean one.
+            Parameter("share", "1", default=1.0, lower=0.0, upper=4.0, each_wheel=True),
             _CYCLES,
         ),
-        forward=_amplitude_and_phase,
-        inverse=_sine_and_cosine,
+        forward=_amplitudes_and_phases,
+        inverse=_sines_and_cosines,
     ),
     source="Cogging and gear errors: Holtz, Springob, IEEE Trans. Ind. Electron. 43(2), 1996",
     recognise="The residual swings with the angle of each wheel, faster the faster it turns.",
@@ -373,7 +640,8 @@ def _sine_and_cosine(
 def torque_ripple(
     xp: Namespace, wheel: Wheel, sine: Number, cosine: Number, cycles: Number
 ) -> Number:
-    """Periodic resistance of each wheel [N m]: a sin(n phi + p) = a cos p sin(n phi) + ..."""
+    """Periodic resistance of each wheel [N m]: a_i sin(n phi_i + p_i) = a_i cos p_i sin(n phi_i)
+    + a_i sin p_i cos(n phi_i)."""
     return sine * xp.sin(cycles * wheel.angle) + cosine * xp.cos(cycles * wheel.angle)
 
 
@@ -412,6 +680,38 @@ def tether(
 ) -> Triple:
     """Force against a spring from O to an anchor [N]: k (x - x_A), k (y - y_A)."""
     return stiffness * world.x - pull_x, stiffness * world.y - pull_y, 0.0
+
+
+def _neutral(geometry: object, stiffness: float, moment: float) -> tuple[float, ...]:
+    return stiffness, _per(moment, stiffness)
+
+
+def _twist_moment(
+    xp: Namespace, geometry: object, stiffness: Number, neutral: Number
+) -> tuple[Number, ...]:
+    return stiffness, stiffness * neutral
+
+
+@effect(
+    acts_at=WORLD,
+    parameters=[
+        Parameter("stiffness", "N m/rad", lower=1e-3, upper=1e3, size=0.6),
+        Parameter("moment", "N m", size=0.6),
+    ],
+    public=Public(
+        parameters=(
+            Parameter("stiffness", "N m/rad", lower=0.0, upper=1e3, size=0.6),
+            Parameter("neutral", "rad", size=1.0),
+        ),
+        forward=_neutral,
+        inverse=_twist_moment,
+    ),
+    source="Hooke's law: a cable from above that winds up as the platform turns",
+    recognise="A moment that grows with the angle by which the robot has turned.",
+)
+def cable_twist(xp: Namespace, world: World, stiffness: Number, moment: Number) -> Triple:
+    """Moment against a torsion spring [N m]: k (psi - psi_0)."""
+    return 0.0, 0.0, stiffness * world.yaw - moment
 
 
 LIGHTEST = 0.01

@@ -27,7 +27,7 @@ effect has a :class:`Public` form, and models, files and tables hold that one.
 from __future__ import annotations
 
 import inspect
-from collections.abc import Callable, Generator, Iterable
+from collections.abc import Callable, Generator, Iterable, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from math import isfinite
@@ -43,6 +43,9 @@ Effort = Number | tuple[Number, ...]
 EffectFunction = TypeVar("EffectFunction", bound=Callable[..., Effort])
 
 
+V = TypeVar("V")
+
+
 class BaseParameters(Protocol):
     """The base parameters, as effects may refer to them: ``base.m0``.
 
@@ -52,6 +55,10 @@ class BaseParameters(Protocol):
     def __getattr__(self, name: str, /) -> Number: ...
 
 
+# ``time`` counts from the start of each log; ``start`` is that start on the clock that the logs
+# share, 0 where there is none.
+
+
 class Body(NamedTuple):
     """The platform at O, body frame. An effect here returns (F_X, F_Y, M_W) [N, N, N m]."""
 
@@ -59,6 +66,7 @@ class Body(NamedTuple):
     acceleration: tuple[Number, ...]
     time: Number
     base: BaseParameters
+    start: Number | float = 0.0
 
 
 class Wheel(NamedTuple):
@@ -70,6 +78,7 @@ class Wheel(NamedTuple):
     torque: Number
     time: Number
     base: BaseParameters
+    start: Number | float = 0.0
 
 
 class Roller(NamedTuple):
@@ -79,6 +88,7 @@ class Roller(NamedTuple):
     acceleration: Number
     time: Number
     base: BaseParameters
+    start: Number | float = 0.0
 
 
 class World(NamedTuple):
@@ -97,21 +107,32 @@ class World(NamedTuple):
     com_y: Number
     time: Number
     base: BaseParameters
+    start: Number | float = 0.0
 
 
 class Actuator(NamedTuple):
-    """One drive. An effect here returns the command [N m] that ``torque`` and its rate demand."""
+    """One drive. An effect here returns the command [N m] that ``torque`` and its rates demand.
+
+    A drive whose command depends on ``torque_second_rate``, the second derivative [N m/s^2], has
+    the torque's rate as a state beside the torque.
+    """
 
     torque: Number
     torque_rate: Number
     time: Number
+    torque_second_rate: Number | float = 0.0
 
 
 class Channel(NamedTuple):
-    """One torque channel. An effect here returns the true torque [N m] behind ``torque``."""
+    """One torque channel. An effect here returns the true torque [N m] behind ``torque``.
+
+    ``rate``: of the wheel joint [rad/s].
+    """
 
     torque: Number
+    rate: Number
     time: Number
+    start: Number | float = 0.0
 
 
 class Clock(NamedTuple):
@@ -158,8 +179,11 @@ class Parameter:
     each_wheel : one value a joint, called ``<name>_fl`` ... ``<name>_br``
     joints : names of the joints that ``each_wheel`` speaks of, where they are not the four wheels
     relative_to : "mean" or "least" for values of which only differences can be seen; the common
-        part belongs to ``absorbed_by``, a base parameter (None: it cannot be known)
-    grid : values of a shape constant that a search should try
+        part belongs to ``absorbed_by``, a base parameter (None: it cannot be known). "internal" for
+        torques of which the part that exerts no force on the mechanism cannot be seen
+    grid : values of a shape constant that a search should try; of a parameter that is identified,
+        where its search begins: some show nothing where they have no strength
+    without : value at which a parameter that is identified has no strength
     instant : whether a shape constant is a time in the log, so that a search goes to its end
     whole : whether a shape constant counts something, so that nothing lies between two values and
         a search has the last word; others are fitted with the rest in the end
@@ -177,6 +201,7 @@ class Parameter:
     grid: tuple[float, ...] = ()
     instant: bool = False
     whole: bool = False
+    without: float = 0.0
     joints: tuple[str, ...] = WHEELS
 
     @property
@@ -240,6 +265,7 @@ class Effect:
     dissipative: bool = False
     public: Public | None = None
     carries: Callable[..., tuple[Number, ...]] | None = None
+    inverse: Callable[..., Number] | None = None
 
     @property
     def parameter_names(self) -> tuple[str, ...]:
@@ -262,7 +288,7 @@ class Effect:
 
     @property
     def defaults(self) -> dict[str, float]:
-        """A value for each parameter name: shape constants at their default, others at zero."""
+        """A value for each parameter name: shape constants at their default, others at none."""
         return _defaults(self.parameters)
 
     @property
@@ -273,6 +299,15 @@ class Effect:
     def public_parameter(self, name: str) -> Parameter:
         """The declaration behind a scalar public name."""
         return self._declared(name, self.public_parameters)
+
+    def for_each_wheel(self, values: Mapping[str, V]) -> dict[str, V]:
+        """Public values by name, where the bare name of what each wheel has stands for all four."""
+        found = dict(values)
+        for parameter in self.public_parameters:
+            if parameter.each_wheel and parameter.name in found:
+                common = found.pop(parameter.name)
+                found = {**dict.fromkeys(parameter.names, common), **found}
+        return found
 
     def _declared(self, name: str, parameters: Iterable[Parameter]) -> Parameter:
         for parameter in parameters:
@@ -296,13 +331,21 @@ class Effect:
         self, xp: Namespace, point: object, values: Values[Number], wheel: int = 0
     ) -> Effort:
         """Call the function at ``point`` (of wheel number ``wheel``) with scalar ``values``."""
+        return self.function(xp, point, *self._arguments(values, wheel))
+
+    def undo(self, xp: Namespace, point: object, values: Values[Number], wheel: int = 0) -> Number:
+        """The same of the function that takes a channel's true torque back."""
+        assert self.inverse is not None
+        return self.inverse(xp, point, *self._arguments(values, wheel))
+
+    def _arguments(self, values: Values[Number], wheel: int) -> list[Number]:
         arguments: list[Number] = []
         start = 0
         for parameter in self.parameters:
             # Values of ``each_wheel`` parameters stand side by side, one for each joint.
             arguments.append(values[start + wheel] if parameter.each_wheel else values[start])
             start += len(parameter.names)
-        return self.function(xp, point, *arguments)
+        return arguments
 
 
 def _names(parameters: Iterable[Parameter]) -> tuple[str, ...]:
@@ -310,7 +353,11 @@ def _names(parameters: Iterable[Parameter]) -> tuple[str, ...]:
 
 
 def _defaults(parameters: Iterable[Parameter]) -> dict[str, float]:
-    return {name: item.default or 0.0 for item in parameters for name in item.names}
+    return {
+        name: item.without if item.default is None else item.default
+        for item in parameters
+        for name in item.names
+    }
 
 
 INSTANCE = "@"
@@ -352,8 +399,8 @@ class Registry:
             return found if name == found.name else replace(found, name=name)
         except KeyError:
             raise InputError(
-                f"unknown effect {name!r}; known are {', '.join(self._effects) or 'none'} "
-                "(`youbot effects` explains them)"
+                f"unknown effect {name!r}: one of your own needs --effects FILE.py; known are "
+                f"{', '.join(self._effects) or 'none'} (`youbot effects` explains them)"
             ) from None
 
     def __contains__(self, name: object) -> bool:
@@ -396,6 +443,7 @@ def effect(
     dissipative: bool = False,
     public: Public | None = None,
     carries: Callable[..., tuple[Number, ...]] | None = None,
+    inverse: Callable[..., Number] | None = None,
     registry: Registry = CATALOGUE,
 ) -> Callable[[EffectFunction], EffectFunction]:
     """Register the decorated function as an effect under its own name.
@@ -410,6 +458,8 @@ def effect(
     public : how people state the parameters, if not as the function takes them
     carries : for a load, ``carries(xp, time, *parameters)``: the m0, I0, m aX, m aY that other
         effects (a slope) must reckon with beyond the platform's own
+    inverse : of a channel that is not affine in the torque: ``inverse(xp, channel, *parameters)``,
+        an interface torque behind which ``channel.torque`` is true, or as near as the channel comes
 
     Raises
     ------
@@ -439,6 +489,7 @@ def effect(
                     dissipative,
                     public,
                     carries,
+                    inverse,
                 )
             )
         )

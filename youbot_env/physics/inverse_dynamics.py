@@ -82,10 +82,13 @@ def _wrench_of(
 def actuator_command(
     xp: Namespace, structure: ModelStructure[Geometry], theta: Values[N], at: Instant[N]
 ) -> Components[N]:
-    """Commands (J) behind the drives that ``at.torque`` and ``at.torque_rate`` demand."""
+    """Commands (J) behind the drives that ``at.torque`` and its rates demand."""
     command, joints = cast("Components[N]", at.torque), range(len(structure.mechanism.joints))
     for item, where in structure.at(ACTUATOR):
-        points = [Actuator(at.torque[i], at.torque_rate[i], at.time) for i in joints]
+        points = [
+            Actuator(at.torque[i], at.torque_rate[i], at.time, at.torque_second_rate[i])
+            for i in joints
+        ]
         command = _of_joints(item, xp, points, theta[where])
     return command
 
@@ -93,15 +96,39 @@ def actuator_command(
 def channel_torque(
     xp: Namespace,
     structure: ModelStructure[Geometry],
+    geometry: Geometry,
     theta: Values[N],
     torque: Values[N],
-    time: N | float,
+    at: Instant[N],
 ) -> Components[N]:
-    """True torque (J) (behind a drive: its true command) that an interface torque stands for."""
-    true = tuple(torque)
+    """True torque (J) (behind a drive: its true command) that an interface torque stands for.
+
+    Of ``at`` the twist and the times are read.
+    """
+    return _passed(xp, structure, geometry, theta, torque, at)[-1]
+
+
+def _passed(
+    xp: Namespace,
+    structure: ModelStructure[Geometry],
+    geometry: Geometry,
+    theta: Values[N],
+    torque: Values[N],
+    at: Instant[N],
+) -> list[Components[N]]:
+    """Torques (J) at the interface, behind the first channel, behind the second, ... ."""
+    found = [tuple(torque)]
     for item, where in structure.at(CHANNEL):
-        true = _of_joints(item, xp, [Channel(value, time) for value in true], theta[where])
-    return true
+        points = _channels(structure, geometry, found[-1], at)
+        found.append(_of_joints(item, xp, points, theta[where]))
+    return found
+
+
+def _channels(
+    structure: ModelStructure[Geometry], geometry: Geometry, torque: Values[N], at: Instant[N]
+) -> list[Channel]:
+    rates = structure.mechanism.joint_rates(geometry, at.twist)
+    return [Channel(*pair, at.time, at.start) for pair in zip(torque, rates, strict=True)]
 
 
 def _of_joints(
@@ -124,20 +151,73 @@ def torque_delay(xp: Namespace, structure: ModelStructure[Geometry], theta: Valu
 
 
 def interface_torque(
-    xp: Namespace, structure: ModelStructure[Geometry], theta: Values[N], at: Instant[N]
+    xp: Namespace,
+    structure: ModelStructure[Geometry],
+    geometry: Geometry,
+    theta: Values[N],
+    at: Instant[N],
+    logged: Values[N] = (),
 ) -> Components[N]:
     """Torque (J) at the interface (command, log) where ``at.torque`` acts on the joints.
 
-    It is the command of the actuator, taken back through the channels, which are affine in the
-    torque. It belongs to a time earlier than ``at`` by :func:`torque_delay`.
+    It is the command of the actuator, taken back through the channels. It belongs to a time
+    earlier than ``at`` by :func:`torque_delay`.
+
+    ``logged`` (J): torques that the interface did say. What a channel that is not affine (a dead
+    zone) took from them is known, where its inverse is not unique or does not exist.
     """
-    # Two evaluations give offset and slope of an affine function. 0 * value, not 0: arrays, symbols
-    # and tensors keep their shape and type.
-    joints = range(len(structure.mechanism.joints))
-    wanted = actuator_command(xp, structure, theta, at)
-    zero = channel_torque(xp, structure, theta, [0.0 * value for value in wanted], at.time)
-    one = channel_torque(xp, structure, theta, [0.0 * value + 1.0 for value in wanted], at.time)
-    return tuple((wanted[i] - zero[i]) / (one[i] - zero[i]) for i in joints)
+    torque = actuator_command(xp, structure, theta, at)
+    known = _passed(xp, structure, geometry, theta, logged, at) if len(logged) else None
+    channels = structure.at(CHANNEL)
+    for k in range(len(channels) - 1, -1, -1):
+        item, where = channels[k]
+        if item.inverse is None:
+            torque = _affine_inverse(xp, structure, geometry, item, theta[where], torque, at)
+        elif known:
+            rows = zip(torque, known[k], known[k + 1], strict=True)
+            torque = tuple(value + (before - after) for value, before, after in rows)
+        else:
+            points = enumerate(_channels(structure, geometry, torque, at))
+            back = tuple(item.undo(xp, point, theta[where], i) for i, point in points)
+            torque = cast("Components[N]", back)
+    return torque
+
+
+def taken_torque(
+    xp: Namespace,
+    structure: ModelStructure[Geometry],
+    geometry: Geometry,
+    theta: Values[N],
+    torque: Values[N],
+    at: Instant[N],
+) -> Components[N]:
+    """What channels that are not affine take from interface torques (J)."""
+    passed = _passed(xp, structure, geometry, theta, torque, at)
+    taken = tuple(0.0 * value for value in torque)
+    for k, (item, _) in enumerate(structure.at(CHANNEL)):
+        if item.inverse is not None:
+            rows = zip(taken, passed[k], passed[k + 1], strict=True)
+            taken = tuple(value + (before - after) for value, before, after in rows)
+    return taken
+
+
+def _affine_inverse(
+    xp: Namespace,
+    structure: ModelStructure[Geometry],
+    geometry: Geometry,
+    item: Effect,
+    values: Values[N],
+    true: Components[N],
+    at: Instant[N],
+) -> Components[N]:
+    """Torques (J) before a channel that is affine in them, from those behind it."""
+    # Two evaluations give offset and slope. 0 * value, not 0: arrays, symbols and tensors keep
+    # their shape and type.
+    zero, one = (
+        _of_joints(item, xp, _channels(structure, geometry, before, at), values)
+        for before in ([0.0 * value for value in true], [0.0 * value + 1.0 for value in true])
+    )
+    return tuple((value - a) / (b - a) for value, a, b in zip(true, zero, one, strict=True))
 
 
 def acting_torque(
@@ -201,12 +281,13 @@ def inverse_dynamics(
 ) -> Components[N]:
     """Interface torques (J) that drive a motion: the feed-forward.
 
-    With an actuator ``at.torque_rate`` must hold the rate of the acting torques. With a delay the
+    With an actuator ``at.torque_rate`` must hold the rate of the acting torques, with one of second
+    order ``at.torque_second_rate`` the rate of that. With a delay the
     torques must be commanded that much before the motion: evaluate them on the reference
     :func:`torque_delay` ahead.
     """
     torque = acting_torque(xp, structure, geometry, theta, at)
-    return interface_torque(xp, structure, theta, replace(at, torque=torque))
+    return interface_torque(xp, structure, geometry, theta, replace(at, torque=torque))
 
 
 def mass_matrix(
@@ -292,9 +373,15 @@ def state_derivative(
     """
     mechanism = structure.mechanism
     twist, pose, angle, time = mechanism.split(state)
-    command = channel_torque(xp, structure, theta, torque, time)
-    acting = tuple(state[len(mechanism.state) :]) if structure.has_actuator else command
-    at = Instant(twist, pose=pose, wheel_angle=angle, torque=acting, time=time)
+    start = state[-1] if structure.reads_start else 0.0
+    at = Instant(twist, pose=pose, wheel_angle=angle, time=time, start=start)
+    command = channel_torque(xp, structure, geometry, theta, torque, at)
+    first = len(mechanism.state)
+    joints = len(mechanism.joints)
+    drives = tuple(state[first : first + structure.drive_order * joints])
+    at = replace(at, torque=drives[:joints] if drives else command)
+    if structure.drive_order > 1:
+        at = replace(at, torque_rate=drives[joints:])
     # Without an actuator the true command acts at once; with one the acting torques are states.
     moved = (
         *forward_dynamics(xp, structure, geometry, theta, at),
@@ -302,9 +389,9 @@ def state_derivative(
         *(mechanism.joint_rates(geometry, twist) if angle else ()),
         1.0,  # time is a state, too
     )
-    if not structure.has_actuator:
-        return moved
-    return moved + drive_rates(xp, structure, theta, at, command)
+    drives = drive_rates(xp, structure, theta, at, command) if structure.has_actuator else ()
+    # When the log began stays as it is.
+    return (*moved, *drives, *((0.0,) if structure.reads_start else ()))
 
 
 def drive_rates(
@@ -314,9 +401,19 @@ def drive_rates(
     at: Instant[N],
     command: Sequence[N],
 ) -> Components[N]:
-    """Rates (J) of the acting torques under a command."""
-    # An actuator is affine in the rate: two evaluations invert it.
+    """Rates of the drives' states under a command: (J) of the torques, in drives of second order
+    (2 J): ``at.torque_rate``, and the rates of that."""
+    # An actuator is affine in the highest rate: two evaluations invert it.
     joints = len(structure.mechanism.joints)
-    zero = actuator_command(xp, structure, theta, replace(at, torque_rate=(0.0,) * joints))
-    one = actuator_command(xp, structure, theta, replace(at, torque_rate=(1.0,) * joints))
-    return tuple((command[i] - zero[i]) / (one[i] - zero[i]) for i in range(joints))
+    second = structure.drive_order > 1
+
+    def commanded(rate: float) -> Components[N]:
+        rates = (rate,) * joints
+        at_rate = (
+            replace(at, torque_second_rate=rates) if second else replace(at, torque_rate=rates)
+        )
+        return actuator_command(xp, structure, theta, at_rate)
+
+    zero, one = commanded(0.0), commanded(1.0)
+    highest = tuple((command[i] - zero[i]) / (one[i] - zero[i]) for i in range(joints))
+    return (*cast("Components[N]", at.torque_rate), *highest) if second else highest

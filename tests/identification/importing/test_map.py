@@ -18,7 +18,13 @@ WHOLE = ImportMap(
     Channels(tuple(names("/a:i[{}]")), "mA", 25.84, torque_constant=0.0335),
     Channels(tuple(names('/a:"odd\\ {}')), "count", 5.0, counts_per_turn=42.0),
     Channels(tuple(names("/c:µ[{}]")), "N m"),
-    Pose("/p:x", "/p:y", quaternion=tuple(f"/p:q.{axis}" for axis in "xyzw"), unit="mm"),
+    Pose(
+        "/p:x",
+        "/p:y",
+        quaternion=tuple(f"/p:q.{axis}" for axis in "xyzw"),
+        unit="mm",
+        lever=(0.1, -0.2),
+    ),
     Gyro("/i:z", "deg/s", -1.0, 0.01),
     Time("header.stamp", "", 100.0),
 )

@@ -45,7 +45,7 @@ def test_columns_are_zero_where_it_does_not_act():
         samples.name: mechanism.demand(some.theta, samples).columns([0, 7, 8])
         for samples in (HERE, THERE)
     }
-    assert all(np.abs(column).max() > 1.0 for column in columns["here"])
+    assert all(column.any() for column in columns["here"])
     assert not columns["there"][1:].any() and columns["there"][0].any()
 
 
