@@ -26,7 +26,7 @@ from identification.fitting.errors import (
 from identification.fitting.final_fit import without_noise_bias
 from identification.fitting.kinematic_evidence import doubts_of_kinematics
 from identification.fitting.least_squares import Fit, fit as fit_model
-from identification.fitting.misfit import misfit_warning
+from identification.fitting.misfit import misfit, misfit_warning
 from identification.fitting.observability import log_observability, refuse_blind
 from identification.fitting.predictability import NoiseFloor, noise_floor, predictability
 from identification.fitting.regression import regression
@@ -163,6 +163,9 @@ class Comparison(Shown):
                 "correlation_time": self.floor.correlation_time,
             },
             "where": self.where.to_list(),
+            "where_words": self.where.words(
+                misfit(force_error, floor, self.settings.fit), self.settings.residual_map
+            ),
             "changes": self.changes.to_dict(),
             "kinematics": list(self.kinematics),
             "stretches": self.worst(),

@@ -106,7 +106,7 @@ def _print(out: Console, found: dict[str, Any]) -> None:
     if where.rows:
         show(out, [where])
     else:
-        out.print("The force residual depends on no variable more than chance would have it.\n")
+        out.print(f"The force residual: {found['where_words']}.\n")
     show(out, [result_tables.stretches(found)])
     for sentence in found["changes"]["words"]:
         out.print(f"- {sentence}", soft_wrap=True)

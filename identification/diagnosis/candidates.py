@@ -3,13 +3,21 @@
 from __future__ import annotations
 
 import itertools
-from collections.abc import Collection, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import replace
 from functools import partial
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
+from identification.diagnosis.restricted import (
+    BaseSums,
+    Logs,
+    LogSums,
+    can_differ,
+    instance_name,
+)
 from identification.diagnosis.settings import DiagnosisSettings
 from identification.diagnosis.significance import (
     candidate_p_values,
@@ -37,7 +45,7 @@ from identification.fitting.regression import (
 from identification.mechanisms.mechanism import Mechanism
 from identification.mechanisms.samples import DemandedForce, Samples
 from identification.threads import side_by_side
-from youbot_env.physics.effect import Parameter
+from youbot_env.physics.effect import INSTANCE, Parameter, effect_of
 
 Array = NDArray[np.float64]
 
@@ -61,16 +69,105 @@ def fit_base(data: LoggedData, mechanism: Mechanism, start: Array) -> FittedStru
     return fitted
 
 
-def try_candidate(base: FittedStructure, name: str) -> Candidate:
-    """The effect with its best shape constants by held-out squares: on the grid, then between."""
-    mechanism, settings = base.mechanism.extended(name), base.settings
+def try_candidate(base: FittedStructure, sums: BaseSums | None, effect: str) -> list[Candidate]:
+    """The effect with its best shape constants by held-out squares: on the grid, then between.
+
+    Behind it, where that is better, the effect in some of the logs only; this one alone if the
+    structure holds the effect already.
+
+    Parameters
+    ----------
+    sums : of the structure over its logs; None if no effect can differ between them
+    """
+    present = effect in base.mechanism.structure.effects
+    name = f"{effect}{INSTANCE}0" if present else effect
+    mechanism = base.mechanism.extended(name)
     longest = max(float(item.time[-1]) for item in base.samples)
     grids = {p.name: _grid(p, longest) for p in mechanism.catalogue[name].parameters if p.grid}
+    if sums:
+        # In all logs from their start on is what the base model holds; in some it is not.
+        declared = mechanism.catalogue[name].parameter
+        grids = {
+            shape: (max(declared(shape).lower, 0.0), *grid) if declared(shape).instant else grid
+            for shape, grid in grids.items()
+        }
+    best: Candidate | None = None
+    part: InPart | None = None
+    for values in itertools.product(*grids.values()):
+        tried = _linear_candidate(base, mechanism, name, dict(zip(grids, values, strict=True)))
+        best = tried if best is None else min(best, tried, key=_square)
+        split = _best_in_part(base, sums, tried, present) if sums else None
+        if split and (part is None or split.fall > part.fall):
+            part = split
+    assert best is not None  # without shape constants there is one product of nothing
+    found = [] if present else [_refined(base, grids, best)]
+    found += [] if part is None else [_refined(base, grids, _in_part(base, effect, part))]
+    if found and sums:
+        tried = LogSums(sums, _seen_columns(base, best))
+        names = base.mechanism.structure.effects
+        found[0] = replace(found[0], tried=tried.all_scores(effect, but=names))
+    return found
+
+
+class InPart(NamedTuple):
+    """An effect that acts in some logs only: these, the candidate that acts in all, and the fall of
+    the fitted squares by one linear step."""
+
+    logs: Logs
+    whole: Candidate
+    fall: float
+
+
+def _base_sums(base: FittedStructure) -> BaseSums | None:
+    """Sums of a structure over its logs; None if no effect can differ between them."""
+    if not can_differ([item.name for item in base.samples]):
+        return None
+    columns = [part @ base.basis for part in base.columns]
+    return BaseSums(base.residual, columns, base.rows[0].step, base.settings)
+
+
+def _seen_columns(base: FittedStructure, item: Candidate) -> list[Array]:
+    """Per log (n, A, q) a candidate's own columns, in directions that data can see."""
+    own = visible_directions(item.mechanism, item.free[len(base.free) :])
+    return [columns @ own for columns in item.columns]
+
+
+def _best_in_part(
+    base: FittedStructure, of_base: BaseSums, whole: Candidate, present: bool
+) -> InPart | None:
+    """The logs in which an effect acts, if that is better than in all of them.
+
+    ``present``: whether the structure holds the effect in all logs already.
+    """
+    sums, new = LogSums(of_base, _seen_columns(base, whole)), whole.free[len(base.free) :]
+    own, names = visible_directions(whole.mechanism, new), base.mechanism.structure.effects
+
+    def can_be(logs: Logs, strength: Array) -> bool:
+        if instance_name(whole.name, logs) in names:
+            return False
+        return _within_bounds(whole.mechanism, new, whole.theta[new] + own @ strength)
+
+    everywhere = 0.0 if present else sums.step(range(len(sums)))[0]
+    found = sums.best_choice(base.square, everywhere, can_be)
+    return None if found is None else InPart(found[0], whole, found[1])
+
+
+def _in_part(base: FittedStructure, effect: str, part: InPart) -> Candidate:
+    """The candidate that acts in some logs, at the shapes at which it was found."""
+    name = instance_name(effect, part.logs)
+    mechanism = base.mechanism.extended(name, [base.samples[k].name for k in part.logs])
+    return _linear_candidate(base, mechanism, name, part.whole.shapes)
+
+
+def _refined(
+    base: FittedStructure, grids: Mapping[str, Sequence[float]], best: Candidate
+) -> Candidate:
+    """A candidate with shape constants between those of the grids."""
+    mechanism, name, settings = best.mechanism, best.name, base.settings
 
     def judge(values: tuple[float, ...]) -> Candidate:
         return _linear_candidate(base, mechanism, name, dict(zip(grids, values, strict=True)))
 
-    best = min(map(judge, itertools.product(*grids.values())), key=_square)
     # Most candidates explain nothing; a finer search would only cost time.
     if best.square > settings.max_refined_share * base.held_out.square:
         return best
@@ -158,6 +255,13 @@ def _linear_candidate(
     return replace(found, lost_fall=min(lost, max(base.held_out.square - found.square, 0.0)))
 
 
+def _within_bounds(mechanism: Mechanism, which: Indices, values: Array) -> bool:
+    """Whether parameters have values within their bounds, but for rounding."""
+    lower, upper = (bound[which] for bound in mechanism.bounds)
+    rounding = 1e-9 / mechanism.scale[which]
+    return bool(((lower - rounding <= values) & (values <= upper + rounding)).all())
+
+
 def _takes_too_much(demands: Sequence[DemandedForce], settings: DiagnosisSettings) -> bool:
     """Whether channels leave so little of the logged torques that any model would fit the rest."""
     taken, logged = map(sum, zip(*(demand.taken for demand in demands), strict=True))
@@ -201,13 +305,19 @@ def rank(
     if not names:
         return Ranking((), {}, (), None, base.held_out.square, needed)
     _ = base.demands  # a cached property: computed here once, or each thread would compute it
-    found = side_by_side(partial(try_candidate, base), names, data.progress)
-    found = _with_joint_fits(data, base, sorted(found, key=_square), needed)
+    effects = list(dict.fromkeys(effect_of(name) for name in names))
+    tried = side_by_side(partial(try_candidate, base, _base_sums(base)), effects, data.progress)
+    found = sorted(itertools.chain(*tried), key=_square)
+    if not found:
+        return Ranking((), {}, (), None, base.held_out.square, needed)
+    found = _with_joint_fits(data, base, found, needed)
     step = base.rows[0].step
     scores = {
         item.name: score_blocks(base.residual, base.columns, item.columns, step, data.settings)
         for item in found
     }
+    # What was tried and is no candidate counts too: chance has had that many chances.
+    scores = {name: blocks for item in found for name, blocks in item.tried.items()} | scores
     p_values = candidate_p_values(scores, rng, data.settings)
     return ranking_of(data, base, found, p_values, needed)
 
@@ -335,7 +445,9 @@ def _best_and_tied(
         return None, ()
     fall = square - found[0].square
     near = [item for item in found if square - item.square > settings.min_share_of_best_fall * fall]
-    best = found[0]
+    best = _whole_if_as_good(found[0], near, base)
+    # An effect in some logs only has had more chances: it is no rival of one that acts in all.
+    near = [item for item in near if best.in_part or not item.in_part]
     for item in near:
         # The simpler of two nested effects is preferred unless the larger one is materially better.
         if contains(best, item, base) and _gives_way(data, best, item):
@@ -349,6 +461,21 @@ def _best_and_tied(
         and not contains(item, best, base)
     ]
     return best, tuple(tied)
+
+
+def _whole_if_as_good(
+    best: Candidate, near: Sequence[Candidate], base: FittedStructure
+) -> Candidate:
+    """The best effect that acts in all logs, unless one in some logs only is better by far."""
+    if not best.in_part:
+        return best
+    settings = base.settings
+    for item in near:
+        material = item.square - best.square >= settings.min_extension_gain * item.square
+        sure = material and worse_by(item, best, base) >= settings.max_tied_deviations
+        if not item.in_part and not sure:
+            return item
+    return best
 
 
 def _gives_way(data: LoggedData, larger: Candidate, smaller: Candidate) -> bool:

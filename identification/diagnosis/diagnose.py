@@ -23,10 +23,14 @@ from identification.diagnosis.kinematic_stage import (
     accepted_kinematics,
     wheel_evidence,
 )
+from identification.diagnosis.regimes import regime_left
 from identification.diagnosis.report import (
     Diagnosis,
     candidate_rows,
+    effects_of,
+    explained_share,
     leaves_something,
+    plain_ties,
     sentences_of,
     verdict_of,
     warnings_of,
@@ -51,6 +55,7 @@ from identification.residual_map.residual_map import residual_map
 from identification.residual_map.shares import ResidualMap
 from identification.threads import side_by_side
 from youbot_env.errors import InputError
+from youbot_env.physics.effect import effect_of
 
 Array = NDArray[np.float64]
 
@@ -86,8 +91,11 @@ def diagnose(
     names = list(effects) if effects is not None else list(mechanism.catalogue.names())
     chosen = select(data, mechanism, model.theta, names, np.random.default_rng(seed))
     steps = without_imitators(chosen.steps, settings)
-    floor = data.floor(steps[-1].fitted).to_dict()
     unexplained = leaves_something(steps, settings)
+    steps, regime = (
+        regime_left(data, steps, explained_share(steps)) if unexplained else (steps, None)
+    )
+    floor = data.floor(steps[-1].fitted).to_dict()
     accepted = _names(steps)
     ties = _ties(chosen.rankings, accepted)
     verdict = verdict_of(unexplained, bool(ties), bool(accepted))
@@ -100,9 +108,9 @@ def diagnose(
         of_logs.append(slip_warning(chosen.wheels.slip, chosen.refused))
     return Diagnosis(
         verdict=verdict,
-        missing=tuple(accepted),
-        ambiguous_with=ties,
-        partial=tuple(accepted) if unexplained else (),
+        missing=effects_of(accepted),
+        ambiguous_with=plain_ties(ties),
+        partial=effects_of(accepted) if unexplained else (),
         steps=steps,
         rankings=chosen.rankings,
         model=fitted_model,
@@ -117,9 +125,10 @@ def diagnose(
             *warnings_of(given, steps[0], chosen.out_of_time, settings),
         ),
         told_first=len(of_logs),
-        sentences=tuple(sentences_of(fitted_model, steps, verdict, ties, floor, maps[-1])),
-        candidates=candidate_rows(chosen.first, steps[0], fitted_model),
+        sentences=tuple(sentences_of(fitted_model, steps, verdict, ties, floor, maps[-1], regime)),
+        candidates=candidate_rows(chosen.first, steps, fitted_model),
         settings=settings,
+        regime=regime,
         changes=changed_parameters(model, fitted_model, mechanism, settings.fit),
     )
 
@@ -173,7 +182,7 @@ def select(
         if len(steps) > 1 and _nothing_left(data, steps[-1]):
             break
         present = steps[-1].fitted.mechanism.structure.effects
-        left = [name for name in names if name not in present]
+        left = [name for name in names if _can_be_added(mechanism, name, present)]
         ranking = rank(data, steps[-1].fitted, left, rng)
         # Without any effect too: the report lists the candidates on top of the base in any case.
         first = first or _with_seen(ranking, seen)
@@ -213,6 +222,13 @@ def _with_seen(ranking: Ranking, seen: Ranking | None) -> Ranking:
         p_values={**ranking.p_values, **seen.p_values},
         square=seen.square,
     )
+
+
+def _can_be_added(mechanism: Mechanism, name: str, present: Sequence[str]) -> bool:
+    """Whether a structure can hold an effect beside those present: once more in some logs, too."""
+    # Two lags or two delays in a row are one.
+    once = mechanism.catalogue[name].acts_at.kind in ("actuator", "shift")
+    return name not in (map(effect_of, present) if once else ())
 
 
 def _ties(rankings: Sequence[Ranking], accepted: Sequence[str]) -> dict[str, list[str]]:
@@ -347,7 +363,7 @@ def _accepted_pair(
             break
         item = item if item.fitted else with_joint_fit(data, base, item)
         assert item.fitted is not None
-        second = rank(data, item.fitted, [name for name in names if name != item.name], rng)
+        second = rank(data, item.fitted, _others(names, item.name), rng)
         if second.best is not None and second.best.fitted is not None:
             pairs.append((second.best.square, item, second))
     for square, item, second in sorted(pairs, key=lambda pair: pair[0]):
@@ -360,6 +376,10 @@ def _accepted_pair(
         if more and _free_run_holds(data, before, more[0][0]):
             return [(step, replace(ranking, best=item, tied=())), *more]
     return []
+
+
+def _others(names: Sequence[str], name: str) -> list[str]:
+    return [other for other in names if effect_of(other) != effect_of(name)]
 
 
 def _judged_alike(data: LoggedData, steps: Sequence[Step]) -> list[Step]:
@@ -499,4 +519,5 @@ def _next_experiment(
 
 def _named(item: Candidate) -> tuple[str, Mechanism, Array]:
     assert item.fitted is not None
-    return item.name, item.fitted.mechanism, item.fitted.theta
+    # A motion that is proposed has no log yet: it is to be driven where the effect acts.
+    return effect_of(item.name), item.fitted.mechanism.everywhere(), item.fitted.theta

@@ -14,8 +14,10 @@ from identification.diagnosis.structures import Candidate, Ranking, Step
 from identification.fitting.changed_parameters import ParameterChanges
 from identification.mechanisms.mechanism import Mechanism
 from identification.mechanisms.samples import Samples
+from identification.residual_map.regime import Regime
 from identification.residual_map.shares import ResidualMap
 from identification.showing import Shown
+from youbot_env.physics.effect import effect_of
 
 
 @dataclass(frozen=True, repr=False)
@@ -28,11 +30,13 @@ class Diagnosis(Shown):
     missing : accepted effects, in order; if several are ambiguous, the best one
     ambiguous_with : what the data cannot tell apart from an accepted effect
     partial : accepted effects, if they explain only a part and something unknown remains
-    steps : held-out errors as they fall; the first is the refitted base
+    steps : held-out errors as they fall; the first is the refitted base. Names of effects in
+        steps and rankings tell instances apart: floor_tilt@2 acts in the second log alone
     rankings : all candidates, on top of each step
     model : refitted, with the accepted effects
     maps : what the residual depends on, before and after the accepted effects
     sentences : the verdict in words
+    regime : where what remains lives, of an unknown rest; None if no rule says so
     changes : the given model's parameters beside the refitted ones
     settings : all numbers that the verdict depends on
     """
@@ -55,13 +59,14 @@ class Diagnosis(Shown):
     candidates: list[dict[str, Any]] = field(default_factory=list)
     settings: DiagnosisSettings = field(default_factory=DiagnosisSettings)
     told_first: int = 0
+    regime: Regime | None = None
     changes: ParameterChanges = field(default_factory=ParameterChanges)
 
     kind: ClassVar[str] = "diagnosis"
 
     def summary(self) -> str:
         """The verdict in one sentence, with how far the error falls."""
-        names = _listed([name.replace("_", " ") for name in self.missing]) if self.missing else ""
+        names = listed([name.replace("_", " ") for name in self.missing]) if self.missing else ""
         line = HEADLINES[self.verdict].format(missing=names)
         if self.verdict == "unknown" and names:
             line = (
@@ -77,7 +82,7 @@ class Diagnosis(Shown):
         """The error as it falls, held out."""
         return [
             {
-                "with": step.effect or "the model, refitted",
+                "with": effect_of(step.effect) if step.effect else "the model, refitted",
                 "force error": step.force_error,
                 "velocity error": step.velocity_error,
             }
@@ -113,12 +118,23 @@ class Diagnosis(Shown):
         return found.episodes if found.is_episodic else []
 
     @property
+    def logs(self) -> dict[str, list[str]]:
+        """Of accepted effects that act in some logs only, the names of these logs."""
+        found: dict[str, list[str]] = {}
+        for step in self.steps[1:]:
+            if step.effect and step.logs:
+                named = found.setdefault(effect_of(step.effect), [])
+                named += [name for name in step.logs if name not in named]
+        return found
+
+    @property
     def explained(self) -> list[dict[str, Any]]:
         """Each accepted effect's own part of that share, in order."""
         whole = _predictable_square(self.steps)
         return [
             {
-                "effect": after.effect,
+                "effect": effect_of(after.effect or ""),
+                **({"logs": list(after.logs)} if after.logs else {}),
                 "share": (before.force_error**2 - after.force_error**2) / whole,
             }
             for before, after in zip(self.steps, self.steps[1:], strict=False)
@@ -131,6 +147,7 @@ class Diagnosis(Shown):
             "verdict": self.verdict,
             "headline": self.summary(),
             "missing": list(self.missing),
+            "logs": self.logs,
             "ambiguous_with": self.ambiguous_with,
             "partial": list(self.partial),
             "steps": [step.to_dict() for step in self.steps],
@@ -147,11 +164,28 @@ class Diagnosis(Shown):
             "candidates": self.candidates,
             "where": self.where,
             "remaining": self.remaining,
+            "regime": self.regime and self.regime.rule,
             "next_experiment": self.next_experiment,
             "words": list(self.sentences),
             "warnings": list(self.warnings),
             "settings": self.settings.to_dict(),
         }
+
+
+def effects_of(names: Sequence[str]) -> tuple[str, ...]:
+    """Names of the effects behind names of instances, each once, in order."""
+    return tuple(dict.fromkeys(map(effect_of, names)))
+
+
+def plain_ties(ties: Mapping[str, Sequence[str]]) -> dict[str, list[str]]:
+    """Ties between instances, under the names of their effects."""
+    found: dict[str, list[str]] = {}
+    for name, others in ties.items():
+        effect = effect_of(name)
+        rivals = [other for other in effects_of(others) if other != effect]
+        if rivals:
+            found[effect] = [*dict.fromkeys([*found.get(effect, []), *rivals])]
+    return found
 
 
 HEADLINES = {
@@ -221,16 +255,21 @@ def sentences_of(
     ties: Mapping[str, Sequence[str]],
     floor: Mapping[str, float],
     remaining: ResidualMap,
+    regime: Regime | None = None,
 ) -> list[str]:
     """The verdict in words; the effects have the sizes that they have in ``model``.
 
-    ``remaining``: what the last step's residual depends on.
+    ``remaining``: what the last step's residual depends on; ``regime``: where it lives.
     """
-    found = []
+    found, mechanism = [], steps[-1].fitted.mechanism
     for step in steps[1:]:
         assert step.effect is not None
-        sentence = describe_in(model, step.fitted.mechanism.catalogue[step.effect])
-        others = ties.get(step.effect)
+        key = mechanism.plain_names[step.effect]
+        sentence = describe_in(model, mechanism.catalogue[key])
+        if step.logs:
+            where = f"{listed(step.logs)} alone" if len(step.logs) == 1 else listed(step.logs)
+            sentence = f"{effect_of(key)}, in {where}: {sentence}"
+        others = effects_of(ties.get(step.effect, ()))
         if others:
             sentence += f"; these logs cannot tell it from {' or '.join(others)}"
         # Beside an unknown rest an effect may only imitate what is missing.
@@ -243,6 +282,7 @@ def sentences_of(
         )
     elif verdict == "unknown":
         found += _of_the_unknown(steps, level, remaining)
+        found += [regime.sentence] if regime else []
     return found
 
 
@@ -254,7 +294,8 @@ def _of_the_unknown(steps: Sequence[Step], level: float, remaining: ResidualMap)
         f"predicts {max(steps[-1].predictable.share, 0.0):.0%} of its squares"
     )
     if len(steps) > 1 and share is not None:
-        names = _listed([step.effect.replace("_", " ") for step in steps[1:] if step.effect])
+        effects = effects_of([step.effect for step in steps[1:] if step.effect])
+        names = listed([name.replace("_", " ") for name in effects])
         verb = "take" if len(steps) > 2 else "takes"
         found = [
             f"{names} {verb} {share:.0%} of what could be explained; something more is missing: "
@@ -271,7 +312,7 @@ def _of_the_unknown(steps: Sequence[Step], level: float, remaining: ResidualMap)
         parts = ", ".join(f"{item.variable} ({item.share:.0%})" for item in shown)
         found.append(f"what remains depends on {parts}")
     elif not steps[-1].predictable.is_episodic:
-        found.append("what remains depends on no single variable more than chance would have it")
+        found.append(f"of what remains: {remaining.words(large=True)}")
     return found
 
 
@@ -290,7 +331,7 @@ SHOWN_STRETCHES = 3
 """Stretches of logs that a sentence names."""
 
 
-def _listed(names: Sequence[str]) -> str:
+def listed(names: Sequence[str]) -> str:
     """Names in a sentence: a, b and c."""
     *most, last = names
     return f"{', '.join(most)} and {last}" if most else last
@@ -334,20 +375,25 @@ def warnings_of(
     return found
 
 
-def candidate_rows(ranking: Ranking, base: Step, model: Any) -> list[dict[str, Any]]:
+def candidate_rows(ranking: Ranking, steps: Sequence[Step], model: Any) -> list[dict[str, Any]]:
     """First-step candidates, best first; an accepted one with its parameters in the final fit.
 
-    Errors are converted to the noise and the folds of the base, as in the ranking.
+    ``logs``: of one that acts in some logs only. Errors are converted to the noise and the folds of
+    the base, as in the ranking.
     """
-    found = []
+    found, base = [], steps[0]
+    keys = steps[-1].fitted.mechanism.plain_names
     for item in ranking.candidates:
+        acts_in = item.mechanism.acts_in.get(item.name, ())
+        logs = [samples.name for samples in base.fitted.samples if samples.name in acts_in]
         ratio = np.sqrt(max(item.square, 0.0) / max(ranking.square, 1e-300))
         found.append(
             {
-                "effect": item.name,
+                "effect": effect_of(item.name),
+                **({"logs": logs} if logs else {}),
                 "force_error": float(base.force_error * ratio),
                 "p_value": ranking.p_values[item.name],
-                "parameters": _parameters(item, model),
+                "parameters": _parameters(item, model, keys.get(item.name)),
             }
         )
     return found
@@ -361,9 +407,10 @@ def estimates(entries: Mapping[str, Any]) -> dict[str, Any]:
     }
 
 
-def _parameters(item: Candidate, model: Any) -> dict[str, Any]:
-    if item.name in model.effects:
-        return estimates(model.effects[item.name])
+def _parameters(item: Candidate, model: Any, key: str | None) -> dict[str, Any]:
+    """By name; ``key``: that of the effect in the model, if it was accepted."""
+    if key in model.effects:
+        return estimates(model.effects[key])
     theta = item.theta.copy()
     if item.fitted is None:
         theta[item.free] += item.held_out.step

@@ -8,6 +8,7 @@ from typing import Any
 
 from identification.diagnosis.kinematic_sentences import KINEMATIC_WORDS, WHEEL_WORDS
 from youbot_env.physics.catalogue import GRAVITY
+from youbot_env.physics.effect import effect_of
 
 Values = Mapping[str, float]
 
@@ -23,11 +24,11 @@ def describe(effect: Any, values: Values, base: Values) -> str:
     Effects without words of their own, a user's for instance, get their numbers and the sentence
     on how to recognise them that they were registered with.
     """
-    words = WORDS.get(effect.name)
+    words = WORDS.get(effect_of(effect.name))
     if words is not None:
         return words(values, base)
     numbers = ", ".join(f"{name} = {value:.3g}" for name, value in values.items())
-    return f"{effect.name.replace('_', ' ')} ({numbers}): {effect.recognise}"
+    return f"{effect_of(effect.name).replace('_', ' ')} ({numbers}): {effect.recognise}"
 
 
 def _heading(x: float, y: float) -> str:
@@ -127,10 +128,11 @@ def _tether(values: Values, base: Values) -> str:
 
 
 def _payload(values: Values, base: Values) -> str:
-    return (
-        f"{values['mass']:.2f} kg were put on at ({values['x']:.2f}, {values['y']:.2f}) m, "
-        f"{values['time']:.0f} s after the log's start"
-    )
+    load = f"{values['mass']:.2f} kg"
+    place = f"({values['x']:.2f}, {values['y']:.2f}) m"
+    if values["time"] < 0.5:
+        return f"{load} are on at {place} from the start"
+    return f"{load} were put on at {place}, {values['time']:.0f} s after the log's start"
 
 
 def _one_wheel(values: Values, prefix: str) -> tuple[str, float]:

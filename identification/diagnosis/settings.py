@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass, field, replace
 
 from identification.fitting.settings import FitSettings
-from identification.residual_map.settings import ResidualMapSettings
+from identification.residual_map.settings import RegimeSettings, ResidualMapSettings
 from youbot_env.errors import Settings, check_settings
 
 
@@ -24,6 +24,7 @@ class DiagnosisSettings(Settings):
     # Settings of what the diagnosis is made of
     fit: FitSettings = field(default_factory=FitSettings)
     residual_map: ResidualMapSettings = field(default_factory=ResidualMapSettings)
+    regime: RegimeSettings = field(default_factory=RegimeSettings)
 
     # Verdict
     min_explained_share: float = field(
@@ -32,6 +33,15 @@ class DiagnosisSettings(Settings):
             "unit": "share of what was predictable beyond the base model",
             "reason": "where all effects together take less and the rest is unknown, they imitate "
             "it: of a carpet's nap, which no effect is, an uneven friction takes 26 %",
+        },
+    )
+    max_imitators_share: float = field(
+        default=0.9,
+        metadata={
+            "unit": "share of what was predictable beyond the base model",
+            "reason": "effects that together take less, where a rule says that all that is missing "
+            "lives in a part of the motion, imitate it: of a friction of one wheel in one "
+            "direction slope and uneven friction took 68 %, slope and gain error 76 %",
         },
     )
     max_small_rest: float = field(
@@ -196,6 +206,24 @@ class DiagnosisSettings(Settings):
         metadata={
             "unit": "share of the largest eigenvalue",
             "reason": "rounding of normal equations: directions with less are not seen",
+        },
+    )
+
+    # Effects in some logs only
+    max_logs_for_any_choice: int = field(
+        default=4,
+        metadata={
+            "unit": "1",
+            "reason": "up to here an effect is tried in each set of logs; of more logs in each "
+            "one, in all since one and in all before one: a bound on time and on chance",
+        },
+    )
+    min_choice_gain: float = field(
+        default=0.01,
+        metadata={
+            "unit": "share of the structure's squares",
+            "reason": "by which an effect must be better in more logs to be named in more: logs "
+            "that hardly show it make no difference",
         },
     )
 

@@ -7,7 +7,7 @@ force residual on what it was not fitted on.
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property, partial
 from typing import Any
@@ -45,6 +45,7 @@ from identification.logs.log import Log
 from identification.mechanisms.mechanism import Mechanism
 from identification.mechanisms.samples import DemandedForce, Samples, cut
 from youbot_env.errors import InputError
+from youbot_env.physics.effect import effect_of
 
 Array = NDArray[np.float64]
 
@@ -154,6 +155,7 @@ class Candidate:
     fold_ratio : the structure's held-out squares over those with the candidate's folds
     lost_fall : part of the fall in held-out squares that the joint fit, within bounds, does not
         confirm
+    tried : score blocks of what was tried beside it: the effect in some logs only, by name
     """
 
     name: str
@@ -172,6 +174,12 @@ class Candidate:
     fold_ratio: float = 1.0
     # Held-out linear steps ignore bounds and may use a negative inertia.
     lost_fall: float = 0.0
+    tried: Mapping[str, Array] = field(default_factory=dict, repr=False)
+
+    @property
+    def in_part(self) -> bool:
+        """Whether the effect acts in some of the logs only."""
+        return self.name in self.mechanism.acts_in
 
     @property
     def square(self) -> float:
@@ -240,13 +248,20 @@ class Step:
         return self.predict()
 
     @property
+    def logs(self) -> tuple[str, ...]:
+        """Names of the logs in which its effect acts; () if it acts in all of them."""
+        acts_in = self.fitted.mechanism.acts_in.get(self.effect or "", ())
+        return tuple(item.name for item in self.fitted.samples if item.name in acts_in)
+
+    @property
     def errors(self) -> dict[str, float]:
         """Both errors by name."""
         return {"force_error": self.force_error, "velocity_error": self.velocity_error}
 
     def to_dict(self) -> dict[str, Any]:
         """JSON form."""
-        return {"effect": self.effect, **self.errors}
+        where = {"logs": list(self.logs)} if self.logs else {}
+        return {"effect": self.effect and effect_of(self.effect), **where, **self.errors}
 
 
 class LoggedData:

@@ -109,7 +109,7 @@ def axis_to_dict(model: AxisModel) -> dict[str, Any]:
         "mechanism": MECHANISM,
         "scales": scales,
         "parameters": {name: parts.estimate_entry(model.parameters[name]) for name in BASE_NAMES},
-        "effects": parts.effect_entries(model.effects),
+        "effects": parts.effect_entries(model),
         **parts.history_to_dict(model),
     }
 
@@ -138,6 +138,7 @@ def _axis_model(content: dict[str, Any], source: str) -> AxisModel:
             for name, entry in content.get("effects", {}).items()
         },
         **parts.history_from_dict(content),
+        effect_logs=parts.effect_logs(content),
         mechanism=AXIS,
     )
 

@@ -7,8 +7,8 @@ identified. N samples, P parameters, F of them free, A axes, J joints.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Collection, Mapping, Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import Generic, NamedTuple, Protocol, TypeVar
 
@@ -22,7 +22,7 @@ from identification.mechanisms.settings import MechanismSettings
 from identification.signals.filters import FilterSettings, filter_samples, integral_of
 from identification.signals.noise import differenced_noise
 from youbot_env.physics import inverse_dynamics as dynamics
-from youbot_env.physics.effect import Parameter, Registry
+from youbot_env.physics.effect import Parameter, Registry, effect_of
 from youbot_env.physics.mechanism import Instant, MechanismKind, ModelStructure
 
 Array = NDArray[np.float64]
@@ -194,6 +194,8 @@ class Mechanism(Generic[Known]):
     geometry : what is known of it beforehand; structure : which effects it holds
     settings : numbers that its samples, parts and demanded force depend on
     held : what a fit of forces must leave as it is, also of effects that are not in the structure
+    acts_in : of effects that act in some logs only, by their name in the structure, the names of
+        these logs: elsewhere their strength is zero, and so are their columns
     """
 
     geometry: Known
@@ -201,6 +203,9 @@ class Mechanism(Generic[Known]):
     conventions: Conventions[Known]
     settings: MechanismSettings = MechanismSettings()
     held: tuple[HeldDirections, ...] = ()
+    acts_in: Mapping[str, frozenset[str]] = field(
+        default_factory=dict[str, frozenset[str]], hash=False
+    )
 
     @property
     def kind(self) -> MechanismKind[Known]:
@@ -239,17 +244,68 @@ class Mechanism(Generic[Known]):
     def with_effects(self, effects: Sequence[str]) -> Mechanism[Known]:
         """The same mechanism with other effects beside the base model."""
         structure = self.structure.with_effects(effects)
-        return Mechanism(self.geometry, structure, self.conventions, self.settings, self.held)
+        acts_in = {name: logs for name, logs in self.acts_in.items() if name in effects}
+        return self._with(structure=structure, acts_in=acts_in)
+
+    def _with(
+        self,
+        *,
+        structure: ModelStructure[Known] | None = None,
+        held: tuple[HeldDirections, ...] | None = None,
+        acts_in: Mapping[str, frozenset[str]] | None = None,
+    ) -> Mechanism[Known]:
+        """The same mechanism with some of its parts changed."""
+        # Not `replace`: a subclass may be made of fewer arguments.
+        return Mechanism(
+            self.geometry,
+            structure or self.structure,
+            self.conventions,
+            self.settings,
+            self.held if held is None else held,
+            self.acts_in if acts_in is None else acts_in,
+        )
 
     def holding(self, held: Sequence[HeldDirections]) -> Mechanism[Known]:
         """The same mechanism, of which a fit of forces leaves these directions as they are."""
-        return Mechanism(
-            self.geometry, self.structure, self.conventions, self.settings, tuple(held)
-        )
+        return self._with(held=tuple(held))
 
-    def extended(self, name: str) -> Mechanism[Known]:
-        """The same mechanism with one effect more."""
-        return self.with_effects((*self.structure.effects, name))
+    def extended(self, name: str, logs: Iterable[str] = ()) -> Mechanism[Known]:
+        """The same mechanism with one effect more, which acts in these logs; () for all."""
+        more = self.with_effects((*self.structure.effects, name))
+        chosen = frozenset(logs)
+        return more._with(acts_in={**more.acts_in, name: chosen}) if chosen else more
+
+    @cached_property
+    def plain_names(self) -> dict[str, str]:
+        """Names of its effects in a model: an instance is called as its effect where it can be."""
+        found: dict[str, str] = {}
+        for name in self.structure.effects:
+            plain = effect_of(name)
+            free = plain not in self.structure.effects and plain not in found.values()
+            found[name] = plain if free else name
+        return found
+
+    def plainly_named(self) -> Mechanism[Known]:
+        """The same mechanism, whose effects have the names that a model gives them."""
+        names = self.plain_names
+        structure = self.structure.with_effects(tuple(names.values()))
+        acts_in = {names[name]: logs for name, logs in self.acts_in.items()}
+        return self._with(structure=structure, acts_in=acts_in)
+
+    def everywhere(self) -> Mechanism[Known]:
+        """The same mechanism with all effects in all logs."""
+        return self._with(acts_in={})
+
+    def _silent(self, log: str) -> frozenset[int]:
+        """Indices of the parameters of effects that do not act in a log."""
+        silent = {name for name, logs in self.acts_in.items() if log not in logs}
+        return frozenset(k for k, label in enumerate(self.labels) if label.component in silent)
+
+    def _theta_in(self, theta: Array, silent: frozenset[int]) -> Array:
+        """theta (P,) with what is silent at no strength; shape constants stay."""
+        found = np.array(theta, float)
+        found[[k for k in silent if not self.labels[k].parameter.is_shape]] = 0.0
+        return found
 
     # Parameters ---------------------------------------------------------------------------------
 
@@ -437,15 +493,17 @@ class Mechanism(Generic[Known]):
         strength at theta; what it has found out is taken over.
         """
         declared = tuple(label.parameter for label in self.labels)
+        silent = self._silent(samples.name)
         return DemandedForce(
             self.structure,
             self.geometry,
             self.force_scale,
             declared,
-            np.asarray(theta, float),
+            self._theta_in(theta, silent),
             samples,
             self.settings,
             like,
+            silent,
         )
 
     def free_run(self, theta: Array, samples: Samples) -> Array:
@@ -485,18 +543,37 @@ class Mechanism(Generic[Known]):
         # numba, which a force fit does without
         from youbot_env.simulation.free_run import simulate_theta
 
-        s = rolled(self.structure, self.geometry, theta, samples, self.settings)
+        structure, theta = self._structure_in(samples.name, theta)
+        s = rolled(structure, self.geometry, theta, samples, self.settings)
         start = [*s.twist[0], *s.pose[0], *s.wheel_angle[0], s.time[0]]
-        if self.structure.has_actuator:
+        if structure.has_actuator:
             at = Instant(tuple(s.twist[0]), time=s.time[0], start=s.start)
             torque = tuple(s.torque[0])
-            start += dynamics.channel_torque(np, self.structure, self.geometry, theta, torque, at)
-            start += [0.0] * (len(torque) * (self.structure.drive_order - 1))
-        if self.structure.reads_start:
+            start += dynamics.channel_torque(np, structure, self.geometry, theta, torque, at)
+            start += [0.0] * (len(torque) * (structure.drive_order - 1))
+        if structure.reads_start:
             start.append(s.start)
         duration = np.full(len(s) - 1, s.dt)
-        states = simulate_theta(self.structure, self.geometry, theta, duration, s.torque, start)
+        states = simulate_theta(structure, self.geometry, theta, duration, s.torque, start)
         return states[:, : len(self.kind.axes)]
+
+    def _structure_in(self, log: str, theta: Array) -> tuple[ModelStructure[Known], Array]:
+        """The structure and theta with which a log is simulated.
+
+        Of two instances of an effect the silent one is left out, and what is left has the effects'
+        own names: each set of names is compiled once, which takes seconds.
+        """
+        silent, effects = self._silent(log), self.structure.effects
+        values = self._theta_in(theta, silent)
+        names = [effect_of(name) for name in effects]
+        quiet = {self.labels[k].component for k in silent}
+        twice = {name for name in effects if names.count(effect_of(name)) > 1}
+        kept = [name for name in effects if name not in quiet & twice]
+        plain = [effect_of(name) for name in kept]
+        if len(set(plain)) < len(plain):
+            return self.structure, values
+        stays = [label.component not in quiet & twice for label in self.labels]
+        return self.structure.with_effects(plain), values[stays]
 
     # What to do next ----------------------------------------------------------------------------
 

@@ -115,6 +115,7 @@ def fitted_model(
     InputError
         If it is not: nothing has that mass, say.
     """
+    mechanism = mechanism.plainly_named()
     theta, _ = settle_gauge(mechanism, fit.theta)
     names, covariance = physical_covariance(mechanism, fit)
     std = dict(zip(names, np.sqrt(np.maximum(np.diag(covariance), 0.0)), strict=True))
@@ -133,6 +134,7 @@ def fitted_model(
         geometry=mechanism.geometry,
         parameters={key: entry(key) for key in mechanism.kind.base_parameters(mechanism.geometry)},
         effects=effects,
+        effect_logs={key: tuple(sorted(logs)) for key, logs in mechanism.acts_in.items()},
         covariance=covariance,
         covariance_names=names,
         logs=logs,

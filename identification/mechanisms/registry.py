@@ -144,7 +144,9 @@ def mechanism_of(
         If a geometry is given for a mechanism that has none.
     """
     of = kind_of(model)
-    return Mechanism(_known(model, geometry), model.structure, of.conventions, settings)
+    acts_in = {name: frozenset(logs) for name, logs in model.effect_logs.items()}
+    known = _known(model, geometry)
+    return Mechanism(known, model.structure, of.conventions, settings, acts_in=acts_in)
 
 
 def quantities_of(model: AnyModel, geometry: Geometry | None = None) -> Quantities:

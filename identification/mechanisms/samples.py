@@ -181,7 +181,8 @@ class DemandedForce(Generic[Geometry]):
     """Force (2, N - 1, A) demanded at both ends of each interval, and its columns in theta.
 
     The acceleration's mean over an interval is the difference of the twist, so the filtered force
-    holds the paper's filtered derivative a_f (s - s_f).
+    holds the paper's filtered derivative a_f (s - s_f). ``silent``: indices of the parameters of
+    effects that do not act in this log.
     """
 
     def __init__(
@@ -194,7 +195,9 @@ class DemandedForce(Generic[Geometry]):
         samples: Samples,
         settings: MechanismSettings,
         like: DemandedForce[Geometry] | None = None,
+        silent: frozenset[int] = frozenset(),
     ) -> None:
+        self.silent = silent
         self.structure, self.geometry, self.force_scale = structure, geometry, force_scale
         self.declared, self.theta, self.logged = declared, theta, samples
         self.settings = settings
@@ -432,9 +435,11 @@ class DemandedForce(Generic[Geometry]):
         """d force / d theta[i] for each index: (len(indices), 2, N - 1, A).
 
         Base parameters that nothing else refers to enter linearly, so theirs is the function on a
-        unit vector; others take a difference over a small part of their catalogue size.
+        unit vector; others take a difference over a small part of their catalogue size. What is
+        silent in this log has columns of zeros.
         """
-        found = [self._column(int(i)) for i in indices]
+        none = np.zeros((2, len(self.samples) - 1, len(self.force_scale)))
+        found = [none if int(i) in self.silent else self._column(int(i)) for i in indices]
         return np.stack(found) if found else np.zeros((0, *self.force.shape))
 
     def _column(self, index: int) -> Array:

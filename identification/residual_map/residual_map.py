@@ -30,6 +30,7 @@ from identification.residual_map.held_out_gain import (
     standardised_gains,
     strongest_order,
 )
+from identification.residual_map.log_shares import log_shares
 from identification.residual_map.settings import ResidualMapSettings
 from identification.residual_map.shares import ResidualMap, Share
 from identification.residual_map.table import ResidualTable, residual_table
@@ -63,8 +64,9 @@ def residual_map(
     Shares of different variables overlap: a force along the world's X axis depends on the heading
     and, in a small room, on the position too.
     """
-    if sum(samples.dt * len(samples) for samples in logs) < settings.min_duration:
-        return ResidualMap(())
+    seconds = sum(samples.dt * len(samples) for samples in logs)
+    if seconds < settings.min_duration:
+        return ResidualMap((), seconds=seconds)
     table = residual_table(mechanism, np.asarray(theta, float), logs, settings, fit)
     folds = table.folds
     rng = np.random.default_rng(seed)
@@ -87,9 +89,11 @@ def residual_map(
         (table.index[g.variable], settings.fitted_wheel_orders if g.pairs else None) for g in others
     ]
     rest = held_out_gains(folds, sides, with_twist, groups, settings.ridge_strengths)
+    own = log_shares(folds, table.variables, table.reductions, settings)
     shares = _shares(table, [of_twist, *rest], twist_gain, total, signs.shape[1], beyond)
     refit = 1.0 - total / given if given > 0 else 0.0
-    return ResidualMap(shares, float(refit), partial(_curves, table, residual, beyond))
+    shares = tuple(sorted([*shares, *own], key=lambda item: (-item.share, item.p_value)))
+    return ResidualMap(shares, float(refit), seconds, partial(_curves, table, residual, beyond))
 
 
 def _curves(
@@ -99,7 +103,12 @@ def _curves(
     variable: str,
     cycles: int,
 ) -> list[Curve]:
-    """Over the twist: of the model's residual. Over others: of what the twist leaves of it."""
+    """Over the twist: of the model's residual. Over others: of what the twist leaves of it.
+
+    None over the log and the time that logs share: what differs there are parameters.
+    """
+    if variable not in table.index:
+        return []
     return curves_of(
         variable,
         table.variables,

@@ -27,6 +27,14 @@ class ResidualMapSettings(Settings):
             "reason": "shorter logs hold too few independent stretches to tell anything",
         },
     )
+    min_telling_duration: float = field(
+        default=60.0,
+        metadata={
+            "unit": "s",
+            "reason": "where shorter logs show no share beside a large error, they are too short "
+            "to tell: a share of 30 s rests on 15 blocks, few of which are held out at a time",
+        },
+    )
     max_p_value: float = field(
         default=0.01,
         metadata={
@@ -40,6 +48,23 @@ class ResidualMapSettings(Settings):
         metadata={
             "unit": "share of the residual's squares",
             "reason": "smaller shares may be significant in long logs, but are not relevant",
+        },
+    )
+
+    log_stretch: float = field(
+        default=6.0,
+        metadata={
+            "unit": "s",
+            "reason": "of each log that is held out together, where it is asked what differs "
+            "between logs: as where it is asked whether anything can be predicted",
+        },
+    )
+    min_log_share: float = field(
+        default=0.05,
+        metadata={
+            "unit": "share of the residual's squares",
+            "reason": "of the log or the shared time: logs of different motions differ a little "
+            "wherever a model is not exact",
         },
     )
 
@@ -203,3 +228,102 @@ class ResidualMapSettings(Settings):
 
     def __post_init__(self) -> None:
         check_settings(self, "residual map settings", positive=True)
+
+
+@dataclass(frozen=True)
+class RegimeSettings(Settings):
+    """How it is found where a residual lives.
+
+    Each field's ``metadata`` holds its unit and the reason for its default.
+
+    Raises
+    ------
+    InputError
+        If a number is not finite and positive.
+    """
+
+    bins: int = field(
+        default=16,
+        metadata={
+            "unit": "1",
+            "reason": "of a column, between which a rule may cut: 6 % of the rows each",
+        },
+    )
+    fine_bins: int = field(
+        default=12,
+        metadata={"unit": "1", "reason": "between the neighbours of an end: 1 % of the rows each"},
+    )
+    max_distance_from_zero: float = field(
+        default=0.3,
+        metadata={
+            "unit": "standard deviations of the speed",
+            "reason": "an end this near to standstill is standstill: the filter remembers what was "
+            "on the other side for 0.3 s, and a wheel turns back by as much",
+        },
+    )
+    filter_memory: float = field(
+        default=0.3,
+        metadata={
+            "unit": "s",
+            "reason": "three time constants of the filter, after which 5 % of a force are left",
+        },
+    )
+    min_outside_information: float = field(
+        default=1e-3,
+        metadata={
+            "unit": "share of the information of all rows",
+            "reason": "on a parameter, with less of which the rows outside of a rule do not move "
+            "it: rows without motion would fit anything",
+        },
+    )
+    max_logs_for_pairs: int = field(
+        default=4,
+        metadata={"unit": "1", "reason": "up to here two logs together are a rule: a bound on it"},
+    )
+    rectangle_rounds: int = field(
+        default=3,
+        metadata={"unit": "1", "reason": "in which both sides of a place are sought in turn"},
+    )
+    stretch_duration: float = field(
+        default=6.0,
+        metadata={
+            "unit": "s",
+            "reason": "of what is left out together: as where it is asked whether anything can be "
+            "predicted",
+        },
+    )
+    judged_rules: int = field(
+        default=3,
+        metadata={
+            "unit": "1",
+            "reason": "likeliest rules that are tried on stretches left out: later ones describe "
+            "the same rows worse",
+        },
+    )
+    min_square_ratio: float = field(
+        default=2.5,
+        metadata={
+            "unit": "mean square inside over that outside, held out",
+            "reason": "noise of ten kinds differs by less than 1.4 between blocks of time",
+        },
+    )
+    max_outside_over_noise: float = field(
+        default=1.25,
+        metadata={
+            "unit": "mean square outside over that of noise, held out",
+            "reason": "with more there it does not live inside: 0.01 to 0.5 of what trees leave as "
+            "noise for a patch, a bump, one direction of a wheel, since a time; 1.6 to 15 for "
+            "forces that act everywhere and are larger somewhere (a line spring, a drift)",
+        },
+    )
+    min_share_inside: float = field(
+        default=0.75,
+        metadata={
+            "unit": "share of the squares beyond noise, held out",
+            "reason": "where more lies outside, the rule is not where it lives. The filter's "
+            "memory of what was inside is outside too",
+        },
+    )
+
+    def __post_init__(self) -> None:
+        check_settings(self, "regime settings", positive=True)

@@ -7,6 +7,7 @@ from dataclasses import dataclass, field
 from typing import Any
 
 from identification.residual_map.curves import Curve
+from identification.residual_map.settings import ResidualMapSettings
 
 
 @dataclass(frozen=True)
@@ -33,6 +34,7 @@ class Share:
 class ResidualMap:
     """Result of :func:`residual_map`: shares, the largest first.
 
+    seconds : of the logs that it was made of
     refit : share of the given parameters' residual that disappears when they are fitted again,
         held out; it may be negative
     _curves : of a variable, at some cycles per turn; None where the logs were too short
@@ -40,6 +42,7 @@ class ResidualMap:
 
     shares: tuple[Share, ...]
     refit: float = 0.0
+    seconds: float = 0.0
     _curves: Callable[[str, int], list[Curve]] | None = field(
         default=None, repr=False, compare=False
     )
@@ -52,6 +55,19 @@ class ResidualMap:
     def leading(self) -> tuple[str, ...]:
         """Variables with a share, the largest first."""
         return tuple(share.variable for share in self.shares if share.share > 0)
+
+    def words(self, large: bool, settings: ResidualMapSettings = ResidualMapSettings()) -> str:
+        """What is said where no variable has a share; "" where one has.
+
+        ``large``: whether more is left than noise would leave.
+        """
+        if self.leading:
+            return ""
+        if not self.shares or (large and self.seconds < settings.min_telling_duration):
+            return "the logs are too short to tell on what it depends"
+        if large:
+            return "it depends on no single variable by a share that these logs could show"
+        return "it depends on no variable more than chance would have it"
 
     def curve(self, variable: str) -> list[Curve]:
         """The residual over a variable, for a plot: one curve, or one for each component of twist.

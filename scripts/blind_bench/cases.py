@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 import zlib
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -18,9 +18,11 @@ from youbot_env.errors import InputError
 from youbot_scripts.blind_bench import motions, second_simulator as plant, sensors, wheel_effects
 from youbot_scripts.blind_bench.effects import (
     CATALOGUE,
+    DIFFER,
     EVERYTHING,
     KINEMATICS,
     OUTSIDE,
+    REGIMES,
     Planted,
     draw,
     pairs,
@@ -52,12 +54,15 @@ KINDS = (
     "double_noise",
     "two",
     "unknown",
+    "differ",
+    "regime",
     "sweep",
     "kinematics",
 )
 """Nothing planted; nothing, and noise that is not white; speeds from encoder counts, with Coulomb
 friction in every other case; one effect of about its size; a quarter of it under twice the noise;
 one of about its size under twice the noise; two of about their size; one outside the catalogue;
+one of about its size in some logs only; one outside the catalogue in a part of the motion;
 one at each of `SWEEP` times its size; one effect of kinematics of about its size."""
 
 SWEEP = (1 / 16, 1 / 8, 1 / 4, 1 / 2, 1.0, 2.0, 4.0)
@@ -165,6 +170,8 @@ def draw_case(
         draw(name, usual if factor is None else factor, rng, path)
         for name, usual in _what(kind, index, seed, rng)
     )
+    if kind == "differ":
+        planted = tuple(_in_some_logs(item, index) for item in planted)
     noise = drawn_noise.get(kind, 1.0) if noise is None else float(noise)
     measured = _sensing(kind, index, seed, rate)
     return Case(kind, index, seed, rate, noise, has_pose, platform, planted, measured)
@@ -199,6 +206,11 @@ def _what(kind: str, index: int, seed: int, rng: np.random.Generator) -> list[tu
         order = np.random.default_rng(seed).permutation(len(pairs()))
         pair = pairs()[order[index % len(order)]]
         return list(zip(pair, about_one.tolist(), strict=True))
+    if kind == "differ":
+        name = list(DIFFER)[index % len(DIFFER)]
+        return [(name, DIFFER[name][0] * about_one[0])]
+    if kind == "regime":
+        return [(list(REGIMES)[index % len(REGIMES)], about_one[0])]
     if kind == "unknown":
         return [(list(OUTSIDE)[index % len(OUTSIDE)], about_one[0])]
     if kind == "sweep":
@@ -213,8 +225,18 @@ def _what(kind: str, index: int, seed: int, rng: np.random.Generator) -> list[tu
     )
 
 
-def physics(case: Case) -> plant.Physics:
-    """The platform of a case with all that is planted."""
+def _in_some_logs(item: Planted, index: int) -> Planted:
+    """What is planted, in one log or in the last two, in turn."""
+    chosen = DIFFERING[index // len(DIFFER) % len(DIFFERING)]
+    return replace(item, values={**item.values, **DIFFER[item.name][1]}, logs=chosen)
+
+
+DIFFERING = (("multisine_b",), ("multisine_a", "multisine_b"), ("multisine_a",))
+"""Logs in which effects are planted that do not act in all."""
+
+
+def physics(case: Case, log: str = "") -> plant.Physics:
+    """The platform of a case with all that is planted in a log."""
     values = dict(case.platform)
     # The wheels lie symmetric about O and have no first moment.
     mass = values["m0"] - 4 * WHEEL_MASS
@@ -227,15 +249,17 @@ def physics(case: Case) -> plant.Physics:
         roller_dry=np.zeros(4),
         ripple_phase=np.zeros(4),
     )._replace(**values, **moments)
-    return planted_physics(base, case.planted)
+    return planted_physics(base, case.planted, log)
 
 
-def simulate(case: Case, twist: Array, dt: float, began: float = 0.0) -> tuple[Array, Array, Array]:
+def simulate(
+    case: Case, twist: Array, dt: float, began: float = 0.0, log: str = ""
+) -> tuple[Array, Array, Array]:
     """True speeds (N, 4), commands (N, 4) and poses (N, 3) of a case's platform along a twist.
 
-    ``began``: of the run [s], on the clock that a session's runs share
+    ``began``: of the run [s], on the clock that a session's runs share; ``log``: its name
     """
-    platform = physics(case)._replace(began=began)
+    platform = physics(case, log)._replace(began=began)
     return plant.drive(platform, motions.wheel_speeds(twist), dt)
 
 
@@ -255,7 +279,7 @@ def log_along(case: Case, name: str, twist: Array, began: float = 0.0) -> Log:
     like the given data.
     """
     dt, ticks = tick(case.rate)
-    speed, command, pose = simulate(case, twist, dt, began)
+    speed, command, pose = simulate(case, twist, dt, began, name)
     time = dt * np.arange(len(speed))
     # Not row 0 nor the last: there only one command meets.
     rows = np.arange(ticks, len(speed) - 1, ticks)
@@ -329,6 +353,7 @@ def truth(case: Case) -> dict[str, Any]:
         "torque_noise": case.noise * plant.TORQUE_NOISE,
         "speed_noise": case.noise * plant.SPEED_NOISE,
         "torque_limit": plant.TORQUE_LIMIT,
+        "per_log": {item.name: list(item.logs) for item in case.planted if item.logs},
         "planted": "+".join(item.name for item in case.planted) or "none",
         "rate": case.rate,
         "sensing": None if case.sensing is None else asdict(case.sensing),

@@ -141,5 +141,13 @@ def directed(rng: np.random.Generator, size: float, path: Array) -> Values:
     return {"force": size, "direction": direction(rng)}
 
 
+def one_way(rng: np.random.Generator, size: float, path: Array) -> Values:
+    return {"torque": size, "wheel": float(rng.integers(4)), "sign": float(rng.choice([-1, 1]))}
+
+
+def late(rng: np.random.Generator, size: float, path: Array) -> Values:
+    return {"force": size, "time": rng.uniform(20.0, 40.0)}
+
+
 def joints(rng: np.random.Generator, size: float, path: Array) -> Values:
     return {"force": size, "distance": rng.uniform(0.1, 0.3), "phase": direction(rng)}

@@ -348,16 +348,52 @@ OUTSIDE = {
 }
 """Effects outside the catalogue: the right answer is "unknown"."""
 
-EVERYTHING = CATALOGUE | KINEMATICS | OUTSIDE
+REGIMES = {
+    item.name: item
+    for item in (
+        Plantable(
+            "one_way_friction",
+            0.4,
+            "N m",
+            draws.one_way,
+            _renamed(one_way="torque", one_way_wheel="wheel", one_way_sign="sign"),
+            tuple(f"wheel_speed_{wheel}" for wheel in WHEELS),
+        ),
+        Plantable(
+            "late_drag",
+            10.0,
+            "N",
+            draws.late,
+            _renamed(late_drag="force", late_time="time"),
+            ("time",),
+        ),
+    )
+}
+"""Effects outside the catalogue that act in a part of the motion, which a rule describes."""
+
+EVERYTHING = CATALOGUE | KINEMATICS | OUTSIDE | REGIMES
+
+DIFFER: dict[str, tuple[float, Values]] = {
+    "floor_tilt": (1.0, {}),
+    "payload_change": (0.35, {"time": 0.0}),
+    "tether": (1.0, {}),
+    "friction_warmup": (1.0, {}),
+}
+"""Effects of the catalogue that are planted in some logs only: how many times their size, and what
+is not drawn of them. A load that is on from the start shows at once."""
 
 
 @dataclass(frozen=True)
 class Planted:
-    """One thing planted: values by the catalogue's parameter names, ``factor`` times its size."""
+    """One thing planted: values by the catalogue's parameter names, ``factor`` times its size.
+
+    logs : in which it is planted; () for all
+    """
 
     name: str
     factor: float
     values: Values
+    logs: tuple[str, ...] = ()
 
 
 def draw(name: str, factor: float, rng: np.random.Generator, path: Array) -> Planted:
@@ -367,9 +403,11 @@ def draw(name: str, factor: float, rng: np.random.Generator, path: Array) -> Pla
     return Planted(name, factor, {key: float(value) for key, value in values.items()})
 
 
-def planted_physics(base: Physics, planted: tuple[Planted, ...]) -> Physics:
-    """The platform with all that is planted."""
+def planted_physics(base: Physics, planted: tuple[Planted, ...], log: str = "") -> Physics:
+    """The platform with all that is planted in a log; without its name, with what all have."""
     for item in planted:
+        if item.logs and log not in item.logs:
+            continue
         base = base._replace(**EVERYTHING[item.name].plant(item.values))
     return base
 

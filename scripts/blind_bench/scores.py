@@ -8,7 +8,8 @@ from statistics import fmean, median
 from typing import Any
 
 from youbot_scripts.blind_bench import sensors
-from youbot_scripts.blind_bench.effects import CATALOGUE, KINEMATICS, OUTSIDE
+from youbot_scripts.blind_bench.draws import WHEELS
+from youbot_scripts.blind_bench.effects import CATALOGUE, KINEMATICS, OUTSIDE, REGIMES
 from youbot_scripts.blind_bench.proportions import Proportion
 from youbot_scripts.blind_bench.sensors import ENCODER
 from youbot_scripts.blind_bench.trials import Record
@@ -29,6 +30,9 @@ BOUND = 3.0
 """Standard deviations beyond which a stated number is plainly wrong."""
 
 TWIST = "twist"
+
+UNNAMED = frozenset((*OUTSIDE, *REGIMES))
+"""What no effect of the catalogue explains."""
 
 
 # --- one record ------------------------------------------------------------------------------
@@ -91,6 +95,52 @@ def confidently_wrong(record: Record) -> bool:
 def accepted_unplanted(record: Record) -> bool:
     """Whether an effect was accepted in whose ambiguity set no planted effect is."""
     return any(not set(names) & set(planted(record)) for names in named_sets(record))
+
+
+def log_named(record: Record) -> bool | None:
+    """Whether what acts in some logs only was named with these; None where nothing does so."""
+    wanted = {item["name"]: list(item.get("logs", ())) for item in record["case"]["planted"]}
+    wanted = {name: logs for name, logs in wanted.items() if logs}
+    if not wanted:
+        return None
+    found = record.get("found", {})
+    said = {key: sorted(logs) for key, logs in found.get("logs", {}).items()}
+    # A rival that these logs cannot tell from it is accepted in its place, in the same logs.
+    return all(
+        any(name in names and said.get(names[0]) == sorted(logs) for names in named_sets(record))
+        for name, logs in wanted.items()
+    )
+
+
+def log_told(record: Record) -> bool | None:
+    """The same, or the log told as the regime of what remains."""
+    named = log_named(record)
+    if named is None or named:
+        return named
+    logs = {log for item in record["case"]["planted"] for log in item.get("logs", ())}
+    rule = record.get("found", {}).get("regime") or ""
+    return any(log in rule for log in logs)
+
+
+def regime_right(record: Record) -> bool | None:
+    """Whether the rule for where the rest lives is that of what was planted; None without one."""
+    rule = record.get("found", {}).get("regime") or ""
+    for item in record["case"]["planted"]:
+        values = item["values"]
+        if item["name"] == "one_way_friction":
+            wheel = WHEELS[int(values["wheel"])]
+            return rule.startswith(f"velocity_{wheel} {'>' if values['sign'] > 0 else '<'}")
+        if item["name"] == "late_drag":
+            said = [float(word) for word in rule.split() if word.replace(".", "").isdigit()]
+            near = bool(said) and abs(said[0] - values["time"]) < LATE_BY
+            return rule.startswith("after") and near
+        if item["name"] in ("sticky_patch", "bump"):
+            return "pose_" in rule
+    return None
+
+
+LATE_BY = 6.0
+"""[s] by which the instant in a rule may be off: a stretch that is held out together."""
 
 
 def said_unknown(record: Record) -> bool:
@@ -160,8 +210,10 @@ def right(record: Record) -> bool:
         return True
     if not names:
         return verdict(record) == "adequate"
-    if set(names) & set(OUTSIDE):
+    if set(names) & UNNAMED:
         return said_unknown(record)
+    if log_named(record) is not None:
+        return bool(log_named(record))
     if len(names) == 1:
         return in_set(record, names[0])
     return all(found_anywhere(record, name) for name in names)
@@ -172,7 +224,7 @@ def wrongly_named(record: Record) -> bool:
 
     One partial fit to what is outside the catalogue is none.
     """
-    outside = set(planted(record)) & set(OUTSIDE)
+    outside = set(planted(record)) & UNNAMED
     return accepted_unplanted(record) and not (outside and said_unknown(record))
 
 
@@ -254,7 +306,7 @@ def confusion(records: Iterable[Record]) -> dict[str, dict[str, int]]:
         names = planted(record)
         if len(names) < 2:
             table[names[0] if names else "none"][answer(record)] += 1
-    order = ["none", *CATALOGUE, *KINEMATICS, *OUTSIDE]
+    order = ["none", *CATALOGUE, *KINEMATICS, *OUTSIDE, *REGIMES]
     return {name: dict(table[name].most_common()) for name in order if name in table}
 
 
@@ -400,7 +452,7 @@ def _of_one_kind(kind: str, records: Sequence[Record]) -> dict[str, Any]:
             coulomb_called_stribeck=_called_stribeck,
             accepted_unplanted=accepted_unplanted,
         ) | _numbers(records)
-    if kind == "unknown" or kind in OUTSIDE:
+    if kind in ("unknown", "regime") or kind in UNNAMED:
         ranks = {
             f"carrier_first_or_second_{key}": Proportion.of(
                 None if (rank := carrier_rank(record, key)) is None else rank <= 2
@@ -408,7 +460,11 @@ def _of_one_kind(kind: str, records: Sequence[Record]) -> dict[str, Any]:
             ).to_dict()
             for key in ("where", "remaining")
         }
-        return _shares(records, said_unknown=said_unknown) | ranks
+        return _shares(records, said_unknown=said_unknown, regime_right=regime_right) | ranks
+    if kind == "differ":
+        return _shares(
+            records, log_named=log_named, log_told=log_told, accepted_unplanted=accepted_unplanted
+        )
     return _shares(
         records,
         in_set=_single(in_set),

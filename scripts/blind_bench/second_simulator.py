@@ -120,6 +120,11 @@ class Physics(NamedTuple):
     joints: float = 0.0
     joint_distance: float = 1.0
     joint_phase: float = 0.0
+    one_way: float = 0.0
+    one_way_wheel: float = 0.0
+    one_way_sign: float = 1.0
+    late_drag: float = 0.0
+    late_time: float = NEVER
 
 
 @njit(cache=True)
@@ -134,6 +139,8 @@ def _wheel_friction(p: Physics, i: int, rate: float, angle: float, torque: float
         dry += p.breakaway * math.exp(-((rate / p.stribeck_speed) ** 2))
     if dry != 0.0:
         total += dry * math.tanh(rate / p.dry_width)
+    if p.one_way != 0.0 and i == int(p.one_way_wheel):
+        total += p.one_way_sign * p.one_way * max(p.one_way_sign * math.tanh(rate / p.dry_width), 0)
     if p.ripple != 0.0:
         total += p.ripple * math.sin(p.ripple_cycles * angle + p.ripple_phase[i])
     # Larger forwards: the same sign whichever way the wheel turns.
@@ -159,7 +166,7 @@ def _exerted(p: Physics, i: int, command: float, rate: float, time: float):
 
 
 @njit(cache=True)
-def _outside(p: Physics, x: float, y: float, yaw: float, u: float, v: float):
+def _outside(p: Physics, x: float, y: float, yaw: float, u: float, v: float, time: float):
     """World force (X, Y) [N] at O of the tether and of effects outside the catalogue."""
     fx = -p.tether * (x - p.anchor_x)
     fy = -p.tether * (y - p.anchor_y)
@@ -194,6 +201,9 @@ def _outside(p: Physics, x: float, y: float, yaw: float, u: float, v: float):
         # The factor exp(0.5) makes p.bump the largest force, at one width from the centre.
         slope = p.bump / p.bump_width * math.exp(0.5 - 0.5 * (dx * dx + dy * dy) / p.bump_width**2)
         fx, fy = fx + slope * dx, fy + slope * dy
+    if p.late_drag != 0.0 and time >= p.late_time:
+        speed = math.sqrt(u * u + v * v + 0.005**2)
+        fx, fy = fx - p.late_drag * u / speed, fy - p.late_drag * v / speed
     if p.joints != 0.0:
         fx += p.joints * math.sin(2.0 * math.pi * x / p.joint_distance + p.joint_phase)
     return fx, fy
@@ -244,7 +254,7 @@ def derivative(
     a[0, 0], a[0, 1], a[0, 2] = mass, 0.0, -sy
     a[1, 0], a[1, 1], a[1, 2] = 0.0, mass, sx
     a[2, 0], a[2, 1], a[2, 2] = -sy, sx, inertia
-    fx, fy = _outside(p, q[0], q[1], q[2], q[3], q[4])
+    fx, fy = _outside(p, q[0], q[1], q[2], q[3], q[4], time)
     slope_x, slope_y = -GRAVITY * math.sin(p.tilt_x), -GRAVITY * math.sin(p.tilt_y)
     # Centripetal acceleration of the centre of mass, whose first moment is (sx, sy).
     b[0] = w * w * sx + fx + mass * slope_x
@@ -341,12 +351,14 @@ def steps_for(p: Physics, dt: float) -> int:
     That of a smoothed dry friction at rest is inertia times width over torque. With much longer
     steps the method would be unstable.
     """
-    wheel = (p.coulomb + p.dry.max() + p.breakaway + p.load_share * 2.0) / p.dry_width
+    wheel = (p.coulomb + p.dry.max() + p.breakaway + p.load_share * 2.0 + p.one_way) / p.dry_width
     wheel += abs(p.forward_dry) / p.forward_width
     roller = (p.roller_coulomb + p.roller_dry.max()) / p.roller_dry_width
     inertia = 0.25 * p.m0 * p.wheel_radius**2 + p.I1
     rate = wheel / inertia + 8.0 * roller / (p.roller_radius**2 * p.m0)
-    rate += (p.nap / 0.01 + p.patch / 0.005) / p.m0 + (1.0 / p.lag if p.lag > 0.0 else 0.0)
+    rate += (p.nap / 0.01 + (p.patch + p.late_drag) / 0.005) / p.m0 + (
+        1.0 / p.lag if p.lag > 0.0 else 0.0
+    )
     rate += p.trail / p.trail_width / p.m0 + p.scrub / p.scrub_width / p.I0 + p.swing
     return max(1, math.ceil(rate * dt))
 

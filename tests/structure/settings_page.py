@@ -35,7 +35,7 @@ from identification.importing.settings import ImportSettings
 from identification.kinematics.settings import KinematicsSettings
 from identification.logs.settings import LogSettings
 from identification.mechanisms.settings import MechanismSettings
-from identification.residual_map.settings import ResidualMapSettings
+from identification.residual_map.settings import RegimeSettings, ResidualMapSettings
 from identification.signals.filters import FilterSettings
 from identification.signals.held import HeldSettings
 from identification.signals.noise import NoiseSettings
@@ -55,6 +55,7 @@ AREAS = {
         WheelEvidenceSettings,
         FitSettings,
         ResidualMapSettings,
+        RegimeSettings,
         DiagnosisSettings,
         ComparisonSettings,
     ),

@@ -60,6 +60,8 @@ class Model(Generic[Known]):
     errors : its errors on those logs
     provenance : seed, versions, settings of the fit
     mechanism : the kind of mechanism
+    effect_logs : of effects that act in some logs only, the names of these logs. Where a model is
+        compared with logs they act there alone; whatever else the model is used for, they act
 
     Raises
     ------
@@ -77,6 +79,7 @@ class Model(Generic[Known]):
     name: str = "model"
     provenance: Mapping[str, Any] = field(default_factory=dict)
     mechanism: MechanismKind[Any] = MECANUM
+    effect_logs: Mapping[str, tuple[str, ...]] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
         missing = [name for name in self.base_parameters if name not in self.parameters]
@@ -219,7 +222,7 @@ class Model(Generic[Known]):
 
     def without_effects(self) -> Model:
         """The base model alone, at the same parameters."""
-        return replace(self, effects={}, covariance=None, covariance_names=())
+        return replace(self, effects={}, effect_logs={}, covariance=None, covariance_names=())
 
     def sample(self, rng: np.random.Generator) -> Model:
         """A model drawn from this one's covariance; draws that are not physical are drawn again.

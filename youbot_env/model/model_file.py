@@ -47,11 +47,17 @@ ENTRY: Schema = {
 
 ENTRIES: Schema = {"type": "object", "additionalProperties": ENTRY}
 
+LOG_NAMES: Schema = {"type": "array", "items": {"type": "string"}, "minItems": 1}
+"""Of an effect that acts in some logs only."""
+
 SHARED: dict[str, Schema] = {
     "parameters": ENTRIES,
     "effects": {
         "type": "object",
-        "additionalProperties": {"type": "object", "properties": {"parameters": ENTRIES}},
+        "additionalProperties": {
+            "type": "object",
+            "properties": {"parameters": ENTRIES, "logs": LOG_NAMES},
+        },
     },
     "covariance": {
         "type": ["object", "null"],
@@ -102,12 +108,19 @@ def estimate_entry(estimate: Estimate) -> dict[str, Any]:
     return {"value": estimate.value, "unit": estimate.unit, "std": estimate.std}
 
 
-def effect_entries(effects: Mapping[str, Mapping[str, Estimate]]) -> dict[str, Any]:
-    """Effects as the file holds them."""
+def effect_entries(model: Model[Any]) -> dict[str, Any]:
+    """A model's effects as the file holds them, with the logs of those that act in some only."""
     return {
         effect: {"parameters": {key: estimate_entry(item) for key, item in parameters.items()}}
-        for effect, parameters in effects.items()
+        | ({"logs": list(model.effect_logs[effect])} if effect in model.effect_logs else {})
+        for effect, parameters in model.effects.items()
     }
+
+
+def effect_logs(content: Mapping[str, Any]) -> dict[str, tuple[str, ...]]:
+    """Names of the logs of effects that act in some only, from a file's content."""
+    entries = content.get("effects", {})
+    return {name: tuple(entry["logs"]) for name, entry in entries.items() if "logs" in entry}
 
 
 def number(entry: Any, where: str) -> float:
@@ -223,7 +236,7 @@ def model_to_dict(model: Model[Geometry]) -> dict[str, Any]:
         "mechanism": "mecanum",
         "geometry": {name: getattr(model.geometry, name) for name in LENGTHS},
         "parameters": {name: estimate_entry(model.parameters[name]) for name in BASE_UNITS},
-        "effects": effect_entries(model.effects),
+        "effects": effect_entries(model),
         **history_to_dict(model),
     }
 
@@ -244,6 +257,7 @@ def _model(content: dict[str, Any], source: str) -> Model[Geometry]:
         geometry=_geometry(content, source),
         parameters=estimates(content["parameters"], BASE_UNITS, "parameters"),
         effects=effects,
+        effect_logs=effect_logs(content),
         **_with_wheels(history_from_dict(content), effects),
     )
 

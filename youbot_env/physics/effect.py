@@ -30,7 +30,7 @@ from __future__ import annotations
 import inspect
 from collections.abc import Callable, Generator, Iterable, Mapping
 from contextlib import contextmanager
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from math import isfinite
 from typing import NamedTuple, Protocol, TypeVar, cast
 
@@ -386,8 +386,21 @@ def _defaults(parameters: Iterable[Parameter]) -> dict[str, float]:
     }
 
 
+INSTANCE = "@"
+"""Between an effect's name and what tells its instances in a model apart: floor_tilt@2."""
+
+
+def effect_of(name: str) -> str:
+    """The registered name of an effect, of which ``name`` may be an instance."""
+    return name.partition(INSTANCE)[0]
+
+
 class Registry:
-    """Effects by name, in the order of registration."""
+    """Effects by name, in the order of registration.
+
+    An instance (``floor_tilt@2``) is its effect under its own name: a floor may slope otherwise in
+    another log, so a model may hold one effect twice, at different values.
+    """
 
     def __init__(self) -> None:
         self._effects: dict[str, Effect] = {}
@@ -408,7 +421,8 @@ class Registry:
 
     def __getitem__(self, name: str) -> Effect:
         try:
-            return self._effects[name]
+            found = self._effects[effect_of(name)]
+            return found if name == found.name else replace(found, name=name)
         except KeyError:
             raise InputError(
                 f"unknown effect {name!r}: one of your own needs --effects FILE.py; known are "
