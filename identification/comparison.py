@@ -264,12 +264,12 @@ def _noise_floor(
     """
     free = np.flatnonzero(mechanism.free)
     rows = [regression(mechanism, theta, item, free, settings) for item in samples]
-    traces = list(force)
+    traces, at = list(force), theta
     if sum(len(row.residual) for row in rows) >= settings.min_rows_per_parameter * len(free):
         fitted = fit_model(mechanism, samples, theta, first=rows, settings=settings)
-        rows = list(fitted.rows)
+        rows, at = list(fitted.rows), fitted.theta
         traces = [force_traces(mechanism, fitted.theta, item, settings) for item in samples]
-    found = predictability(mechanism, rows, samples, seed, settings)
+    found = predictability(mechanism, rows, samples, seed, settings, at)
     noise = [NoiseLevel.of(item, settings) for item in samples]
     floor = noise_floor(
         *(mechanism, theta, samples, rows, found, traces), velocity, noise, seed, settings

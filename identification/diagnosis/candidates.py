@@ -24,6 +24,7 @@ from identification.diagnosis.structures import (
     Ranking,
     visible_directions,
 )
+from identification.fitting.coarse_channels import are_counted
 from identification.fitting.cross_validation import block_sums, cross_validate, make_folds
 from identification.fitting.noise_bias import extrapolated_fit, joint_fit
 from identification.fitting.observability import log_observability, refuse_blind
@@ -332,6 +333,10 @@ def _adds_nothing(
     gain = square - larger.square_with_noise
     if gain < settings.min_extension_gain * square:
         return True
+    if larger.fitted and are_counted(data.samples):
+        # There the bias does not shrink with the noise, so it cannot be extrapolated away.
+        by_steps = gain_by_measuring(data, smaller, larger.fitted)
+        return gain - by_steps < settings.min_extension_gain * square
     if gain > settings.max_noise_gain * square or not larger.fitted:
         return False
     there = larger.fitted
@@ -346,6 +351,21 @@ def _adds_nothing(
     ]
     left = _unexplained(stacked(smaller.columns), stacked(beyond), settings)
     return bool(left[0] < settings.min_extension_gain * square)
+
+
+def gain_by_measuring(data: LoggedData, smaller: FittedStructure, larger: FittedStructure) -> float:
+    """Held-out squares that a structure may gain over another by coarse channels alone.
+
+    Both are fitted to the free runs of the smaller one, measured like the logs. 0 where no channel
+    is coarse.
+    """
+    null = data.measured_again(smaller)
+    if null is None:
+        return 0.0
+    before = fit_structure(null, smaller.mechanism, smaller.theta)
+    after = fit_structure(null, larger.mechanism, larger.theta).held_out
+    gain = max(before.judged(after.folds).square - after.square, 0.0)
+    return data.settings.fit.predictability.measuring_margin * gain
 
 
 def _worse_by(item: Candidate, leader: Candidate, base: FittedStructure) -> float:

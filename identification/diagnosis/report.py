@@ -104,7 +104,7 @@ class Diagnosis:
             "steps": [step.to_dict() for step in self.steps],
             "explained_share": self.explained_share,
             "explained": self.explained,
-            "predictable_share": self.steps[-1].predictable.share,
+            "predictable_share": self.steps[-1].predictable.share_of_motion,
             "episodes": [
                 {"log": self.samples[log].name, "from": start, "to": end}
                 for log, start, end in self._episodes
@@ -208,7 +208,7 @@ def _of_the_unknown(steps: Sequence[Step], level: float, remaining: ResidualMap)
     last, share = steps[-1].force_error, explained_share(steps)
     left = (
         f"a force error of {last:.2%} remains where noise would leave {level:.2%}, and the motion "
-        f"predicts {max(steps[-1].predictable.share, 0.0):.0%} of its squares"
+        f"predicts {max(steps[-1].predictable.share_of_motion, 0.0):.0%} of its squares"
     )
     if len(steps) > 1 and share is not None:
         names = _listed([step.effect.replace("_", " ") for step in steps[1:] if step.effect])

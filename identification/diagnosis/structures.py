@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable, Sequence
+from copy import copy
 from dataclasses import dataclass, field
 from functools import cached_property, partial
 from typing import Any
@@ -16,6 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from identification.diagnosis.settings import DiagnosisSettings
+from identification.fitting.coarse_channels import are_coarse, measured_again
 from identification.fitting.cross_validation import (
     CrossValidation,
     Fold,
@@ -272,6 +274,22 @@ class LoggedData:
         """
         return time.process_time() > self._ends
 
+    def measured_again(self, fitted: FittedStructure) -> LoggedData | None:
+        """The fitted model's own free runs, measured like the logs; None where nothing is coarse.
+
+        On these nothing is missing from the model, whatever its residual looks like.
+        """
+        settings = self.settings.fit.predictability
+        if not are_coarse(self.samples, settings):
+            return None
+        args = (fitted.mechanism, fitted.theta, self.samples, self.seed, settings)
+        runs = measured_again(*args)
+        if runs is None:
+            return None
+        found = copy(self)
+        found.samples, found._remainders = runs, {}
+        return found
+
     def step(
         self, fitted: FittedStructure, effect: str | None, folds: Sequence[Fold] | None = None
     ) -> Step:
@@ -371,7 +389,7 @@ class _Remainder:
         """What of it the motion predicts."""
         data = self.data
         args = (self.fitted.mechanism, self.rows, data.samples, data.seed, data.settings.fit)
-        found = predictability(*args)
+        found = predictability(*args, self.fitted.theta)
         data.progress()
         return found
 

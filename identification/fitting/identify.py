@@ -248,7 +248,7 @@ def identify(
     final, refused = _last_fit(
         *(mechanism, samples, force, seed, settings, progress), output_error, robust
     )
-    predictable = predictability(mechanism, force.rows, samples, seed, settings)
+    predictable = predictability(mechanism, force.rows, samples, seed, settings, force.theta)
     floor = _floor(mechanism, force, samples, predictable, settings)
     kind = kind_of(start)
     errors = _errors(mechanism, final, samples, floor, output_error, settings)

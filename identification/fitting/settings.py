@@ -95,6 +95,38 @@ class PredictabilitySettings(Settings):
             "reason": "a bound on time: longer logs get fewer rows a second",
         },
     )
+    measuring_margin: float = field(
+        default=1.25,
+        metadata={
+            "unit": "1",
+            "reason": "on what coarse channels alone make predictable, as the fitted model's own "
+            "run has it, measured like the logs: the size of a count is known to 5 % or so, and "
+            "five platforms with Coulomb friction and 500 to 4096 counts had 0.96 to 1.18 of it",
+        },
+    )
+    max_share_of_values: float = field(
+        default=0.1,
+        metadata={
+            "unit": "share of the samples",
+            "reason": "a channel with fewer different values comes in steps",
+        },
+    )
+    max_noise_of_step: float = field(
+        default=0.5,
+        metadata={
+            "unit": "steps",
+            "reason": "noise above it makes a step harmless (dither): the rounding is then noise, "
+            "whatever the motion",
+        },
+    )
+    rounded_bandwidth: float = field(
+        default=10.0,
+        metadata={
+            "unit": "Hz",
+            "reason": "of the torques that a model demands, in the place of rounded ones: above the "
+            "motions' 1 Hz and what a speed loop answers",
+        },
+    )
     noise_block_duration: float = field(
         default=5.0,
         metadata={

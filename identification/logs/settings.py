@@ -50,6 +50,14 @@ class LogSettings(Settings):
             "reason": "more rows without a time are a fault of the logger, not single losses",
         },
     )
+    max_same_time_share: float = field(
+        default=0.01,
+        metadata={
+            "unit": "share of the rows",
+            "reason": "rows that repeat a time with other values: one now and then is a slip, and "
+            "the later row is dropped; more are a clock that is coarser than the log",
+        },
+    )
     max_gap_samples: int = field(
         default=5,
         metadata={"unit": "samples", "reason": "a gap as long is bridged at low rates"},
