@@ -108,23 +108,31 @@ def _print(out: Console, found: dict[str, Any]) -> None:
     else:
         out.print("The force residual depends on no variable more than chance would have it.\n")
     show(out, [result_tables.stretches(found)])
+    for sentence in found["changes"]["words"]:
+        out.print(f"- {sentence}", soft_wrap=True)
 
 
 def _page(result: Comparison, found: dict[str, Any], geometry: Geometry | None) -> Iterator[Part]:
     """The parts of the web page: the verdict first, then its reasons."""
-    from identification.figures.figures import figures_of_comparison
-    from youbot_scripts.shared.report_page import Words, pictures
+    from identification.figures.charts import charts_of_comparison
+    from youbot_scripts.shared.report_page import Charts, Words, groups_of
 
     error, floor = found["total"], found["noise_floor"]
-    yield Words([result_tables.verdict(error["force_error"], floor["force_error"])], "verdict")
+    line = result_tables.verdict(error["force_error"], floor["force_error"])
+    lines = [line, *([found["misfit"]] if found["misfit"] else []), *found["changes"]["words"]]
+    yield Words(lines, "verdict")
     yield Words(list(_warnings(result)), "warning")
     rows = [("the model", error), ("noise floor", floor)]
     yield result_tables.errors("Errors, all logs that count", rows)
+    charts = {chart.name: chart for chart in charts_of_comparison(result, geometry)}
+    yield Charts([charts.pop("free_run_0")])
+    if "residual" in charts:
+        yield Charts([charts.pop("residual")])
+    yield from groups_of(charts)
     yield from result_tables.errors_by_axis(found)
     yield result_tables.residual("What the force residual depends on", found["where"])
     yield result_tables.stretches(found)
     yield from result_tables.slip(found["logs"])
-    yield from pictures(figures_of_comparison(result, geometry))
     model = result_tables.of_model(result.model)
     yield result_tables.parameters(model, "The model's parameters")
     yield result_tables.logs(item.log for item in result.logs)

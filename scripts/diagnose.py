@@ -28,7 +28,7 @@ from youbot_scripts.shared.options import (
     write_json,
     write_result,
 )
-from youbot_scripts.shared.tables import show
+from youbot_scripts.shared.tables import percent, show
 
 if TYPE_CHECKING:
     from rich.console import Console
@@ -112,12 +112,33 @@ def _print(out: Console, found: dict[str, Any], told_first: int) -> None:
         result_tables.leading_variables(found["remaining" if accepted else "where"], title=title),
     )
     out.print(f"Verdict: {found['verdict']}", style="bold")
-    for sentence in found["words"]:
+    for sentence in [*found["words"], *found["changes"]["words"]]:
         out.print(f"- {sentence}")
     for line in _next_experiment(found):
         out.print(line)
     for warning in found["warnings"][told_first:]:
         out.print(f"warning: {warning}", style="yellow")
+
+
+_HEADLINES = {
+    "adequate": "Nothing is missing that these logs could show",
+    "effect": "The model lacks {missing}",
+    "ambiguous": "The model lacks {missing}, or what these logs cannot tell from it",
+    "unknown": "Something is missing that no effect of the catalogue explains",
+}
+
+
+def _headline(found: dict[str, Any]) -> str:
+    """The verdict in one sentence, with how far the error falls."""
+    names = " and ".join(name.replace("_", " ") for name in found["missing"])
+    line = _HEADLINES[found["verdict"]].format(missing=names)
+    if found["verdict"] == "unknown" and names:
+        line = f"The model lacks {names}, and something that no effect of the catalogue explains"
+    first, *_, last = [percent(found["steps"][k]["force_error"]) for k in (0, -1)]
+    noise = f"noise {percent(found['noise_floor']['force_error'])}"
+    if len(found["steps"]) > 1:
+        return f"{line}: the force error falls from {first} to {last} ({noise})."
+    return f"{line}: force error {first}, {noise}."
 
 
 def _next_experiment(found: dict[str, Any]) -> list[str]:
@@ -131,28 +152,31 @@ def _next_experiment(found: dict[str, Any]) -> list[str]:
 
 def _page(result: Diagnosis, found: dict[str, Any], given: Inputs) -> Iterator[Part]:
     """The parts of the web page: the verdict first, then its reasons."""
-    from identification.figures.figures import figures_of_diagnosis
-    from youbot_scripts.shared.report_page import Words, pictures
+    from identification.figures.charts import charts_of_diagnosis
+    from youbot_scripts.shared.effect_tables import equations_with
+    from youbot_scripts.shared.report_page import Charts, Words, groups_of
 
-    sentences = [f"Verdict: {found['verdict']}", *found["words"], *_next_experiment(found)]
-    yield Words(sentences, "verdict")
+    lines = [_headline(found), *found["words"], *found["changes"]["words"]]
+    yield Words([*lines, *_next_experiment(found)], "verdict")
     yield Words(found["warnings"], "warning")
+    charts = {chart.name: chart for chart in charts_of_diagnosis(result, given.model)}
+    yield Charts([charts.pop("errors")])
     yield result_tables.steps(found)
-    figures = figures_of_diagnosis(result, given.model)
-    drawn = {picture.name: picture for picture in pictures(figures)}
-    yield drawn["errors"]
+    for name in ("next", "residual", "forces_0"):
+        if name in charts:
+            yield Charts([charts.pop(name)])
+    yield from groups_of(charts)
+    yield result_tables.candidates(found)
+    yield equations_with(result.model.mechanism.name, result.mechanism.structure.effects, found)
     model = result_tables.of_model(result.model)
     yield result_tables.parameters(model, "Refitted parameters")
-    yield result_tables.candidates(found)
-    titles = {
-        "residual": "What the residual of the refitted model depends on",
-        "remaining": "What remains, with all of the above",
-    }
+    titles = (
+        "What the residual of the refitted model depends on",
+        "What remains after the effects",
+    )
     # Without an accepted effect there is no second map.
-    for (name, title), residual_map in zip(titles.items(), result.maps, strict=False):
+    for title, residual_map in zip(titles, result.maps, strict=False):
         yield result_tables.residual(title, residual_map.to_list())
-        if name in drawn:
-            yield drawn[name]
     as_given = [(given.model.name, found["given_model"])]
     yield result_tables.errors("The model as it was given", as_given)
     yield result_tables.logs(given.logs)

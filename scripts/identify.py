@@ -128,9 +128,11 @@ def _tables(result: Identification) -> list[Table]:
 
 def _page(result: Identification, read: Sequence[Log], seed: int) -> Iterator[Part]:
     """The parts of the web page: the verdict first, then its reasons."""
-    from identification.figures.figures import figures_of_identification, figures_of_residual
+    from identification.figures.charts import charts_of_identification, residual_charts
+    from identification.mechanisms.registry import quantities_of
     from identification.residual_map.residual_map import residual_map
-    from youbot_scripts.shared.report_page import Words, pictures
+    from youbot_scripts.shared.effect_tables import equations_with
+    from youbot_scripts.shared.report_page import Charts, Words, groups_of
 
     errors = result.model.errors
     floor = errors["noise_floor"]
@@ -141,8 +143,12 @@ def _page(result: Identification, read: Sequence[Log], seed: int) -> Iterator[Pa
     yield from _tables(result)
     where = residual_map(result.mechanism, result.fit.theta, result.samples, seed=seed)
     yield result_tables.residual("What the force residual depends on", where.to_list())
-    yield from pictures(figures_of_residual(where, result.model))
-    yield from pictures(figures_of_identification(result, read))
+    for chart in residual_charts([("", where)], quantities_of(result.model).forces):
+        yield Charts([chart])
+    charts = {chart.name: chart for chart in charts_of_identification(result)}
+    yield Charts([charts.pop("forces_0")])
+    yield from groups_of(charts)
+    yield equations_with(result.model.mechanism.name, result.mechanism.structure.effects)
     yield result_tables.logs(read)
 
 

@@ -82,7 +82,9 @@ class ComputedTorque:
         still = np.zeros((self.preview_needed, 3))
         self.reset()
         observation = Observation(0.0, np.zeros(4), np.zeros(3))
-        self(observation, Reference(still[0], still[0], still, still))
+        # Twice: the adaptive controller makes a row, which is compiled too, of two samples.
+        for _ in range(2):
+            self(observation, Reference(still[0], still[0], still, still))
         self.reset()
 
     def reset(self) -> None:

@@ -11,6 +11,7 @@ import numpy as np
 from identification.diagnosis.sentences import describe
 from identification.diagnosis.settings import DiagnosisSettings
 from identification.diagnosis.structures import Candidate, Ranking, Step
+from identification.fitting.changed_parameters import ParameterChanges
 from identification.mechanisms.mechanism import Mechanism
 from identification.mechanisms.samples import Samples
 from identification.residual_map.shares import ResidualMap
@@ -31,6 +32,7 @@ class Diagnosis:
     model : refitted, with the accepted effects
     maps : what the residual depends on, before and after the accepted effects
     sentences : the verdict in words
+    changes : the given model's parameters beside the refitted ones
     settings : all numbers that the verdict depends on
     """
 
@@ -52,6 +54,7 @@ class Diagnosis:
     candidates: list[dict[str, Any]] = field(default_factory=list)
     settings: DiagnosisSettings = field(default_factory=DiagnosisSettings)
     told_first: int = 0
+    changes: ParameterChanges = field(default_factory=ParameterChanges)
 
     @property
     def first_warnings(self) -> tuple[str, ...]:
@@ -110,6 +113,7 @@ class Diagnosis:
                 for log, start, end in self._episodes
             ],
             "given_model": self.given_model,
+            "changes": self.changes.to_dict(),
             "noise_floor": self.noise_floor,
             "candidates": self.candidates,
             "where": self.where,

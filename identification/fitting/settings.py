@@ -123,7 +123,7 @@ class PredictabilitySettings(Settings):
         default=10.0,
         metadata={
             "unit": "Hz",
-            "reason": "of the torques that a model demands, in the place of rounded ones: above the "
+            "reason": "of the torques that a model demands, in place of rounded ones: above the "
             "motions' 1 Hz and what a speed loop answers",
         },
     )
@@ -325,6 +325,14 @@ class FitSettings(Settings):
         metadata={
             "unit": "standard deviations",
             "reason": "either side of a value: they hold a Gaussian truth in 95 % of cases",
+        },
+    )
+    max_change_p_value: float = field(
+        default=0.01,
+        metadata={
+            "unit": "1",
+            "reason": "family-wise over all parameters of a model, up to which one counts as "
+            "changed since the model was made",
         },
     )
 

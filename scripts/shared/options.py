@@ -84,7 +84,7 @@ ReportOption = Annotated[
         "--report",
         metavar="F.html",
         callback=check_output,
-        help="Write tables and pictures as one web page (extra: plots).",
+        help="Write tables and charts as one web page (extra: plots).",
     ),
 ]
 MechanismOption = Annotated[
@@ -123,13 +123,19 @@ def check_pictures(folder: Path | None, report: Path | None) -> None:
     Raises
     ------
     InputError
-        If matplotlib is not installed, or there is something else where the folder should be.
+        If a library that they need is not installed, or there is something else where the
+        folder should be.
     """
     if folder is None and report is None:
         return
     from identification.figures.style import matplotlib
 
     matplotlib()
+    if report is not None:
+        from youbot_env.errors import optional_library
+
+        for name in ("plotly", "jinja2", "latex2mathml"):
+            optional_library(name, "plots", f"pages need {name}", "leave --report out")
     if folder is not None and not folder.is_dir():
         # The nearest folder that exists: mkdir makes those between, and needs permission there.
         there = next(part for part in (folder, *folder.absolute().parents) if part.exists())

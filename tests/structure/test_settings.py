@@ -15,7 +15,7 @@ ROOT = Path(__file__).parents[2]
 
 FILES = sorted((ROOT / "identification").rglob("*.py"))
 
-HOMES = ("settings.py", "style.py")
+HOMES = ("settings.py", "style.py", "chart_style.py")
 """Files that may hold numbers: settings, and what figures look like."""
 
 NO_SETTING = {

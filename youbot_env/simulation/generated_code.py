@@ -6,7 +6,7 @@ is printed as Python that numba compiles. No equation of motion is written in th
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from types import SimpleNamespace
 from typing import Any, ClassVar, Protocol
@@ -68,7 +68,7 @@ def kernel_source(structure: Structure, dynamics: Dynamics) -> str:
         "lengths": [f"g_{name}" for name in mechanism.lengths],
         "theta": [f"p{i}" for i in range(len(structure.parameter_names))],
     }
-    derivative = _derivative(structure, dynamics, names)
+    derivative = function_source(derivative_formulas(structure, dynamics, names))
     return "\n\n".join([HEADER, derivative, _step(size, names), _loops(size, names)])
 
 
@@ -79,7 +79,30 @@ from math import cos, exp, sin, sqrt, tanh
 from numba import njit'''
 
 
-def _derivative(structure: Structure, dynamics: Dynamics, names: dict[str, list[str]]) -> str:
+@dataclass(frozen=True)
+class Formulas:
+    """What a generated function computes: expressions in its arguments, for a printer of any
+    language. It returns the values of ``results`` at ``arguments``, names of numbers."""
+
+    name: str
+    arguments: tuple[str, ...]
+    results: tuple[object, ...]
+
+    def shared(self, prefix: str = "x") -> tuple[list[tuple[Any, Any]], list[Any]]:
+        """Common subexpressions, each with the symbol that stands for it, in the order in which
+        they are computed, and the results in terms of them."""
+        import sympy
+
+        results = [sympy.sympify(result) for result in self.results]
+        names = sympy.numbered_symbols(prefix, real=True)
+        parts, values = sympy.cse(results, symbols=names, order="none")
+        return list(parts), list(values)
+
+
+def derivative_formulas(
+    structure: Structure, dynamics: Dynamics, names: Mapping[str, Sequence[str]]
+) -> Formulas:
+    """Rates of the state; ``names`` are those of the state, torque, lengths and theta."""
     symbol = {key: real_symbols(group) for key, group in names.items()}
     geometry = SimpleNamespace(
         **dict(zip(structure.mechanism.lengths, symbol["lengths"], strict=True))
@@ -87,9 +110,8 @@ def _derivative(structure: Structure, dynamics: Dynamics, names: dict[str, list[
     rates = dynamics.state_derivative(
         symbols(), structure, geometry, symbol["theta"], symbol["state"], symbol["torque"]
     )
-    return function_source(
-        "derivative", [name for group in names.values() for name in group], rates
-    )
+    arguments = (name for group in names.values() for name in group)
+    return Formulas("derivative", tuple(arguments), tuple(rates))
 
 
 def real_symbols(names: Sequence[str]) -> list[Any]:
@@ -100,18 +122,17 @@ def real_symbols(names: Sequence[str]) -> list[Any]:
     return [sympy.Symbol(name, real=True) for name in names]
 
 
-def function_source(name: str, arguments: Sequence[str], results: Sequence[object]) -> str:
+def function_source(formulas: Formulas) -> str:
     """A compiled function of scalars that returns a tuple of expressions in its arguments."""
-    import sympy
-
-    shared, values = sympy.cse([sympy.sympify(result) for result in results], order="none")
+    shared, values = formulas.shared()
     printer = _printer()
     # The error model "numpy" divides to inf or NaN where Python would raise ZeroDivisionError: a
     # run that diverges holds such values instead of ending in an exception.
     lines = [f"    {part} = {printer.doprint(value)}" for part, value in shared]
     returned = ",\n        ".join(printer.doprint(value) for value in values)
+    head = f"def {formulas.name}({', '.join(formulas.arguments)}):"
     return (
-        f"@njit(cache=True, error_model='numpy')\ndef {name}({', '.join(arguments)}):\n"
+        f"@njit(cache=True, error_model='numpy')\n{head}\n"
         + "\n".join(lines)
         + f"\n    return (\n        {returned},\n    )"
     )
@@ -256,8 +277,8 @@ class Inverse:
         return "\n\n".join(
             [
                 HEADER,
-                _demand(structure, self.dynamics),
-                _command(structure, self.dynamics),
+                function_source(demand_formulas(structure, self.dynamics)),
+                function_source(command_formulas(structure, self.dynamics)),
                 _inverse_loops(structure),
             ]
         )
@@ -267,37 +288,53 @@ def _theta(structure: Structure) -> list[str]:
     return [f"p{i}" for i in range(len(structure.parameter_names))]
 
 
-def _demand(structure: Structure, dynamics: Dynamics) -> str:
-    """Least-norm torques that a motion demands while given torques act."""
-    motion, torque = real_symbols(MOTION), real_symbols(TORQUES)
-    lengths, theta = (
-        real_symbols([f"g_{name}" for name in LENGTHS]),
-        real_symbols(_theta(structure)),
-    )
-    geometry = SimpleNamespace(**dict(zip(LENGTHS, lengths, strict=True)))
+def demand_formulas(
+    structure: Structure,
+    dynamics: Dynamics,
+    lengths: Sequence[str] = tuple(f"g_{name}" for name in LENGTHS),
+    theta: Sequence[str] | None = None,
+    motion: Sequence[str] = MOTION,
+    torque: Sequence[str] = TORQUES,
+) -> Formulas:
+    """Least-norm torques that a motion demands while given torques act.
+
+    The arguments are named: ``motion`` (twist, acceleration, pose, joint angles, time), ``torque``,
+    ``lengths``, ``theta``; by default as the platform's compiled code takes them.
+    """
+    mechanism = structure.mechanism
+    names = motion, torque, lengths, _theta(structure) if theta is None else theta
+    moving, acting, length, parameter = (real_symbols(group) for group in names)
+    geometry = SimpleNamespace(**dict(zip(mechanism.lengths, length, strict=True)))
+    pose = 2 * len(mechanism.axes)
+    angle = pose + len(mechanism.pose_state)
     at = Instant(
-        twist=tuple(motion[0:3]),
-        acceleration=tuple(motion[3:6]),
-        pose=tuple(motion[6:9]),
-        wheel_angle=tuple(motion[9:13]),
-        torque=tuple(torque),
-        time=motion[13],
+        twist=tuple(moving[: pose // 2]),
+        acceleration=tuple(moving[pose // 2 : pose]),
+        pose=tuple(moving[pose:angle]),
+        wheel_angle=tuple(moving[angle:-1]),
+        torque=tuple(acting),
+        time=moving[-1],
     )
-    force = dynamics.wrench(symbols(), structure, geometry, theta, at)
-    arguments = [str(symbol) for symbol in (*motion, *torque, *lengths, *theta)]
-    return function_source("demand", arguments, structure.mechanism.torque_of(geometry, force))
+    force = dynamics.wrench(symbols(), structure, geometry, parameter, at)
+    torques = mechanism.torque_of(geometry, force)
+    return Formulas("demand", tuple(name for group in names for name in group), tuple(torques))
 
 
-def _command(structure: Structure, dynamics: Dynamics) -> str:
+def command_formulas(
+    structure: Structure,
+    dynamics: Dynamics,
+    theta: Sequence[str] | None = None,
+    torque: Sequence[str] = TORQUES,
+    rate: Sequence[str] = RATES,
+) -> Formulas:
     """Interface torques behind which given torques act and change at given rates."""
-    torque, rate, theta = (real_symbols(n) for n in (TORQUES, RATES, _theta(structure)))
-    (time,) = real_symbols(["time"])
+    names = torque, rate, ("time",), _theta(structure) if theta is None else theta
+    acting, changing, (time,), parameter = (real_symbols(group) for group in names)
     # Drives and channels read no motion.
-    still = (0.0, 0.0, 0.0)
-    at = Instant(still, torque=tuple(torque), torque_rate=tuple(rate), time=time)
-    results = dynamics.interface_torque(symbols(), structure, theta, at)
-    arguments = [str(symbol) for symbol in (*torque, *rate, time, *theta)]
-    return function_source("command", arguments, results)
+    still = (0.0,) * len(structure.mechanism.axes)
+    at = Instant(still, torque=tuple(acting), torque_rate=tuple(changing), time=time)
+    results = dynamics.interface_torque(symbols(), structure, parameter, at)
+    return Formulas("command", tuple(name for group in names for name in group), tuple(results))
 
 
 def _inverse_loops(structure: Structure) -> str:
