@@ -12,10 +12,10 @@ import typer
 
 from youbot_env.errors import InputError
 from youbot_scripts.blind_bench.baseline import stepwise
-from youbot_scripts.blind_bench.calibration import null_fits
 from youbot_scripts.blind_bench.calibration_page import write_page
 from youbot_scripts.blind_bench.cases import KINDS, write_case
 from youbot_scripts.blind_bench.effect_sizes import force_ratio, size_table, sizings
+from youbot_scripts.blind_bench.null_fits import null_fits
 from youbot_scripts.blind_bench.report import show, show_sizes
 from youbot_scripts.blind_bench.scores import score
 from youbot_scripts.blind_bench.trials import Options, Record, Spec, plan, run_trials

@@ -10,8 +10,9 @@ import pytest
 from tests.identification.recordings import recording
 from youbot_env.model.model_file import load_model
 from youbot_scripts.blind_bench.baseline import discoveries, stepwise
-from youbot_scripts.blind_bench.calibration import Row, null_fits, row_of, rows_of
+from youbot_scripts.blind_bench.calibration import Row, row_of, rows_of
 from youbot_scripts.blind_bench.calibration_page import commit, page
+from youbot_scripts.blind_bench.null_fits import null_fits
 from youbot_scripts.blind_bench.scores import score
 
 
