@@ -21,7 +21,6 @@ from identification.fitting.errors import (
     Traces,
     add_up,
     force_traces,
-    velocity_traces,
 )
 from identification.fitting.final_fit import without_noise_bias
 from identification.fitting.least_squares import Fit, fit as fit_model
@@ -90,6 +89,11 @@ class LogComparison:
     joint_speed: Array
     slip: Slip | None = None
 
+    @property
+    def diverges(self) -> bool:
+        """Whether the free run does: it then has no velocity error."""
+        return not bool(np.isfinite(self.velocity.predicted).all())
+
 
 @dataclass(frozen=True)
 class Comparison:
@@ -121,6 +125,7 @@ class Comparison:
         floor = add_up(item.force_floor for item in counted).ratio
         return {
             "logs": {item.log.name: _log_dict(item) for item in self.logs},
+            "diverges": [item.log.name for item in self.logs if item.diverges],
             "misfit": misfit_warning(force_error, floor, settings=self.settings.fit),
             "total": {
                 "force_error": force_error,
@@ -215,15 +220,15 @@ def compare(
     Raises
     ------
     InputError
-        If no log is given, or the free run diverges.
+        If no log is given.
     """
     if not logs:
         raise InputError("no log given: compare needs at least one")
     mechanism = mechanism_of(model, geometry, settings.fit.mechanism)
     samples = [mechanism.samples(log) for log in logs]
     force, velocity = [], []
-    for log, item in zip(logs, samples, strict=True):
-        velocity.append(_free_run(mechanism, model.theta, log, item))
+    for item in samples:
+        velocity.append(_free_run(mechanism, model.theta, item))
         force.append(force_traces(mechanism, model.theta, item, settings.fit))
         progress()
     fitted = _fitted(mechanism, model.theta, samples, settings.fit)
@@ -257,11 +262,23 @@ def compare(
     return Comparison(model, tuple(found), floor, where, changes, settings)
 
 
-def _free_run(mechanism: Mechanism, theta: Array, log: Log, samples: Samples) -> Traces:
-    velocity = velocity_traces(mechanism, theta, samples)
-    if not np.isfinite(velocity.predicted).all():
-        raise InputError(f"{log.source or log.name}: the model's free run diverges on this log")
-    return velocity
+def _free_run(mechanism: Mechanism, theta: Array, samples: Samples) -> Traces:
+    """Velocity traces; predicted is NaN from where the run diverges, or is too stiff to make."""
+    measured = mechanism.measured_speed(samples)
+    try:
+        predicted = mechanism.free_run(theta, samples)
+    except InputError:
+        predicted = np.full_like(measured, np.nan)
+    # What is far beyond all that was measured would overflow when it is squared.
+    sound = np.abs(predicted).max(axis=1) < DIVERGED * np.abs(measured).max()
+    if not sound.all():
+        predicted = predicted.copy()
+        predicted[int(np.argmin(sound)) :] = np.nan
+    return Traces(samples.time, measured, predicted)
+
+
+DIVERGED = 1e6
+"""Times the largest measured speed from which on a free run has diverged."""
 
 
 def _fitted(

@@ -101,6 +101,9 @@ def main(
 def _print(out: Console, found: dict[str, Any]) -> None:
     if found["misfit"]:
         out.print(f"warning: {found['misfit']}", style="yellow", soft_wrap=True)
+    for name in found["diverges"]:
+        line = f"{name}: the model's free run diverges, so it has no velocity error"
+        out.print(f"warning: {line}", style="yellow", soft_wrap=True)
     show(out, [*result_tables.errors_by_axis(found), *result_tables.slip(found["logs"])])
     where = result_tables.residual("What the force residual depends on", found["where"])
     if where.rows:
@@ -144,6 +147,8 @@ def _warnings(result: Comparison) -> Iterator[str]:
     if all(item.seen_in_fit for item in result.logs):
         yield "The model was fitted on these very logs: compare on others to see what it can do."
     for item in result.logs:
+        if item.diverges:
+            yield f"{item.log.name}: the model's free run diverges, so it has no velocity error."
         if item.slip is not None and item.slip.exceeds_noise:
             yield f"{item.log.name}: the wheels slip, or one is not what the geometry says."
     yield from warnings_of_logs([item.log for item in result.logs])

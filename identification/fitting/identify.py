@@ -35,6 +35,7 @@ from identification.fitting.predictability import (
     Predictability,
     noise_floor,
     predictability,
+    too_short,
 )
 from identification.fitting.regression import Regression, regression
 from identification.fitting.settings import FitSettings
@@ -265,6 +266,7 @@ def identify(
         provenance=provenance,
     )
     doubts = [line for line in (doubt, misfit) if line]
+    doubts += [too_short(predictable)] if predictable.is_short and not misfit else []
     doubts += warnings_of_logs(logs)
     doubts += [*held.notes, *coarse_speed_warnings(samples, final)]
     return Identification(

@@ -70,6 +70,17 @@ class Predictability:
         return 1.0 - left / total if total > 0 else 0.0
 
     @property
+    def duration(self) -> float:
+        """What the rows last together [s]."""
+        parts = zip(self.residual, self.step, strict=True)
+        return sum(len(rows) * step for rows, step in parts)
+
+    @property
+    def is_short(self) -> bool:
+        """Whether the rows are too few to tell whether anything is left."""
+        return self.duration < self.settings.shortest
+
+    @property
     def share_of_motion(self) -> float:
         """The share without what coarse channels alone make predictable."""
         return self.share - self.measuring
@@ -187,6 +198,14 @@ class Predictability:
         return 0.5 * float(np.std(blocks, ddof=1)) / mean / np.sqrt(len(blocks))
 
 
+def too_short(found: Predictability) -> str:
+    """What to say of logs that are too short to tell whether anything is missing."""
+    return (
+        f"too short to tell whether anything is missing: the logs hold {found.duration:.2g} s, and "
+        f"{found.settings.shortest:.2g} s are the least; a minute is better"
+    )
+
+
 def predictability(
     mechanism: Mechanism,
     rows: Sequence[Regression],
@@ -229,7 +248,8 @@ def _predictability(
     thin = max(1, -(-sum(len(row.residual) for row in rows) // chosen.max_rows))
     residual = [row.residual[::thin] for row in rows]
     features = list(_all_features(mechanism, rows, samples, thin, settings))
-    fold_of = _folds(rows, thin, seed, chosen.stretch_duration, chosen.folds)
+    whole = sum(len(row.residual) * row.step for row in rows)
+    fold_of = _folds(rows, thin, seed, chosen.stretch_in(whole), chosen.folds)
     joined = np.concatenate(residual)
     all_features = np.concatenate(features)
     predicted = _held_out(all_features, joined, fold_of, seed, settings)
@@ -451,6 +471,10 @@ def noise_floor(
     ]
     velocity = []
     for k, (item, run, level) in enumerate(zip(samples, runs, noise, strict=False)):
+        if not np.isfinite(run.predicted).all():
+            # A run that diverges has no floor.
+            velocity.append(SumsOfSquares.of(run))
+            continue
         disturbed = disturbed_samples(mechanism, item, rows[k], found.noise(k))
         velocity.append(velocity_floor(mechanism, theta, disturbed, run, level, seed))
     return NoiseFloor(tuple(force), tuple(velocity), found.noise_std, found.correlation_time)

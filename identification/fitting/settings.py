@@ -50,6 +50,22 @@ class PredictabilitySettings(Settings):
             "reason": "of what is held out together: long against the memory of noise and filter",
         },
     )
+    min_stretches: int = field(
+        default=12,
+        metadata={
+            "unit": "1",
+            "reason": "two a fold: logs that hold fewer are cut into shorter ones. Of a weight "
+            "in 10 s of an axis two stretches of 6 s predicted nothing",
+        },
+    )
+    min_stretch_duration: float = field(
+        default=1.0,
+        metadata={
+            "unit": "s",
+            "reason": "shorter ones are known from their neighbours: logs that hold fewer of these "
+            "are too short to tell whether anything is missing",
+        },
+    )
     folds: int = field(
         default=6,
         metadata={"unit": "1", "reason": "each forest is grown on five sixths of the stretches"},
@@ -157,6 +173,16 @@ class PredictabilitySettings(Settings):
             "more",
         },
     )
+
+    @property
+    def shortest(self) -> float:
+        """What logs must last together [s], to tell whether anything is left."""
+        return self.min_stretches * self.min_stretch_duration
+
+    def stretch_in(self, duration: float) -> float:
+        """Length of a stretch [s] that is held out of logs that last a duration [s] together."""
+        shorter = max(duration / self.min_stretches, self.min_stretch_duration)
+        return min(self.stretch_duration, shorter)
 
     def __post_init__(self) -> None:
         check_settings(self, "predictability settings", positive=True)
