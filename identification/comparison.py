@@ -5,7 +5,7 @@ from __future__ import annotations
 import os
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
-from typing import Any
+from typing import Any, ClassVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -38,6 +38,7 @@ from identification.mechanisms.samples import Samples
 from identification.residual_map.residual_map import residual_map
 from identification.residual_map.settings import ResidualMapSettings
 from identification.residual_map.shares import ResidualMap
+from identification.showing import Shown
 from youbot_env.errors import InputError, Settings, check_settings
 from youbot_env.files import write_atomically
 from youbot_env.physics.geometry import Geometry
@@ -95,12 +96,13 @@ class LogComparison:
         return not bool(np.isfinite(self.velocity.predicted).all())
 
 
-@dataclass(frozen=True)
-class Comparison:
+@dataclass(frozen=True, repr=False)
+class Comparison(Shown):
     """Result of :func:`compare`; model: as given, a Model or an AxisModel.
 
     floor: what noise leaves, of all logs; where: which variables the residual depends on;
     changes: the model's parameters beside those that fit these logs;
+    geometry: that replaced the model's own, or None;
     settings: all numbers that this depends on.
     """
 
@@ -110,6 +112,31 @@ class Comparison:
     where: ResidualMap = field(default_factory=lambda: ResidualMap(()))
     changes: ParameterChanges = field(default_factory=ParameterChanges)
     settings: ComparisonSettings = field(default_factory=ComparisonSettings)
+    geometry: Geometry | None = None
+    kind: ClassVar[str] = "comparison"
+
+    def summary(self) -> str:
+        """Both errors beside the noise floor, and what to do about them."""
+        found = self.to_dict()
+        error, floor = found["total"], found["noise_floor"]
+        line = (
+            f"{self.model.name} on {len(self.logs)} log{'s' * (len(self.logs) > 1)}: force error "
+            f"{error['force_error']:.2%} (noise {floor['force_error']:.2%}), velocity error "
+            f"{error['velocity_error']:.2%} (noise {floor['velocity_error']:.2%})"
+        )
+        return f"{line}; {found['misfit']}" if found["misfit"] else f"{line}: it fits"
+
+    def rows(self) -> list[dict[str, Any]]:
+        """Errors of each log."""
+        return [
+            {
+                "log": item.log.name,
+                "force error": SumsOfSquares.of(item.force).ratio,
+                "velocity error": SumsOfSquares.of(item.velocity).ratio,
+                "seen in fit": item.seen_in_fit,
+            }
+            for item in self.logs
+        ]
 
     @property
     def counted(self) -> tuple[LogComparison, ...]:
@@ -225,7 +252,7 @@ def compare(
     if not logs:
         raise InputError("no log given: compare needs at least one")
     mechanism = mechanism_of(model, geometry, settings.fit.mechanism)
-    samples = [mechanism.samples(log) for log in logs]
+    samples = mechanism.samples_of(logs)
     force, velocity = [], []
     for item in samples:
         velocity.append(_free_run(mechanism, model.theta, item))
@@ -259,7 +286,7 @@ def compare(
         )
         for k, log in enumerate(logs)
     ]
-    return Comparison(model, tuple(found), floor, where, changes, settings)
+    return Comparison(model, tuple(found), floor, where, changes, settings, geometry)
 
 
 def _free_run(mechanism: Mechanism, theta: Array, samples: Samples) -> Traces:

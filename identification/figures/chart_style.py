@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from identification.figures.style import BAND, thin
-from identification.mechanisms.quantities import Quantity
+from identification.mechanisms.quantities import VELOCITIES as VELOCITIES, Quantity
 from youbot_env.errors import optional_library
 
 if TYPE_CHECKING:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Sequence
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 from youbot_env.physics.mecanum import mecanum_structure
@@ -127,20 +127,16 @@ def sizes(item: Effect, of: PrintedCatalogue) -> str:
     return "\n".join(found)
 
 
-def equations_with(
-    mechanism: str, effects: Sequence[str], found: Mapping[str, Any] | None = None
-) -> Formulas:
+def equations_with(mechanism: str, effects: Sequence[str], missing: Sequence[str] = ()) -> Formulas:
     """The equations of the base model, and below them what each effect adds, for a page.
 
     Parameters
     ----------
-    effects : that the model holds
-    found : a diagnosis: the effects that it found missing are marked as new
+    effects : that the model holds; those ``missing`` from it before are marked as new
     """
     from youbot_scripts.shared.report_page import Formulas
 
     printed = printed_catalogue(mechanism)
-    missing = found["missing"] if found else ()
     rows = [(line, False, "") for line in printed.equation((), "latex").splitlines()]
     for name in effects:
         parts = printed.formula(printed.catalogue[name], "latex").split(";  ")

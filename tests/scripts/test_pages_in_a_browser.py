@@ -10,7 +10,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from identification.figures import chart_style as look, charts
+from identification.figures import chart_style as look, charts, single_charts
 from identification.fitting.errors import Traces
 from youbot_scripts.shared.report_page import Charts, Formulas, Words, page
 
@@ -38,12 +38,12 @@ def plan(name: str, title: str) -> look.Chart:
     time = np.linspace(0.0, 5.0, 50)
     pose = np.column_stack([time, np.sin(time), 0 * time])
     traces = Traces(time, np.ones((50, 3)), np.zeros((50, 3)))
-    return charts.plan_chart(name, title, pose, traces, 1.0)
+    return single_charts.plan_chart(name, title, pose, traces, 1.0)
 
 
 @needs_browser
 def test_charts_are_drawn_and_names_are_text(tmp_path: Path):
-    errors = charts.errors_chart(
+    errors = single_charts.errors_chart(
         [(None, 0.2, 0.3), (EVIL, 0.01, np.inf)], {"force_error": 0.01, "velocity_error": np.nan}
     )
     parts = [

@@ -50,7 +50,7 @@ _UNITS = {
     "yaw_rate": "rad/s",
     **dict.fromkeys(("x", "y"), "m in the world"),
     "yaw": "rad, does not wrap",
-    "time": "s",
+    **dict.fromkeys(("time", "start"), "s"),
 }
 _PREFIX_UNITS = {"angle_": "rad", "torque_": "N m, acts at the joint"}
 
@@ -60,12 +60,13 @@ class Check:
     """A further check of the test driver.
 
     headers : files that it includes; functions : its source; call : an expression that returns how
-    many checks failed
+    many checks failed; tolerances : declarations before it
     """
 
     headers: tuple[str, ...]
     functions: str
     call: str
+    tolerances: str = ""
 
 
 def to_c(
@@ -118,6 +119,7 @@ def to_c(
             f'#include "{NAME}_{file}"'
             for file in dict.fromkeys(("model.h", *(h for check in checks for h in check.headers)))
         ),
+        "tolerances": "\n".join(check.tolerances for check in checks),
         "more_checks": "\n".join(check.functions for check in checks),
         "more_calls": "\n".join(f"    failed += {check.call};" for check in checks),
     }
@@ -378,20 +380,8 @@ class _Parts:
         )
 
     def _demand(self) -> str:
-        mechanism = self.mechanism
-        velocity = [identifier(name) for name in mechanism.velocity_state]
-        rates = [f"{name}_dot" for name in velocity]
-        pose = [identifier(name) for name in mechanism.pose_state]
-        angles = [f"angle_{identifier(name)}" for name in mechanism.joints]
-        torques = [f"torque_{identifier(name)}" for name in mechanism.joints]
-        arrays = {"velocity": velocity, "acceleration": rates, "pose": pose, "joint_angle": angles}
-        motion = [*(name for names in arrays.values() for name in names), "time"]
-        places = {
-            name: f"motion->{array}[{k}]"
-            for array, names in arrays.items()
-            for k, name in enumerate(names)
-        }
-        places |= {"time": "motion->time"}
+        motion, places = self._motion()
+        torques = [f"torque_{identifier(name)}" for name in self.mechanism.joints]
         places |= {name: f"torque[{k}]" for k, name in enumerate(torques)} | self._parameters()
         formulas = demand_formulas(
             self.structure, dynamics, self._lengths(), self._theta(), motion, torques
@@ -403,19 +393,40 @@ class _Parts:
         )
         return c_function(head, formulas, places, _array("demanded", torques))
 
+    def _motion(self) -> tuple[list[str], dict[str, str]]:
+        """Names of what a motion is at one instant, in order, and where each stands in C."""
+        mechanism = self.mechanism
+        velocity = [identifier(name) for name in mechanism.velocity_state]
+        rates = [f"{name}_dot" for name in velocity]
+        pose = [identifier(name) for name in mechanism.pose_state]
+        angles = [f"angle_{identifier(name)}" for name in mechanism.joints]
+        arrays = {"velocity": velocity, "acceleration": rates, "pose": pose, "joint_angle": angles}
+        motion = [*(name for names in arrays.values() for name in names), "time"]
+        places = {
+            name: f"motion->{array}[{k}]"
+            for array, names in arrays.items()
+            for k, name in enumerate(names)
+        }
+        return motion, places | {"time": "motion->time"}
+
     def _interface(self) -> str:
         torques = [f"torque_{identifier(name)}" for name in self.mechanism.joints]
         rates = [f"rate_{identifier(name)}" for name in self.mechanism.joints]
-        formulas = command_formulas(self.structure, dynamics, self._theta(), torques, rates)
-        places = {
+        motion, places = self._motion()
+        lengths, theta = self._lengths(), self._theta()
+        formulas = command_formulas(
+            self.structure, dynamics, lengths, theta, motion, torques, rates
+        )
+        places |= {
             **{name: f"torque[{k}]" for k, name in enumerate(torques)},
             **{name: f"torque_rate[{k}]" for k, name in enumerate(rates)},
             **self._parameters(),
         }
         head = (
             "void youbot_interface_torque(const youbot_parameters *p,\n"
+            "                             const youbot_motion *motion,\n"
             "                             const double torque[YOUBOT_JOINTS],\n"
-            "                             const double torque_rate[YOUBOT_JOINTS], double time,\n"
+            "                             const double torque_rate[YOUBOT_JOINTS],\n"
             "                             double command[YOUBOT_JOINTS])"
         )
         return c_function(head, formulas, places, _array("command", torques))

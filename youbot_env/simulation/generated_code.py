@@ -76,7 +76,7 @@ HEADER = '''"""Generated from the effects' own functions; written again when the
 
 from math import cos, exp, sin, sqrt, tanh
 
-from numba import njit'''
+from youbot_env.caching import njit'''
 
 
 @dataclass(frozen=True)
@@ -323,17 +323,24 @@ def demand_formulas(
 def command_formulas(
     structure: Structure,
     dynamics: Dynamics,
+    lengths: Sequence[str] = tuple(f"g_{name}" for name in LENGTHS),
     theta: Sequence[str] | None = None,
+    motion: Sequence[str] = MOTION,
     torque: Sequence[str] = TORQUES,
     rate: Sequence[str] = RATES,
 ) -> Formulas:
-    """Interface torques behind which given torques act and change at given rates."""
-    names = torque, rate, ("time",), _theta(structure) if theta is None else theta
-    acting, changing, (time,), parameter = (real_symbols(group) for group in names)
-    # Drives and channels read no motion.
-    still = (0.0,) * len(structure.mechanism.axes)
-    at = Instant(still, torque=tuple(acting), torque_rate=tuple(changing), time=time)
-    results = dynamics.interface_torque(symbols(), structure, parameter, at)
+    """Interface torques behind which given torques act and change at given rates in a motion.
+
+    The arguments are named as those of `demand_formulas`.
+    """
+    mechanism = structure.mechanism
+    names = torque, rate, motion, lengths, _theta(structure) if theta is None else theta
+    acting, changing, moving, length, parameter = (real_symbols(group) for group in names)
+    geometry = SimpleNamespace(**dict(zip(mechanism.lengths, length, strict=True)))
+    # Drives and channels read no acceleration, pose or angle.
+    twist = tuple(moving[: len(mechanism.axes)])
+    at = Instant(twist, torque=tuple(acting), torque_rate=tuple(changing), time=moving[-1])
+    results = dynamics.interface_torque(symbols(), structure, geometry, parameter, at)
     return Formulas("command", tuple(name for group in names for name in group), tuple(results))
 
 
@@ -341,6 +348,7 @@ def _inverse_loops(structure: Structure) -> str:
     theta = ", ".join(f"theta[{i}]" for i in range(len(structure.parameter_names)))
     lengths = ", ".join(f"lengths[{i}]" for i in range(len(LENGTHS)))
     row = ", ".join(f"motion[k, {i}]" for i in range(len(MOTION)))
+    place = ", ".join(f"motion[{i}]" for i in range(len(MOTION)))
     # Without losses under load the demand does not read the torque: the first round is exact.
     rounds = ROUNDS if structure.depends_on_load else 1
     return f"""@njit(cache=True, error_model='numpy')
@@ -365,10 +373,11 @@ def several(motion, lengths, thetas, tolerance, torque):
 
 
 @njit(cache=True, error_model='numpy')
-def interface(torque, rate, time, theta, out):
+def interface(torque, rate, motion, lengths, theta, out):
     out[0], out[1], out[2], out[3] = command(
         torque[0], torque[1], torque[2], torque[3],
-        rate[0], rate[1], rate[2], rate[3], time, {theta}
+        rate[0], rate[1], rate[2], rate[3],
+        {place}, {lengths}, {theta}
     )
 
 
@@ -378,5 +387,5 @@ def held(motion, hold, lengths, theta, tolerance, torque, mean, out):
     for i in range(4):
         mean[i] = (torque[0, i] + 4.0 * torque[1, i] + torque[2, i]) / 6.0
         out[i] = (torque[2, i] - torque[0, i]) / hold
-    interface(mean, out, motion[1, 13], theta, out)
+    interface(mean, out, motion[1], lengths, theta, out)
 """

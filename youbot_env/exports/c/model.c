@@ -60,7 +60,7 @@ void youbot_inverse_dynamics(const youbot_parameters *p, const youbot_motion *mo
     double torque[YOUBOT_JOINTS] = {0.0};
 
     youbot_joint_torque(p, motion, tolerance, torque);
-    youbot_interface_torque(p, torque, torque_rate ? torque_rate : steady, motion->time, command);
+    youbot_interface_torque(p, motion, torque, torque_rate ? torque_rate : steady, command);
 }
 
 void youbot_advance(const youbot_parameters *p, double state[YOUBOT_STATES],

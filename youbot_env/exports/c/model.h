@@ -52,9 +52,10 @@ void youbot_joint_torque(const youbot_parameters *p, const youbot_motion *motion
 
 /* Torques of the interface [N m] behind which `torque` [N m] acts at the joints and changes at
    `torque_rate` [N m/s]: drives and channels taken back. They belong to an instant
-   youbot_torque_delay() before `time` [s]. */
-void youbot_interface_torque(const youbot_parameters *p, const double torque[YOUBOT_JOINTS],
-                             const double torque_rate[YOUBOT_JOINTS], double time,
+   youbot_torque_delay() before that of the motion, of which velocity and time are read. */
+void youbot_interface_torque(const youbot_parameters *p, const youbot_motion *motion,
+                             const double torque[YOUBOT_JOINTS],
+                             const double torque_rate[YOUBOT_JOINTS],
                              double command[YOUBOT_JOINTS]);
 
 /* Inverse dynamics: the torques of the interface [N m] that drive a motion, the feed-forward.

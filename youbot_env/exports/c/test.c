@@ -11,6 +11,7 @@
 #include <time.h>
 
 static const double TOLERANCE = 1e-11; /* of the largest component; compilers round differently */
+/*@tolerances@*/
 
 typedef struct sample {
     double state[YOUBOT_STATES];
