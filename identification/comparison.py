@@ -67,6 +67,13 @@ class ComparisonSettings(Settings):
             "reason": "of a stretch that is judged alone: about one period of a calibration motion",
         },
     )
+    max_free_run_ratio: float = field(
+        default=1e6,
+        metadata={
+            "unit": "largest measured speed",
+            "reason": "beyond it a free run has diverged; its squares would overflow",
+        },
+    )
     max_stretches: int = field(
         default=8,
         metadata={"unit": "1", "reason": "worst stretches that are listed: what one reads"},
@@ -255,7 +262,7 @@ def compare(
     samples = mechanism.samples_of(logs)
     force, velocity = [], []
     for item in samples:
-        velocity.append(_free_run(mechanism, model.theta, item))
+        velocity.append(_free_run(mechanism, model.theta, item, settings))
         force.append(force_traces(mechanism, model.theta, item, settings.fit))
         progress()
     fitted = _fitted(mechanism, model.theta, samples, settings.fit)
@@ -289,7 +296,9 @@ def compare(
     return Comparison(model, tuple(found), floor, where, changes, settings, geometry)
 
 
-def _free_run(mechanism: Mechanism, theta: Array, samples: Samples) -> Traces:
+def _free_run(
+    mechanism: Mechanism, theta: Array, samples: Samples, settings: ComparisonSettings
+) -> Traces:
     """Velocity traces; predicted is NaN from where the run diverges, or is too stiff to make."""
     measured = mechanism.measured_speed(samples)
     try:
@@ -297,15 +306,12 @@ def _free_run(mechanism: Mechanism, theta: Array, samples: Samples) -> Traces:
     except InputError:
         predicted = np.full_like(measured, np.nan)
     # What is far beyond all that was measured would overflow when it is squared.
-    sound = np.abs(predicted).max(axis=1) < DIVERGED * np.abs(measured).max()
+    most = settings.max_free_run_ratio * np.abs(measured).max()
+    sound = np.abs(predicted).max(axis=1) < most
     if not sound.all():
         predicted = predicted.copy()
         predicted[int(np.argmin(sound)) :] = np.nan
     return Traces(samples.time, measured, predicted)
-
-
-DIVERGED = 1e6
-"""Times the largest measured speed from which on a free run has diverged."""
 
 
 def _fitted(

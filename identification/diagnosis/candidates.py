@@ -65,10 +65,12 @@ def try_candidate(base: FittedStructure, name: str) -> Candidate:
     def judge(values: tuple[float, ...]) -> Candidate:
         return _linear_candidate(base, mechanism, name, dict(zip(grids, values, strict=True)))
 
-    best = min(map(judge, itertools.product(*grids.values())), key=_square)
+    judged = list(map(judge, itertools.product(*grids.values())))
+    best = min(judged, key=_square)
+    tried = tuple(_scores(base, item.columns) for item in judged) if grids else ()
     # Most candidates explain nothing; a finer search would only cost time.
     if best.square > settings.max_refined_share * base.held_out.square:
-        return best
+        return replace(best, tried=tried)
     # Coordinate search: one shape constant after the other, each from the best values so far.
     for shape, grid in grids.items():
         parameter = mechanism.catalogue[name].parameter(shape)
@@ -79,7 +81,13 @@ def try_candidate(base: FittedStructure, name: str) -> Candidate:
             for value in _between(grid, here, halving, parameter):
                 values = tuple((best.shapes | {shape: value})[key] for key in grids)
                 best = min(best, judge(values), key=_square)
-    return best
+    return replace(best, tried=tried)
+
+
+def _scores(base: FittedStructure, columns: Sequence[Array]) -> Array:
+    """Score blocks (blocks, F) of columns on top of a structure."""
+    step = base.rows[0].step
+    return score_blocks(base.residual, base.columns, columns, step, base.settings)
 
 
 def _square(item: Candidate) -> float:
@@ -174,12 +182,9 @@ def rank(
     _ = base.demands  # a cached property: computed here once, or each thread would compute it
     found = side_by_side(partial(try_candidate, base), names, data.progress)
     found = _with_joint_fits(data, base, sorted(found, key=_square), needed)
-    step = base.rows[0].step
-    scores = {
-        item.name: score_blocks(base.residual, base.columns, item.columns, step, data.settings)
-        for item in found
-    }
-    p_values = candidate_p_values(scores, rng, data.settings)
+    scores = {item.name: _scores(base, item.columns) for item in found}
+    tried = [score for item in found for score in item.tried]
+    p_values = candidate_p_values(scores, rng, data.settings, tried)
     return ranking_of(data, base, found, p_values, needed)
 
 

@@ -145,6 +145,7 @@ class Candidate:
     added_noise : squares that noise on the speeds adds to the residual beyond what it adds to the
         structure's
     fold_ratio : the structure's held-out squares over those with the candidate's folds
+    tried : score blocks at each choice of its shape constants on their grid; none without a grid
     lost_fall : part of the fall in held-out squares that the joint fit, within bounds, does not
         confirm
     """
@@ -165,6 +166,7 @@ class Candidate:
     fold_ratio: float = 1.0
     # Held-out linear steps ignore bounds and may use a negative inertia.
     lost_fall: float = 0.0
+    tried: tuple[Array, ...] = field(default=(), repr=False)
 
     @property
     def square(self) -> float:

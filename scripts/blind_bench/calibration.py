@@ -139,6 +139,8 @@ def _intervals(trials: dict[str, list[Record]], null: dict[str, list[Record]]) -
     ]
     for what, inside in of_trials:
         for kind, rows in trials.items():
+            if what.endswith("`identify`") and kind not in NULLS:
+                continue  # where something is missing it states no interval
             found.append(row_of(f"{what}, {TRIALS[kind]}", promised, map(inside, rows), *bounds))
     return found
 

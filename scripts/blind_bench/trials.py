@@ -93,7 +93,7 @@ def velocity_error(model: Model, logs: Sequence[Log]) -> float:
 
 def stated_sizes(found: Any, report: dict[str, Any]) -> dict[str, dict[str, float]]:
     """Value and std of the accepted effects' parameters, by ``effect.parameter``."""
-    model = getattr(found, "fitted_model", None)  # none where the base is not physical
+    model = getattr(found, "model", None)
     if isinstance(model, Model):
         effects = {
             name: {key: (estimate.value, estimate.std) for key, estimate in values.items()}
@@ -237,7 +237,7 @@ def _diagnosed(
     finally:
         record["seconds"] = time.perf_counter() - before
     record["found"] = found.to_dict()
-    record["base"] = stated_base(getattr(found, "fitted_model", None))
+    record["base"] = stated_base(getattr(found, "model", None))
     record["sizes"] = stated_sizes(found, record["found"])
     truth = true_model(case)
     record["true_velocity_error"] = None if truth is None else velocity_error(truth, logs)

@@ -420,7 +420,7 @@ def test_a_verdict_without_a_model_has_the_sizes_of_its_report():
     """Where the refitted base is not physical there is no model, and the trial goes on."""
 
     class Found:
-        fitted_model = None
+        model = None
 
         @property
         def model(self):
