@@ -21,7 +21,6 @@ from identification.fitting.errors import (
     Traces,
     add_up,
     force_traces,
-    velocity_traces,
 )
 from identification.fitting.final_fit import without_noise_bias
 from identification.fitting.kinematic_evidence import doubts_of_kinematics
@@ -69,6 +68,13 @@ class ComparisonSettings(Settings):
             "reason": "of a stretch that is judged alone: about one period of a calibration motion",
         },
     )
+    max_free_run_ratio: float = field(
+        default=1e6,
+        metadata={
+            "unit": "largest measured speed",
+            "reason": "beyond it a free run has diverged; its squares would overflow",
+        },
+    )
     max_stretches: int = field(
         default=8,
         metadata={"unit": "1", "reason": "worst stretches that are listed: what one reads"},
@@ -91,6 +97,11 @@ class LogComparison:
     velocity_floor: SumsOfSquares
     joint_speed: Array
     slip: Slip | None = None
+
+    @property
+    def diverges(self) -> bool:
+        """Whether the free run does: it then has no velocity error."""
+        return not bool(np.isfinite(self.velocity.predicted).all())
 
 
 @dataclass(frozen=True, repr=False)
@@ -151,6 +162,7 @@ class Comparison(Shown):
         floor = add_up(item.force_floor for item in counted).ratio
         return {
             "logs": {item.log.name: _log_dict(item) for item in self.logs},
+            "diverges": [item.log.name for item in self.logs if item.diverges],
             "misfit": misfit_warning(force_error, floor, settings=self.settings.fit),
             "total": {
                 "force_error": force_error,
@@ -249,15 +261,15 @@ def compare(
     Raises
     ------
     InputError
-        If no log is given, or the free run diverges.
+        If no log is given.
     """
     if not logs:
         raise InputError("no log given: compare needs at least one")
     mechanism = mechanism_of(model, geometry, settings.fit.mechanism)
     samples = mechanism.samples_of(logs, *_clock_of(model))
     force, velocity = [], []
-    for log, item in zip(logs, samples, strict=True):
-        velocity.append(_free_run(mechanism, model.theta, log, item))
+    for item in samples:
+        velocity.append(_free_run(mechanism, model.theta, item, settings))
         force.append(force_traces(mechanism, model.theta, item, settings.fit))
         progress()
     fitted = _fitted(mechanism, model.theta, samples, settings.fit)
@@ -307,11 +319,22 @@ def _clock_of(model: AnyModel) -> tuple[dict[str, float] | None, set[str]]:
     return {key: float(value) for key, value in found.items() if value is not None}, seen
 
 
-def _free_run(mechanism: Mechanism, theta: Array, log: Log, samples: Samples) -> Traces:
-    velocity = velocity_traces(mechanism, theta, samples)
-    if not np.isfinite(velocity.predicted).all():
-        raise InputError(f"{log.source or log.name}: the model's free run diverges on this log")
-    return velocity
+def _free_run(
+    mechanism: Mechanism, theta: Array, samples: Samples, settings: ComparisonSettings
+) -> Traces:
+    """Velocity traces; predicted is NaN from where the run diverges, or is too stiff to make."""
+    measured = mechanism.measured_speed(samples)
+    try:
+        predicted = mechanism.free_run(theta, samples)
+    except InputError:
+        predicted = np.full_like(measured, np.nan)
+    # What is far beyond all that was measured would overflow when it is squared.
+    most = settings.max_free_run_ratio * np.abs(measured).max()
+    sound = np.abs(predicted).max(axis=1) < most
+    if not sound.all():
+        predicted = predicted.copy()
+        predicted[int(np.argmin(sound)) :] = np.nan
+    return Traces(samples.time, measured, predicted)
 
 
 def _joint_speed(mechanism: Mechanism, theta: Array, samples: Samples, velocity: Traces) -> Array:
@@ -346,14 +369,14 @@ def _noise_floor(
 
     The given parameters' own residual is no measure of the noise: what they miss may be large.
     """
-    none = np.zeros(0, np.intp)
+    none, at = np.zeros(0, np.intp), theta
     if fitted is None:
         rows = [regression(mechanism, theta, item, none, settings) for item in samples]
         traces = list(force)
     else:
-        rows = list(fitted.rows)
+        rows, at = list(fitted.rows), fitted.theta
         traces = [force_traces(mechanism, fitted.theta, item, settings) for item in samples]
-    found = predictability(mechanism, rows, samples, seed, settings)
+    found = predictability(mechanism, rows, samples, seed, settings, at)
     noise = [NoiseLevel.of(item, settings) for item in samples]
     floor = noise_floor(
         *(mechanism, theta, samples, rows, found, traces), velocity, noise, seed, settings

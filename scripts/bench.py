@@ -11,8 +11,11 @@ from typing import Annotated, Any
 import typer
 
 from youbot_env.errors import InputError
+from youbot_scripts.blind_bench.baseline import stepwise
+from youbot_scripts.blind_bench.calibration_page import write_page
 from youbot_scripts.blind_bench.cases import KINDS, write_case
 from youbot_scripts.blind_bench.effect_sizes import force_ratio, size_table, sizings
+from youbot_scripts.blind_bench.null_fits import null_fits
 from youbot_scripts.blind_bench.report import show, show_sizes
 from youbot_scripts.blind_bench.scores import score
 from youbot_scripts.blind_bench.trials import Options, Record, Spec, plan, run_trials
@@ -27,6 +30,8 @@ EXAMPLES = (
     "youbot bench --kinds noise --first 7 --cases 1 --jobs 1 --keep cases/",
     "youbot bench --cases 105 --kinds sweep",
     "youbot bench --cases 3 --kinds floor_tilt --write cases/",
+    "youbot bench --baseline --calibration docs/calibration.md --kinds none,noise,one,two "
+    "--cases 200 --replicates 2000 --seed 11 --resume calibration/",
     "youbot bench --sizes --cases 2",
 )
 
@@ -78,6 +83,19 @@ def main(
         bool,
         typer.Option("--follow-up", help="Record what is proposed for a tie, and diagnose again."),
     ] = False,
+    baseline: Annotated[
+        bool,
+        typer.Option("--baseline", help="Beside it stepwise F-tests on a split sample, with FDR."),
+    ] = False,
+    calibration: Annotated[
+        Path | None,
+        typer.Option(
+            metavar="PAGE.md", help="Write what every stated probability delivers to a page."
+        ),
+    ] = None,
+    replicates: Annotated[
+        int, typer.Option(min=0, metavar="N", help="Fits without a diagnosis, for that page.")
+    ] = 0,
     sizes: Annotated[
         bool, typer.Option("--sizes", help="Only measure how large each effect must be to matter.")
     ] = False,
@@ -95,6 +113,8 @@ def main(
     to 4 times its size). Each case is identified, and diagnosed from the published model, whose
     parameters are not the platform's. The same kind, index, seed, rate and noise make the same
     case: `--first N --cases 1` runs one alone. Cases that --resume finds are neither run nor kept.
+    --calibration writes a page of what all stated probabilities promise and deliver on these cases
+    and on --replicates fits of platforms to which nothing is added, white noise and other in turn.
     """
     out = common.console(json)
     if sizes:
@@ -109,8 +129,13 @@ def main(
         jobs=jobs,
         folder=resume,
         options=Options(follow_up=follow_up, keep=keep, limit=limit),
+        baseline=baseline,
     )
     scores = score(records)
+    if calibration is not None:
+        fits = null_fits(replicates, seed, jobs, resume)
+        write_page(calibration, records, fits)
+        out.print(f"calibration: {calibration}", soft_wrap=True)
     show(out, scores, records)
     common.write_result(json, {**scores, "trials": records}, seed)
 
@@ -121,6 +146,7 @@ def bench(
     jobs: int = 1,
     folder: Path | None = None,
     options: Options,
+    baseline: bool = False,
 ) -> list[Record]:
     """Identify and diagnose the cases, with a progress bar."""
     from identification.diagnosis.diagnose import diagnose
@@ -128,6 +154,8 @@ def bench(
 
     # The course of the estimates over time is not scored.
     options = replace(options, identify=partial(identify, recursive=False))
+    if baseline:
+        options = replace(options, baseline=stepwise)
     with common.progress(len(specs), "diagnosing") as advance:
         return run_trials(
             specs, diagnose, jobs=jobs, folder=folder, options=options, progress=advance

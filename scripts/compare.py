@@ -101,6 +101,9 @@ def _print(out: Console, found: dict[str, Any]) -> None:
         out.print(f"warning: {found['misfit']}", style="yellow", soft_wrap=True)
     for sentence in found["kinematics"]:
         out.print(f"warning: {sentence}", style="yellow", soft_wrap=True)
+    for name in found["diverges"]:
+        line = f"{name}: the model's free run diverges, so it has no velocity error"
+        out.print(f"warning: {line}", style="yellow", soft_wrap=True)
     show(out, [*result_tables.errors_by_axis(found), *result_tables.slip(found["logs"])])
     where = result_tables.residual("What the force residual depends on", found["where"])
     if where.rows:

@@ -33,6 +33,7 @@ from identification.diagnosis.structures import (
     visible_directions,
     worse_by,
 )
+from identification.fitting.coarse_channels import are_counted
 from identification.fitting.cross_validation import cross_validate, make_folds
 from identification.fitting.noise_bias import extrapolated_fit, joint_fit
 from identification.fitting.observability import log_observability, refuse_blind
@@ -93,8 +94,10 @@ def try_candidate(base: FittedStructure, sums: BaseSums | None, effect: str) -> 
         }
     best: Candidate | None = None
     part: InPart | None = None
+    scores: list[Array] = []
     for values in itertools.product(*grids.values()):
         tried = _linear_candidate(base, mechanism, name, dict(zip(grids, values, strict=True)))
+        scores += [_scores(base, tried.columns)] if grids else []
         best = tried if best is None else min(best, tried, key=_square)
         split = _best_in_part(base, sums, tried, present) if sums else None
         if split and (part is None or split.fall > part.fall):
@@ -103,9 +106,11 @@ def try_candidate(base: FittedStructure, sums: BaseSums | None, effect: str) -> 
     found = [] if present else [_refined(base, grids, best)]
     found += [] if part is None else [_refined(base, grids, _in_part(base, effect, part))]
     if found and sums:
-        tried = LogSums(sums, _seen_columns(base, best))
+        in_part = LogSums(sums, _seen_columns(base, best))
         names = base.mechanism.structure.effects
-        found[0] = replace(found[0], tried=tried.all_scores(effect, but=names))
+        scores += in_part.all_scores(effect, but=names).values()
+    if found:
+        found[0] = replace(found[0], tried=tuple(scores))
     return found
 
 
@@ -182,6 +187,12 @@ def _refined(
                 values = tuple((best.shapes | {shape: value})[key] for key in grids)
                 best = min(best, judge(values), key=_square)
     return best
+
+
+def _scores(base: FittedStructure, columns: Sequence[Array]) -> Array:
+    """Score blocks (blocks, F) of columns on top of a structure."""
+    step = base.rows[0].step
+    return score_blocks(base.residual, base.columns, columns, step, base.settings)
 
 
 def _square(item: Candidate) -> float:
@@ -306,19 +317,15 @@ def rank(
         return Ranking((), {}, (), None, base.held_out.square, needed)
     _ = base.demands  # a cached property: computed here once, or each thread would compute it
     effects = list(dict.fromkeys(effect_of(name) for name in names))
-    tried = side_by_side(partial(try_candidate, base, _base_sums(base)), effects, data.progress)
-    found = sorted(itertools.chain(*tried), key=_square)
+    of_each = side_by_side(partial(try_candidate, base, _base_sums(base)), effects, data.progress)
+    found = sorted(itertools.chain(*of_each), key=_square)
     if not found:
         return Ranking((), {}, (), None, base.held_out.square, needed)
     found = _with_joint_fits(data, base, found, needed)
-    step = base.rows[0].step
-    scores = {
-        item.name: score_blocks(base.residual, base.columns, item.columns, step, data.settings)
-        for item in found
-    }
+    scores = {item.name: _scores(base, item.columns) for item in found}
     # What was tried and is no candidate counts too: chance has had that many chances.
-    scores = {name: blocks for item in found for name, blocks in item.tried.items()} | scores
-    p_values = candidate_p_values(scores, rng, data.settings)
+    tried = [score for item in found for score in item.tried]
+    p_values = candidate_p_values(scores, rng, data.settings, tried)
     return ranking_of(data, base, found, p_values, needed)
 
 
@@ -502,6 +509,10 @@ def _adds_nothing(
     gain = square - larger.square_with_noise
     if gain < settings.min_extension_gain * square:
         return True
+    if larger.fitted and are_counted(data.samples):
+        # There the bias does not shrink with the noise, so it cannot be extrapolated away.
+        by_steps = gain_by_measuring(data, smaller, larger.fitted)
+        return gain - by_steps < settings.min_extension_gain * square
     if gain > settings.max_noise_gain * square or not larger.fitted:
         return False
     there = larger.fitted
@@ -516,6 +527,21 @@ def _adds_nothing(
     ]
     left = _unexplained(stacked(smaller.columns), stacked(beyond), settings)
     return bool(left[0] < settings.min_extension_gain * square)
+
+
+def gain_by_measuring(data: LoggedData, smaller: FittedStructure, larger: FittedStructure) -> float:
+    """Held-out squares that a structure may gain over another by coarse channels alone.
+
+    Both are fitted to the free runs of the smaller one, measured like the logs. 0 where no channel
+    is coarse.
+    """
+    null = data.measured_again(smaller)
+    if null is None:
+        return 0.0
+    before = fit_structure(null, smaller.mechanism, smaller.theta)
+    after = fit_structure(null, larger.mechanism, larger.theta).held_out
+    gain = max(before.judged(after.folds).square - after.square, 0.0)
+    return data.settings.fit.predictability.measuring_margin * gain
 
 
 def contains(larger: Candidate, smaller: Candidate, base: FittedStructure) -> bool:

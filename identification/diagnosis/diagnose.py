@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 from identification.diagnosis.candidates import (
     fit_base,
     fit_structure,
+    gain_by_measuring,
     rank,
     ranking_of,
     with_joint_fit,
@@ -307,7 +308,8 @@ def _accepted(data: LoggedData, before: Step, ranking: Ranking) -> list[Accepted
                 break
         assert best.fitted is not None  # as is every result of a joint fit
         significant = ranking.p_values[best.name] <= data.settings.max_p_value
-        if significant and _helps_in_each_log(before.fitted, best, data.settings):
+        helps = significant and _helps_in_each_log(before.fitted, best, data.settings)
+        if helps and _survives_measuring(data, before.fitted, ranking):
             step = data.step(best.fitted, best.name)
             if _free_run_holds(data, before, step):
                 return [(step, ranking)]
@@ -317,6 +319,15 @@ def _accepted(data: LoggedData, before: Step, ranking: Ranking) -> list[Accepted
             excluded,
         )
     return []
+
+
+def _survives_measuring(data: LoggedData, base: FittedStructure, ranking: Ranking) -> bool:
+    """Whether the best candidate takes away more than what coarse channels alone would yield."""
+    assert ranking.best is not None and ranking.best.fitted is not None
+    if ranking.fall > data.settings.max_noise_gain:
+        return True
+    alone = gain_by_measuring(data, base, ranking.best.fitted) / ranking.square
+    return ranking.fall - alone >= ranking.needed
 
 
 def _helps_in_each_log(base: FittedStructure, item: Candidate, settings: DiagnosisSettings) -> bool:

@@ -12,6 +12,7 @@ from identification.diagnosis.sentences import describe
 from identification.diagnosis.settings import DiagnosisSettings
 from identification.diagnosis.structures import Candidate, Ranking, Step
 from identification.fitting.changed_parameters import ParameterChanges
+from identification.fitting.predictability import too_short
 from identification.mechanisms.mechanism import Mechanism
 from identification.mechanisms.samples import Samples
 from identification.residual_map.regime import Regime
@@ -153,7 +154,7 @@ class Diagnosis(Shown):
             "steps": [step.to_dict() for step in self.steps],
             "explained_share": self.explained_share,
             "explained": self.explained,
-            "predictable_share": self.steps[-1].predictable.share,
+            "predictable_share": self.steps[-1].predictable.share_of_motion,
             "episodes": [
                 {"log": self.samples[log].name, "from": start, "to": end}
                 for log, start, end in self._episodes
@@ -217,7 +218,8 @@ def leaves_something(steps: Sequence[Step], settings: DiagnosisSettings) -> bool
     """Whether more can be predicted of the last step's residual than the inexactness of effects."""
     last, share = steps[-1], explained_share(steps)
     if last.predictable.is_noise:
-        return False
+        # Nothing is predicted of logs that are too short for it, whatever is missing.
+        return len(steps) == 1 and last.predictable.is_short
     small = share is not None and 1.0 - share <= settings.max_small_rest
     return not (small and last.predictable.systematic_share <= settings.max_small_rest_share)
 
@@ -289,9 +291,11 @@ def sentences_of(
 def _of_the_unknown(steps: Sequence[Step], level: float, remaining: ResidualMap) -> list[str]:
     """How much is explained, how much is not, and on what the rest depends."""
     last, share = steps[-1].force_error, explained_share(steps)
+    if steps[-1].predictable.is_noise:
+        return [too_short(steps[-1].predictable)]
     left = (
         f"a force error of {last:.2%} remains where noise would leave {level:.2%}, and the motion "
-        f"predicts {max(steps[-1].predictable.share, 0.0):.0%} of its squares"
+        f"predicts {max(steps[-1].predictable.share_of_motion, 0.0):.0%} of its squares"
     )
     if len(steps) > 1 and share is not None:
         effects = effects_of([step.effect for step in steps[1:] if step.effect])

@@ -67,10 +67,13 @@ def candidate_p_values(
     scores: Mapping[str, Array],
     rng: np.random.Generator,
     settings: DiagnosisSettings = DiagnosisSettings(),
+    tried: Sequence[Array] = (),
 ) -> dict[str, float]:
     """Family-wise p-value of each candidate from its score blocks (blocks, F).
 
-    All candidates share the draws of signs, so their dependence is kept.
+    All candidates share the draws of signs, so their dependence is kept. ``tried``: scores at all
+    shape constants that were tried for them. The best of many has a large score by chance too, so
+    they belong to the family.
     """
     blocks = len(next(iter(scores.values())))
     signs = random_signs(rng, settings.bootstrap_draws, blocks)
@@ -81,6 +84,8 @@ def candidate_p_values(
         whiten = _whitening(score, settings.min_score_share)
         observed.append(_normal_score(score.sum(axis=0) @ whiten))
         null.append(_normal_score((signs @ score) @ whiten))
+    for score in tried:
+        null.append(_normal_score((signs @ score) @ _whitening(score, settings.min_score_share)))
     p_values = family_wise_p_values(np.array(observed), np.stack(null))
     return dict(zip(scores, p_values.tolist(), strict=True))
 

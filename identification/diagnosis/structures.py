@@ -7,7 +7,8 @@ force residual on what it was not fitted on.
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Sequence
+from copy import copy
 from dataclasses import dataclass, field
 from functools import cached_property, partial
 from typing import Any
@@ -16,6 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from identification.diagnosis.settings import DiagnosisSettings
+from identification.fitting.coarse_channels import are_coarse, measured_again
 from identification.fitting.cross_validation import (
     CrossValidation,
     Fold,
@@ -155,7 +157,8 @@ class Candidate:
     fold_ratio : the structure's held-out squares over those with the candidate's folds
     lost_fall : part of the fall in held-out squares that the joint fit, within bounds, does not
         confirm
-    tried : score blocks of what was tried beside it: the effect in some logs only, by name
+    tried : score blocks of what was tried beside it: each choice of its shape constants on their
+        grid, and the effect in some logs only
     """
 
     name: str
@@ -174,7 +177,7 @@ class Candidate:
     fold_ratio: float = 1.0
     # Held-out linear steps ignore bounds and may use a negative inertia.
     lost_fall: float = 0.0
-    tried: Mapping[str, Array] = field(default_factory=dict, repr=False)
+    tried: tuple[Array, ...] = field(default=(), repr=False)
 
     @property
     def in_part(self) -> bool:
@@ -296,6 +299,22 @@ class LoggedData:
         """
         return time.process_time() > self._ends
 
+    def measured_again(self, fitted: FittedStructure) -> LoggedData | None:
+        """The fitted model's own free runs, measured like the logs; None where nothing is coarse.
+
+        On these nothing is missing from the model, whatever its residual looks like.
+        """
+        settings = self.settings.fit.predictability
+        if not are_coarse(self.samples, settings):
+            return None
+        args = (fitted.mechanism, fitted.theta, self.samples, self.seed, settings)
+        runs = measured_again(*args)
+        if runs is None:
+            return None
+        found = copy(self)
+        found.samples, found._remainders = runs, {}
+        return found
+
     def step(
         self, fitted: FittedStructure, effect: str | None, folds: Sequence[Fold] | None = None
     ) -> Step:
@@ -412,7 +431,7 @@ class _Remainder:
         """What of it the motion predicts."""
         data = self.data
         args = (self.fitted.mechanism, self.rows, data.samples, data.seed, data.settings.fit)
-        found = predictability(*args)
+        found = predictability(*args, self.fitted.theta)
         data.progress()
         return found
 

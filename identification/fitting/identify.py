@@ -36,6 +36,7 @@ from identification.fitting.predictability import (
     Predictability,
     noise_floor,
     predictability,
+    too_short,
 )
 from identification.fitting.regression import Regression, regression
 from identification.fitting.settings import FitSettings
@@ -273,7 +274,7 @@ def identify(
     final, refused = _last_fit(
         *(mechanism, samples, force, seed, settings, progress), output_error, robust
     )
-    predictable = predictability(mechanism, force.rows, samples, seed, settings)
+    predictable = predictability(mechanism, force.rows, samples, seed, settings, force.theta)
     floor = _floor(mechanism, force, samples, predictable, settings)
     kind = kind_of(start)
     errors = _errors(mechanism, final, samples, floor, output_error, settings)
@@ -290,6 +291,7 @@ def identify(
         provenance={**(provenance or {}), "clock": shared_clock(logs)},
     )
     doubts = [line for line in (doubt, misfit) if line]
+    doubts += [too_short(predictable)] if predictable.is_short and not misfit else []
     doubts += warnings_of_logs(logs)
     doubts += [*held.notes, *coarse_speed_warnings(samples, final)]
     noise = [NoiseLevel.of(item, settings).speed for item in samples]

@@ -20,6 +20,7 @@ from functools import cached_property, partial
 import numpy as np
 from numpy.typing import NDArray
 
+from identification.fitting.coarse_channels import are_coarse, measured_again
 from identification.fitting.errors import (
     NoiseLevel,
     SumsOfSquares,
@@ -27,7 +28,7 @@ from identification.fitting.errors import (
     add_up,
     velocity_traces,
 )
-from identification.fitting.regression import Regression, filtered_rows
+from identification.fitting.regression import Regression, filtered_rows, regression
 from identification.fitting.repeated_periods import repeated_noise
 from identification.fitting.settings import FitSettings, PredictabilitySettings
 from identification.mechanisms.mechanism import Mechanism
@@ -49,6 +50,7 @@ class Predictability:
     time : per log (n,), end of each row [s], from the log's start
     step : per log, from one row to the next [s]
     wander : share that a drift in time alone predicts, whatever the motion
+    measuring : share that coarse channels alone may make predictable, were the model true
     settings : of these the share up to which a residual counts as noise
     """
 
@@ -58,6 +60,7 @@ class Predictability:
     step: tuple[float, ...]
     wander: float
     settings: PredictabilitySettings
+    measuring: float = 0.0
 
     @property
     def share(self) -> float:
@@ -67,6 +70,22 @@ class Predictability:
         return 1.0 - left / total if total > 0 else 0.0
 
     @property
+    def duration(self) -> float:
+        """What the rows last together [s]."""
+        parts = zip(self.residual, self.step, strict=True)
+        return sum(len(rows) * step for rows, step in parts)
+
+    @property
+    def is_short(self) -> bool:
+        """Whether the rows are too few to tell whether anything is left."""
+        return self.duration < self.settings.shortest
+
+    @property
+    def share_of_motion(self) -> float:
+        """The share without what coarse channels alone make predictable."""
+        return self.share - self.measuring
+
+    @property
     def is_noise(self) -> bool:
         """Whether nothing is left that the motion predicts, and nothing happens at times only."""
         return not self._is_predicted and not self.is_episodic
@@ -74,7 +93,8 @@ class Predictability:
     @property
     def _is_predicted(self) -> bool:
         # A sensor's offset that wanders is noise: its neighbours in time tell it, no motion does.
-        return self.share - self.wander > self.settings.max_noise_share
+        # So is what counts and other steps hide.
+        return self.share_of_motion - self.wander > self.settings.max_noise_share
 
     @property
     def is_episodic(self) -> bool:
@@ -90,7 +110,7 @@ class Predictability:
         if self.is_noise:
             return 0.0
         episodes = 1.0 - 1.0 / self._mean_over_median if self.is_episodic else 0.0
-        return max(self.share, episodes)
+        return max(self.share_of_motion, episodes)
 
     @property
     def episodes(self) -> list[tuple[int, float, float]]:
@@ -178,12 +198,21 @@ class Predictability:
         return 0.5 * float(np.std(blocks, ddof=1)) / mean / np.sqrt(len(blocks))
 
 
+def too_short(found: Predictability) -> str:
+    """What to say of logs that are too short to tell whether anything is missing."""
+    return (
+        f"too short to tell whether anything is missing: the logs hold {found.duration:.2g} s, and "
+        f"{found.settings.shortest:.2g} s are the least; a minute is better"
+    )
+
+
 def predictability(
     mechanism: Mechanism,
     rows: Sequence[Regression],
     samples: Sequence[Samples],
     seed: int = 0,
     settings: FitSettings = FitSettings(),
+    theta: Array | None = None,
 ) -> Predictability:
     """Predict the residual rows of a fit from the motion, each stretch from all others.
 
@@ -191,12 +220,36 @@ def predictability(
     ----------
     rows : per log, of the fit on these samples with these settings
     seed : of the trees, and of which stretches are held out together
+    theta : (P,) of the fit; with it, what coarse channels alone make predictable is told
     """
+    found = _predictability(mechanism, rows, samples, seed, settings)
+    chosen = settings.predictability
+    if theta is None or found.is_noise or not are_coarse(samples, chosen):
+        return found
+    again = measured_again(mechanism, theta, samples, seed, chosen)
+    if again is None:
+        return found
+    free = np.arange(0)
+    null = [regression(mechanism, theta, item, free, settings) for item in again]
+    alone = _predictability(mechanism, null, again, seed, settings)
+    square = [sum(float((r**2).sum()) for r in part.residual) for part in (alone, found)]
+    measuring = chosen.measuring_margin * max(alone.share, 0.0)
+    return replace(found, measuring=measuring * square[0] / square[1])
+
+
+def _predictability(
+    mechanism: Mechanism,
+    rows: Sequence[Regression],
+    samples: Sequence[Samples],
+    seed: int,
+    settings: FitSettings,
+) -> Predictability:
     chosen = settings.predictability
     thin = max(1, -(-sum(len(row.residual) for row in rows) // chosen.max_rows))
     residual = [row.residual[::thin] for row in rows]
     features = list(_all_features(mechanism, rows, samples, thin, settings))
-    fold_of = _folds(rows, thin, seed, chosen.stretch_duration, chosen.folds)
+    whole = sum(len(row.residual) * row.step for row in rows)
+    fold_of = _folds(rows, thin, seed, chosen.stretch_in(whole), chosen.folds)
     joined = np.concatenate(residual)
     all_features = np.concatenate(features)
     predicted = _held_out(all_features, joined, fold_of, seed, settings)
@@ -418,6 +471,10 @@ def noise_floor(
     ]
     velocity = []
     for k, (item, run, level) in enumerate(zip(samples, runs, noise, strict=False)):
+        if not np.isfinite(run.predicted).all():
+            # A run that diverges has no floor.
+            velocity.append(SumsOfSquares.of(run))
+            continue
         disturbed = disturbed_samples(mechanism, item, rows[k], found.noise(k))
         velocity.append(velocity_floor(mechanism, theta, disturbed, run, level, seed))
     return NoiseFloor(tuple(force), tuple(velocity), found.noise_std, found.correlation_time)

@@ -50,6 +50,22 @@ class PredictabilitySettings(Settings):
             "reason": "of what is held out together: long against the memory of noise and filter",
         },
     )
+    min_stretches: int = field(
+        default=12,
+        metadata={
+            "unit": "1",
+            "reason": "two a fold: logs that hold fewer are cut into shorter ones. Of a weight "
+            "in 10 s of an axis two stretches of 6 s predicted nothing",
+        },
+    )
+    min_stretch_duration: float = field(
+        default=1.0,
+        metadata={
+            "unit": "s",
+            "reason": "shorter ones are known from their neighbours: logs that hold fewer of these "
+            "are too short to tell whether anything is missing",
+        },
+    )
     folds: int = field(
         default=6,
         metadata={"unit": "1", "reason": "each forest is grown on five sixths of the stretches"},
@@ -95,6 +111,38 @@ class PredictabilitySettings(Settings):
             "reason": "a bound on time: longer logs get fewer rows a second",
         },
     )
+    measuring_margin: float = field(
+        default=1.25,
+        metadata={
+            "unit": "1",
+            "reason": "on what coarse channels alone make predictable, as the fitted model's own "
+            "run has it, measured like the logs: the size of a count is known to 5 % or so, and "
+            "five platforms with Coulomb friction and 500 to 4096 counts had 0.96 to 1.18 of it",
+        },
+    )
+    max_share_of_values: float = field(
+        default=0.1,
+        metadata={
+            "unit": "share of the samples",
+            "reason": "a channel with fewer different values comes in steps",
+        },
+    )
+    max_noise_of_step: float = field(
+        default=0.5,
+        metadata={
+            "unit": "steps",
+            "reason": "noise above it makes a step harmless (dither): the rounding is then noise, "
+            "whatever the motion",
+        },
+    )
+    rounded_bandwidth: float = field(
+        default=10.0,
+        metadata={
+            "unit": "Hz",
+            "reason": "of the torques that a model demands, in place of rounded ones: above the "
+            "motions' 1 Hz and what a speed loop answers",
+        },
+    )
     noise_block_duration: float = field(
         default=5.0,
         metadata={
@@ -125,6 +173,16 @@ class PredictabilitySettings(Settings):
             "more",
         },
     )
+
+    @property
+    def shortest(self) -> float:
+        """What logs must last together [s], to tell whether anything is left."""
+        return self.min_stretches * self.min_stretch_duration
+
+    def stretch_in(self, duration: float) -> float:
+        """Length of a stretch [s] that is held out of logs that last a duration [s] together."""
+        shorter = max(duration / self.min_stretches, self.min_stretch_duration)
+        return min(self.stretch_duration, shorter)
 
     def __post_init__(self) -> None:
         check_settings(self, "predictability settings", positive=True)

@@ -136,7 +136,7 @@ def _motion(log: Log, limits: CheckLimits) -> Iterator[Finding]:
     # 1e-9: without noise and motion both other limits are zero, and rounding would count as motion.
     above = speed > max(by_noise, settings.moving_speed_share * usual, 1e-9)
     seconds = float(above.sum()) * log.dt
-    if seconds == 0 and counted_step(log.velocity, settings):
+    if seconds < least and counted_step(log.velocity, settings):
         return  # coarse counts look like noise: told by `counted_speeds`
     if seconds == 0:
         yield _at(log, "error", "nothing moves", cure)
@@ -217,10 +217,23 @@ def _frozen_channels(log: Log, limits: CheckLimits) -> Iterator[Finding]:
         # A saturated torque is constant too, and its sensor is not frozen.
         at_limit = value in (signal.min(), signal.max()) and column.startswith("effort")
         coarse = elsewhere >= settings.max_repeated_share
-        if length >= least and not coarse and not at_limit and np.ptp(signal) > 0:
+        # A wheel that comes to rest and leaves it gently stands at zero, where noise is small.
+        rests = column.startswith("velocity") and _rests(signal, *longest, settings)
+        ordinary = coarse or at_limit or rests
+        if length >= least and not ordinary and np.ptp(signal) > 0:
             message = f"stands still at {value:.4g} for {length * log.dt:.2g} s"
             cure = "cut that part off; check the sensor and its cable"
             yield _at(log, "error", message, cure, longest[0], column)
+
+
+def _rests(signal: NDArray[np.float64], start: int, last: int, settings: LogSettings) -> bool:
+    """Whether a signal (n,) is zero from one sample to another, and gets there in usual steps."""
+    steps = np.abs(np.diff(signal))
+    if signal[start] != 0.0 or not steps.any():
+        return False
+    some = thinned(steps[steps > 0], settings.noise.max_samples)
+    beside = steps[[k for k in (start - 1, last) if 0 <= k < len(steps)]]
+    return bool(beside.max(initial=0.0) <= np.quantile(some, settings.usual_step_quantile))
 
 
 def _stale_rows(log: Log, limits: CheckLimits) -> Iterator[Finding]:

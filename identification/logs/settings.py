@@ -77,6 +77,14 @@ class LogSettings(Settings):
     max_clock_settings: int = field(
         default=3, metadata={"unit": "1", "reason": "a clock is not set more often in a run"}
     )
+    max_same_time_share: float = field(
+        default=0.01,
+        metadata={
+            "unit": "share of the rows",
+            "reason": "rows that repeat a time with other values: one now and then is a slip, and "
+            "the later row is dropped; more are a clock that is coarser than the log",
+        },
+    )
     max_gap_samples: int = field(
         default=5,
         metadata={"unit": "samples", "reason": "a gap as long is bridged at low rates"},

@@ -104,9 +104,9 @@ def nominal_step(time: NDArray[np.float64]) -> float:
 def check_time(draft: Draft) -> bool:
     """Repair the time column of a draft, or refuse it; return whether the steps are irregular.
 
-    Rows written twice are dropped. In a regular log, missing rows are inserted as NaN. An irregular
-    log stays irregular here: `resample` follows after its channels are repaired. Each repair is
-    reported.
+    Rows written twice are dropped, and so are a few that repeat a time. In a regular log, missing
+    rows are inserted as NaN. An irregular log stays irregular here: `resample` follows after its
+    channels are repaired. Each repair is reported.
 
     Raises
     ------
@@ -117,6 +117,7 @@ def check_time(draft: Draft) -> bool:
     _fill_time(draft)
     _sort_exchanged_rows(draft)
     _drop_repeated_rows(draft)
+    _drop_rows_of_one_time(draft)
     if len(draft.time) < draft.settings.min_rows:
         cure = f"record at least {draft.settings.min_rows} rows of motion"
         raise draft.fault(f"has only {len(draft.time)} row(s)", cure)
@@ -194,6 +195,17 @@ def _sort_exchanged_rows(draft: Draft) -> None:
     draft.report("repaired", message, "check the logger", at, "time")
     draft.time, draft.data = draft.time[order], draft.data[order]
     draft.lines, draft.valid = draft.lines[order], draft.valid[order]
+
+
+def _drop_rows_of_one_time(draft: Draft) -> None:
+    """Of a few rows that share a time with the row before, keep the first."""
+    same = np.r_[False, np.diff(draft.time) == 0]
+    if not 0 < same.sum() <= max(1, draft.settings.max_same_time_share * len(same)):
+        return
+    at = int(np.argmax(same))
+    message = f"{same.sum()} row(s) have the time of the row before: the later row is dropped"
+    draft.report("repaired", message, "check the logger's clock", at, "time")
+    draft.keep(~same)
 
 
 def _check_order(draft: Draft) -> None:

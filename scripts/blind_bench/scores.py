@@ -228,6 +228,24 @@ def wrongly_named(record: Record) -> bool:
     return accepted_unplanted(record) and not (outside and said_unknown(record))
 
 
+def of_baseline(record: Record) -> Record | None:
+    """The record with the baseline's names in place of the diagnosis's; None: it was not asked."""
+    return {**record, "found": record["baseline"]} if "baseline" in record else None
+
+
+def _baseline(check: Callable[[Record], bool]) -> Callable[[Record], bool | None]:
+    def answer_of(record: Record) -> bool | None:
+        other = of_baseline(record)
+        return None if other is None else check(other)
+
+    return answer_of
+
+
+def named_exactly(record: Record) -> bool:
+    """Whether what is planted is named, without alternatives and without anything else."""
+    return alone(record) if planted(record) else verdict(record) == "adequate"
+
+
 def refused(record: Record) -> bool:
     """Whether the input was refused."""
     return record.get("error_class") == "InputError"
@@ -415,6 +433,10 @@ def _of_every_kind(records: Sequence[Record]) -> dict[str, Any]:
         crashed=crashed,
         identify_failed=identify_failed,
         warned=warned,
+        named_exactly=named_exactly,
+        baseline_right=_baseline(right),
+        baseline_wrongly_named=_baseline(wrongly_named),
+        baseline_named_exactly=_baseline(named_exactly),
     )
     return {
         "cases": len(records),

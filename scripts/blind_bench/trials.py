@@ -38,7 +38,8 @@ Record = dict[str, Any]
 """What is kept of a trial, JSON-able: ``case``, ``found`` (the diagnosis's own JSON),
 ``carriers``, ``base`` and ``sizes`` (what the diagnosis states of the base parameters and of the
 effects), ``true_velocity_error``, ``seconds``; ``identify``, what `identify` says of the same logs;
-``after``, the diagnosis with the proposed experiment; ``library_warnings``, in words. Where
+``after``, the diagnosis with the proposed experiment; ``baseline``, what the baseline names;
+``library_warnings``, in words. Where
 something failed: ``error``, its ``error_class`` and the line of code that raised it, ``raised_at``.
 """
 
@@ -47,6 +48,10 @@ Diagnose = Callable[..., Any]
 
 Identify = Callable[..., Any]
 """identify(logs, seed=...), whose result has a ``model``."""
+
+
+Baseline = Callable[..., Any]
+"""baseline(model, logs, seed=...), whose result's ``to_dict`` has ``verdict`` and ``missing``."""
 
 
 @dataclass(frozen=True)
@@ -59,9 +64,11 @@ class Options:
     follow_up : record the experiment that is proposed for a tie, and diagnose again
     keep : folder for the logs, truth.json and trial.json of each case, in a folder by its key
     limit : time [s] after which each of the two is given up with a TimeoutError; 0: never
+    baseline : also let this name what is missing, on the same logs
     """
 
     identify: Identify | None = None
+    baseline: Baseline | None = None
     follow_up: bool = False
     keep: Path | None = None
     limit: float = 0.0
@@ -89,7 +96,7 @@ def velocity_error(model: Model, logs: Sequence[Log]) -> float:
 
 def stated_sizes(found: Any, report: dict[str, Any]) -> dict[str, dict[str, float]]:
     """Value and std of the accepted effects' parameters, by ``effect.parameter``."""
-    model = getattr(found, "fitted_model", None)  # none where the base is not physical
+    model = getattr(found, "model", None)
     if isinstance(model, Model):
         effects = {
             name: {key: (estimate.value, estimate.std) for key, estimate in values.items()}
@@ -192,6 +199,8 @@ def run_trial(case: Case, diagnose: Diagnose, options: Options = Options()) -> R
                 logs = read_logs(paths)
                 if options.identify is not None:
                     record["identify"] = _identified(logs, case.seed, options)
+                if options.baseline is not None:
+                    record["baseline"] = _named_by_baseline(logs, case.seed, options)
                 with within(options.limit):
                     _diagnosed(record, case, logs, diagnose, options.follow_up)
         except Exception as error:
@@ -212,6 +221,15 @@ def _identified(logs: Sequence[Log], seed: int, options: Options) -> Record:
     return found | {"seconds": time.perf_counter() - before}
 
 
+def _named_by_baseline(logs: Sequence[Log], seed: int, options: Options) -> Record:
+    assert options.baseline is not None
+    try:
+        with within(options.limit):
+            return options.baseline(load_model("paper"), logs, seed=seed).to_dict()
+    except Exception as error:
+        return failure(error)
+
+
 def _diagnosed(
     record: Record, case: Case, logs: Sequence[Log], diagnose: Diagnose, follow_up: bool
 ) -> None:
@@ -222,7 +240,7 @@ def _diagnosed(
     finally:
         record["seconds"] = time.perf_counter() - before
     record["found"] = found.to_dict()
-    record["base"] = stated_base(getattr(found, "fitted_model", None))
+    record["base"] = stated_base(getattr(found, "model", None))
     record["sizes"] = stated_sizes(found, record["found"])
     truth = true_model(case)
     record["true_velocity_error"] = None if truth is None else velocity_error(truth, logs)

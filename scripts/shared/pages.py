@@ -181,6 +181,8 @@ def _warnings(result: Comparison) -> Iterator[str]:
     if all(item.seen_in_fit for item in result.logs):
         yield "The model was fitted on these very logs: compare on others to see what it can do."
     for item in result.logs:
+        if item.diverges:
+            yield f"{item.log.name}: the model's free run diverges, so it has no velocity error."
         if item.slip is not None and item.slip.exceeds_noise:
             yield f"{item.log.name}: the wheels slip, or one is not what the geometry says."
     yield from warnings_of_logs([item.log for item in result.logs])

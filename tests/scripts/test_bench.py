@@ -450,14 +450,10 @@ def test_a_kept_case_holds_its_logs_its_truth_and_its_trial(tmp_path: Path):
 
 
 def test_a_verdict_without_a_model_has_the_sizes_of_its_report():
-    """Where the refitted base is not physical there is no model, and the trial goes on."""
+    """Something else that names effects may have no model, and the trial goes on."""
 
     class Found:
-        fitted_model = None
-
-        @property
-        def model(self):
-            raise InputError("no model")
+        model = None
 
     stated = {"effect": "floor_tilt", "parameters": {"tilt_x": {"value": 0.02, "std": 0.001}}}
     report = {"missing": ["floor_tilt"], "candidates": [stated]}

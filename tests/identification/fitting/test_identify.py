@@ -12,6 +12,7 @@ from identification.fitting.identify import identify
 from identification.logs.log import Log
 from identification.logs.reading import read_log
 from identification.mechanisms.mecanum import Mecanum
+from identification.mechanisms.mechanism import Mechanism
 from identification.mechanisms.plausibility import warnings_of
 from tests.identification.recordings import recording
 from tests.identification.shared_data import DATA, needs_data, theta, truth
@@ -208,3 +209,26 @@ def test_a_model_that_diverges_is_said_so():
     assert compare(unstable, [recording("I")]).to_dict()["total"]["velocity_error"] > 0.1
     with pytest.raises(InputError, match="at least one"):
         compare(PAPER, [])
+
+
+@pytest.mark.parametrize("stiff", [False, True])
+def test_a_free_run_that_diverges_has_no_error_and_is_told(tmp_path, monkeypatch, stiff: bool):
+    sound = Mechanism.free_run
+
+    def diverging(mechanism, theta, samples):
+        if stiff:
+            raise InputError("too stiff to simulate")
+        run = sound(mechanism, theta, samples)
+        return run * np.exp(np.minimum(np.arange(len(run)), 700.0))[:, None]
+
+    monkeypatch.setattr(Mechanism, "free_run", diverging)
+    result = compare(PAPER, [recording("I")])
+    found = result.to_dict()
+    assert found["diverges"] == ["I"]
+    assert np.isnan(found["total"]["velocity_error"])
+    assert np.isnan(found["noise_floor"]["velocity_error"])
+    assert np.isfinite(found["total"]["force_error"])
+    write_predictions(tmp_path / "I.csv", result.logs[0])
+    table = np.genfromtxt(tmp_path / "I.csv", delimiter=",", names=True)
+    assert np.isfinite(table["velocity_fl"][0]) != stiff
+    assert np.isnan(table["velocity_fl"][-1])

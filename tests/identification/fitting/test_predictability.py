@@ -9,7 +9,7 @@ import pytest
 from scipy.signal import lfilter
 
 from identification.fitting.least_squares import fit
-from identification.fitting.predictability import Predictability, predictability
+from identification.fitting.predictability import Predictability, predictability, too_short
 from identification.fitting.repeated_periods import repeated_noise
 from identification.fitting.settings import FitSettings, PredictabilitySettings
 from identification.logs.log import Log
@@ -129,3 +129,30 @@ class TestRepeatedPeriods:
         chirp = np.sin(0.05 * self.TIME**2)[:, None] * np.ones(2)
         total, count = self.noise(chirp, chirp)
         assert count == 0 and not total.any()
+
+
+def first(log: Log, duration: float) -> Log:
+    """The first seconds of a log."""
+    keep = slice(0, round(duration / log.dt))
+    return replace(
+        log, time=log.time[keep], velocity=log.velocity[keep], effort=log.effort[keep], pose=None
+    )
+
+
+def test_of_a_short_log_shorter_stretches_are_held_out():
+    coulomb = (("wheel_coulomb_friction", (("torque", 0.3),)),)
+    missing, nothing = (
+        left_by_the_base_model(first(recording("calibration", effects), 14.0))
+        for effects in (coulomb, ())
+    )
+    assert not missing.is_noise and missing.share > 0.3
+    assert nothing.is_noise and not nothing.is_short
+
+
+def test_what_is_too_short_to_tell_is_said():
+    found = left_by_the_base_model(first(recording("calibration"), 8.0))
+    assert found.is_short and found.duration == pytest.approx(7.5, abs=0.3)
+    assert "7.5 s, and 12 s are the least" in too_short(found)
+    settings = PredictabilitySettings()
+    assert settings.stretch_in(600.0) == 6.0 and settings.stretch_in(3.0) == 1.0
+    assert settings.stretch_in(36.0) == pytest.approx(3.0)

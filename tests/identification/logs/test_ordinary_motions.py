@@ -95,6 +95,33 @@ class TestSigns:
         assert not any(line.startswith("error") for line in told(log))
 
 
+class TestRest:
+    """A speed that is zero for long, where noise is smaller than the last decimal."""
+
+    @staticmethod
+    def frozen(speed: Array) -> list[str]:
+        log = recording()
+        velocity = log.velocity.copy()
+        velocity[: len(TIME), 0] = speed
+        return [line for line in told(replace(log, velocity=velocity)) if "stands still" in line]
+
+    @staticmethod
+    def fine(time: Array) -> Array:
+        noise = 1e-4 * np.random.default_rng(1).standard_normal(len(time))
+        return 2.0 * there_and_back(time) + noise
+
+    def test_a_wheel_that_starts_late_is_no_fault(self):
+        speed = self.fine(np.maximum(TIME - 1.0, 0.0)) * np.minimum(np.maximum(TIME - 1.0, 0), 1)
+        assert (speed[:100] == 0).all()
+        assert self.frozen(speed) == []
+
+    def test_a_sensor_that_falls_to_zero_in_mid_motion_is_one(self):
+        speed = self.fine(TIME)
+        speed[1000:1100] = 0.0
+        assert len(self.frozen(speed)) == 1
+        assert "error" in self.frozen(speed)[0]
+
+
 @pytest.mark.parametrize(
     ("share", "words"),
     [

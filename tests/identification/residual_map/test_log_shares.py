@@ -26,7 +26,7 @@ def shares(missing: Callable[[int, np.ndarray], np.ndarray], seed: int = 0) -> d
         residual += columns[..., 1] * missing(log, over_all)[:, None]
         folds.append(FoldRows(np.zeros((ROWS, 0)), columns, residual, 100))
         none = np.zeros((ROWS, 3))
-        time = STEP * np.arange(ROWS)
+        time = STEP * np.arange(ROWS, dtype=float)
         variables.append(
             MotionVariables((), (), (), time, none, none, none, none, none, none, none, none)
         )

@@ -213,7 +213,8 @@ def test_a_channel_with_an_inverse_of_its_own_is_taken_back_as_far_as_it_goes(na
     np.testing.assert_allclose(again, true, rtol=0, atol=1e-13)
     assert np.abs(true - torque).max() > 0.05
     none = np.array([item.defaults[key] for key in item.parameter_names])
-    np.testing.assert_allclose(item.evaluate(np, channel, none), torque, rtol=0, atol=1e-13)
+    passed = np.asarray(item.evaluate(np, channel, none))
+    np.testing.assert_allclose(passed, torque, rtol=0, atol=1e-13)
 
 
 @pytest.mark.parametrize(

@@ -20,7 +20,7 @@ def row_written_twice(rows):
     return [*rows[:501], rows[500], *rows[501:]]
 
 
-@case(Refused("repeats", row=502, column="time"))
+@case(Read("time of the row before", row=502, changed=1))
 def repeated_time(rows):
     return put(rows, "time", [502], rows[500][0])
 

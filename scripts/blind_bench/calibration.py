@@ -1,0 +1,204 @@
+"""What the stated probabilities promise and deliver, on cheap fits and on the bench's cases."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Sequence
+from dataclasses import dataclass
+from functools import partial
+
+import numpy as np
+
+from youbot_scripts.blind_bench.scores import (
+    INTERVAL,
+    base_off,
+    identified_base_off,
+    named_sets,
+    of_baseline,
+    planted,
+    sizes_off,
+    verdict,
+    wrongly_named,
+)
+from youbot_scripts.blind_bench.trials import Record
+
+NULLS = ("none", "noise")
+"""Kinds of the cheap fits, in turn: white noise, and noise of other kinds."""
+
+LEVELS = (0.01, 0.05, 0.2)
+"""Levels at which p-values are judged; an effect is accepted below the first."""
+
+
+@dataclass(frozen=True)
+class Row:
+    """What was promised of something stated, and what came.
+
+    hits, of : per replicate, how often it held and how often it was stated; those of one replicate
+        are not independent, so the standard error is that of a ratio over replicates
+    least, most : of the share that is promised
+    """
+
+    what: str
+    promised: str
+    hits: tuple[int, ...]
+    of: tuple[int, ...]
+    least: float = 0.0
+    most: float = 1.0
+
+    @property
+    def share(self) -> float:
+        """Of all that was stated, what held."""
+        return sum(self.hits) / sum(self.of)
+
+    @property
+    def replicates(self) -> int:
+        """That stated it."""
+        return sum(count > 0 for count in self.of)
+
+    @property
+    def std(self) -> float:
+        """Standard error of the share, by the spread of the replicates (ratio estimator).
+
+        Where all replicates agree that spread is zero: then one more, which does not, is added.
+        """
+        hits, of = np.array(self.hits, float), np.array(self.of, float)
+        if self.share in (0.0, 1.0):
+            usual = of.sum() / max(self.replicates, 1)
+            hits, of = np.append(hits, (1.0 - self.share) * usual), np.append(of, usual)
+        left = hits - hits.sum() / of.sum() * of
+        count = len(left)
+        return float(np.sqrt((left**2).sum() * count / max(count - 1, 1)) / of.sum())
+
+    @property
+    def falls_short(self) -> bool:
+        """Whether the share is outside the promise by more than two standard errors."""
+        return self.share + 2 * self.std < self.least or self.share - 2 * self.std > self.most
+
+
+Answers = Iterable[Sequence[bool]]
+"""Per replicate, whether each thing that it stated held."""
+
+
+def row_of(
+    what: str, promised: str, answers: Answers, least: float = 0.0, most: float = 1.0
+) -> Row | None:
+    """A row; None where nothing was stated."""
+    listed = [list(one) for one in answers]
+    if not any(listed):
+        return None
+    hits, of = (tuple(map(count, listed)) for count in (sum, len))
+    return Row(what, promised, hits, of, least, most)
+
+
+def rows_of(records: Sequence[Record], fits: Sequence[Record]) -> dict[str, list[Row]]:
+    """All rows, by heading."""
+    trials = {kind: [r for r in records if r["case"]["kind"] == kind] for kind in TRIALS}
+    null = {
+        kind: [r for r in fits if r["case"]["kind"] == kind and "error" not in r] for kind in NULLS
+    }
+    tables = {
+        "Intervals of 95 %": _intervals(trials, null),
+        "p-values where nothing is missing": _p_values(null),
+        "Verdicts": _verdicts(trials, null),
+    }
+    return {heading: [row for row in rows if row is not None] for heading, rows in tables.items()}
+
+
+TRIALS = {
+    "none": "nothing missing, white noise",
+    "noise": "nothing missing, other noise",
+    "one": "one effect",
+    "two": "two effects",
+}
+"""Kinds of the bench that a page tells of."""
+
+NOISE = {"none": "white noise", "noise": "other noise"}
+
+INTERVAL_HOLDS = ("95 %", 0.93, 0.97)
+"""What is promised of an interval, and the shares that keep it."""
+
+
+def _inside(offs: Iterable[float | None]) -> list[bool]:
+    return [off <= INTERVAL for off in offs if off is not None]
+
+
+def _intervals(trials: dict[str, list[Record]], null: dict[str, list[Record]]) -> list[Row | None]:
+    promised, *bounds = INTERVAL_HOLDS
+    found = [
+        row_of(
+            f"base parameters by `identify`, calibration motion alone, {NOISE[kind]}",
+            promised,
+            (_inside(base_off(record).values()) for record in rows),
+            *bounds,
+        )
+        for kind, rows in null.items()
+    ]
+    of_trials: list[tuple[str, Callable[[Record], list[bool]]]] = [
+        ("base parameters by `identify`", lambda r: _inside(identified_base_off(r).values())),
+        ("base parameters by `diagnose`", lambda r: _inside(base_off(r).values())),
+        ("sizes of effects", lambda r: _inside(sizes_off(r))),
+    ]
+    for what, inside in of_trials:
+        for kind, rows in trials.items():
+            if what.endswith("`identify`") and kind not in NULLS:
+                continue  # where something is missing it states no interval
+            found.append(row_of(f"{what}, {TRIALS[kind]}", promised, map(inside, rows), *bounds))
+    return found
+
+
+def _p_values(null: dict[str, list[Record]]) -> list[Row | None]:
+    found = []
+    for key, what in (("p_value", "candidates"), ("map_p_value", "the map's variables")):
+        for kind, rows in null.items():
+            for level in LEVELS:
+                below = partial(_is_below, key, level)
+                name = f"least p-value of all {what} is {level:g} or less, {NOISE[kind]}"
+                found.append(row_of(name, f"{level:.0%}", map(below, rows), 0.0, level))
+    return found
+
+
+def _is_below(key: str, level: float, record: Record) -> list[bool]:
+    return [record[key] <= level]
+
+
+def _verdicts(trials: dict[str, list[Record]], null: dict[str, list[Record]]) -> list[Row | None]:
+    found = [
+        row_of(
+            f"`identify` says that something is missing, where nothing is, {NOISE[kind]}",
+            "at most 1 %" if kind == "none" else "at most 5 %",
+            ([record["misfit"]] for record in rows),
+            most=0.01 if kind == "none" else 0.05,
+        )
+        for kind, rows in null.items()
+    ]
+    for kind, least in (("none", 0.99), ("noise", 0.95)):
+        adequate = ([verdict(r) == "adequate"] for r in trials[kind])
+        what = f'verdict "adequate", {TRIALS[kind]}'
+        found.append(row_of(what, f"at least {least:.0%}", adequate, least))
+    for kind, rows in trials.items():
+        wrong = ([wrongly_named(r)] for r in rows)
+        found.append(
+            row_of(f"a name that nobody planted, {TRIALS[kind]}", "at most 2 %", wrong, most=0.02)
+        )
+    found.append(
+        row_of(
+            "a set of several names, in place of one: the planted one is in it",
+            "95 %",
+            map(_truth_in_sets, [*trials["one"], *trials["two"]]),
+            0.93,
+        )
+    )
+    found += [
+        row_of(
+            f"the baseline: a name that nobody planted, {TRIALS[kind]}",
+            "5 % of the names",
+            ([wrongly_named(other)] for r in rows if (other := of_baseline(r)) is not None),
+            most=0.05,
+        )
+        for kind, rows in trials.items()
+    ]
+    return found
+
+
+def _truth_in_sets(record: Record) -> list[bool]:
+    sets = [set(names) for names in named_sets(record) if len(names) > 1]
+    return [bool(names & set(planted(record))) for names in sets]

@@ -1,0 +1,85 @@
+"""The page of what was promised and what was delivered, in Markdown."""
+
+from __future__ import annotations
+
+import subprocess
+from collections.abc import Sequence
+from importlib.metadata import version
+from pathlib import Path
+
+from youbot_env.files import write_atomically
+from youbot_scripts.blind_bench.calibration import Row, rows_of
+from youbot_scripts.blind_bench.trials import Record
+
+COMMAND = (
+    "youbot bench --baseline --calibration docs/calibration.md --kinds none,noise,one,two \\\n"
+    "    --cases 200 --replicates 2000 --seed 11 --resume calibration/"
+)
+
+INTRODUCTION = """# What the stated probabilities deliver
+
+Everything here comes from platforms of a second simulator, which shares no line with the models
+that are fitted. One command makes this page anew, and goes on where it was stopped:
+
+```bash
+{command}
+```
+
+A *fit* is a platform's calibration motion alone, 140 s, to which nothing is added; a *diagnosis*
+has 260 s of logs and is what `youbot bench` runs. Several numbers of one replicate are not
+independent: standard errors are those of a ratio over replicates. **short**: outside the promise by
+more than two of them. Other noise: ten kinds, from AR(1) to hum, outliers, coarse steps and offsets
+that wander. The baseline is a stepwise selection by F-tests on a split sample with the false
+discovery rate of Benjamini and Hochberg, on the same cases.
+
+Commit {commit}. {fits} fits, {trials} diagnoses.
+"""
+
+
+def write_page(path: Path, records: Sequence[Record], fits: Sequence[Record]) -> None:
+    """Write the page of some trials and cheap fits.
+
+    Raises
+    ------
+    InputError
+        If the file cannot be written.
+    """
+    write_atomically(path, page(records, fits))
+
+
+def page(records: Sequence[Record], fits: Sequence[Record]) -> str:
+    """The page's text."""
+    told = INTRODUCTION.format(
+        command=COMMAND, commit=commit(), fits=len(fits), trials=len(records)
+    )
+    for heading, rows in rows_of(records, fits).items():
+        if rows:
+            told += f"\n## {heading}\n\n" + _table(rows)
+    return told
+
+
+def _table(rows: Sequence[Row]) -> str:
+    lines = [
+        "| what is stated | promised | delivered | standard error | replicates | |",
+        "|---|---|---|---|---|---|",
+    ]
+    for row in rows:
+        mark = "**short**" if row.falls_short else ""
+        numbers = f"{row.share:.1%} | {row.std:.1%} | {row.replicates}"
+        lines.append(f"| {row.what} | {row.promised} | {numbers} | {mark} |")
+    return "\n".join(lines) + "\n"
+
+
+def commit() -> str:
+    """The checkout's commit; the version where there is no checkout."""
+    here = Path(__file__).parent
+    try:
+        found = subprocess.run(
+            ["git", "-C", str(here), "describe", "--always", "--dirty", "--abbrev=10"],
+            capture_output=True,
+            text=True,
+            check=True,
+        )
+    except (OSError, subprocess.CalledProcessError):
+        return f"unknown, version {version('youbot')}"
+    return found.stdout.strip()
