@@ -43,6 +43,12 @@ class Dynamics(Protocol):
     def interface_torque(self) -> Callable[..., Components[Number]]: ...
     @property
     def state_derivative(self) -> Callable[..., Components[Number]]: ...
+    @property
+    def channel_torque(self) -> Callable[..., Components[Number]]: ...
+    @property
+    def torque_delay(self) -> Callable[..., Number | float]: ...
+    @property
+    def mass_matrix(self) -> Callable[..., tuple[Components[Number], ...]]: ...
 
 
 @dataclass(frozen=True)
@@ -50,6 +56,8 @@ class System:
     """What a stepper is generated from: the state's derivative, of any mechanism."""
 
     prefix: ClassVar[str] = "kernel"
+    sources: ClassVar[tuple[str, ...]] = ()
+    variant: ClassVar[str] = ""
 
     dynamics: Dynamics
 
@@ -248,6 +256,8 @@ class Inverse:
     """What the inverse dynamics of the platform is generated from, for the cache of kernels."""
 
     prefix: ClassVar[str] = "inverse"
+    sources: ClassVar[tuple[str, ...]] = ()
+    variant: ClassVar[str] = ""
 
     dynamics: Dynamics
 

@@ -172,7 +172,7 @@ def test_terminates_only_where_no_platform_can_be():
 def test_a_state_that_is_not_finite_terminates_with_a_valid_observation():
     env = YouBotTrackingEnv()
     env.reset(seed=0)
-    env._stepper.plant.states[0, 0] = np.nan
+    env._rows.set_state(0, np.full(len(env.state), np.nan))  # pyright: ignore
     observation, reward, terminated, truncated, _ = env.step(np.zeros(4))
     assert terminated and not truncated and 0 <= reward <= 1
     assert env.observation_space.contains(observation)
