@@ -8,9 +8,9 @@ of the force.
 from __future__ import annotations
 
 import numpy as np
-from numba import njit
 from numpy.typing import ArrayLike, NDArray
 
+from youbot_env.caching import njit
 from youbot_env.physics.geometry import Geometry
 
 Array = NDArray[np.float64]

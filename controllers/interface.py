@@ -9,10 +9,16 @@ from typing import NamedTuple, Protocol, runtime_checkable
 import numpy as np
 from numpy.typing import NDArray
 
-from youbot_env.errors import finite
+from youbot_env.errors import InputError, finite
 from youbot_env.physics.hardware import MAX_WHEEL_TORQUE
 
 Array = NDArray[np.float64]
+
+SHORTEST_SAMPLE, LONGEST_SAMPLE = 1e-5, 10.0
+"""[s] between which a loop's sample time must lie: no drive's bus is faster, no platform slower."""
+
+MOST_SAMPLES_LATE = 10_000
+"""Most samples by which a command or a measurement may be late: controllers keep all of them."""
 
 
 class Observation(NamedTuple):
@@ -77,12 +83,23 @@ class Loop:
     speed_noise: float = 0.01
 
     def __post_init__(self) -> None:
-        finite("loop sample_time", self.sample_time, positive=True)
+        period = finite("loop sample_time", self.sample_time, positive=True)
+        if not SHORTEST_SAMPLE <= period <= LONGEST_SAMPLE:
+            raise InputError(
+                f"loop sample_time: {period:.4g} s (a rate of {1 / period:.4g} Hz) is not between "
+                f"{SHORTEST_SAMPLE:g} and {LONGEST_SAMPLE:g} s"
+            )
         # ``finite`` would refuse the infinity that stands for no limit.
         if self.torque_limit != math.inf:
             finite("loop torque_limit", self.torque_limit, positive=True)
         for name in ("delay", "measurement_delay", "speed_noise"):
             finite(f"loop {name}", getattr(self, name), least=0.0)
+        for name in ("delay", "measurement_delay"):
+            late = getattr(self, name) / period
+            if late > MOST_SAMPLES_LATE:
+                raise InputError(
+                    f"loop {name}: {late:.4g} samples are more than {MOST_SAMPLES_LATE}"
+                )
 
 
 @runtime_checkable

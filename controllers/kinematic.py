@@ -55,6 +55,7 @@ class KinematicControl:
     Attributes
     ----------
     preview_needed : coming reference samples that it reads; 0 without a lead
+    held : (4,) which wheels' last speed was no number, so that their torque is the one before
 
     Raises
     ------
@@ -84,11 +85,14 @@ class KinematicControl:
     def reset(self) -> None:
         """Empties the integrals."""
         self._integral = [0.0, 0.0, 0.0, 0.0]
+        self._torque = [0.0, 0.0, 0.0, 0.0]
+        self.held = (False, False, False, False)
 
     def __call__(self, observation: Observation, reference: Reference) -> Array:
         """Wheel torques (4,) [N m]; uses the wheel speeds and the reference twist alone.
 
-        A NaN in a wheel's speed gives that wheel NaN torque once, and leaves its integral alone.
+        Where a wheel's speed is NaN or infinite its torque and integral stay as they were, and
+        ``held`` says so: one lost measurement must not reach the drives.
 
         Raises
         ------
@@ -98,7 +102,11 @@ class KinematicControl:
         twist = self._ahead(reference) if self.preview_needed else reference.twist
         errors = (self._to_wheels @ twist - observation.wheel_speed).tolist()
         # Python floats: numpy takes three times as long for four numbers.
-        return np.array([self._loop(wheel, error) for wheel, error in enumerate(errors)])
+        self.held = tuple(not math.isfinite(error) for error in errors)
+        for wheel, error in enumerate(errors):
+            if not self.held[wheel]:
+                self._torque[wheel] = self._loop(wheel, error)
+        return np.array(self._torque)
 
     def _ahead(self, reference: Reference) -> Array:
         """The twist a lead from now, linear between samples."""
@@ -117,7 +125,6 @@ class KinematicControl:
         wanted = self.gains.proportional * error + self._integral[wheel] + step
         torque = min(max(wanted, -self.torque_limit), self.torque_limit)
         # Conditional integration: not while the limit holds and the error would push further.
-        # A comparison with NaN is false, so a NaN never gets into the integral.
         if (wanted - torque) * error <= 0.0:
             self._integral[wheel] += step
         return torque

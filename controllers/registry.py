@@ -16,8 +16,10 @@ from controllers.interface import Controller, Loop
 from controllers.policy.policy import Policy, PolicySettings
 from controllers.policy.policy_file import load_policy, shipped_policies
 from controllers.tuning.gains_file import is_gains_file, load_gains
+from controllers.user_file import file_of, is_user_file, user_controller
 from youbot_env.errors import InputError
 from youbot_env.model.model import Model
+from youbot_env.model.model_file import load_model
 
 Settings = Mapping[str, Any]
 """Numbers and texts by name, JSON-able, that a factory takes beside model and loop."""
@@ -155,13 +157,16 @@ def entry(name: str) -> Entry:
         return CONTROLLERS[name]
     if name.endswith(".json") and is_gains_file(name):
         return Entry(partial(_of_gains_file, name), "gains of `youbot tune`")
+    if is_user_file(name):
+        return Entry(partial(user_controller, name), "your own")
     if name in (shipped := shipped_policies()) or name.endswith(".json"):
         return Entry(partial(build_policy, name), "a trained policy")
     known = (*CONTROLLERS, *shipped)
     close = difflib.get_close_matches(name, known, 3)
     hint = f"did you mean {' or '.join(close)}?" if close else f"known are {', '.join(known)}"
     raise InputError(
-        f"controller {name!r}: not known; {hint}, or a .json of `youbot tune` or of a policy"
+        f"controller {name!r}: not known; {hint}, or a .json of `youbot tune` or of a policy, or "
+        "your own: FILE.py (see CONTRIBUTING)"
     )
 
 
@@ -173,6 +178,9 @@ def check(name: str) -> None:
     InputError
         If the name is unknown, or its design needs an extra that is not installed.
     """
+    if is_user_file(name):
+        # Built once on the published model: a mistake shows now, not after hours of work.
+        user_controller(name, load_model("paper"), Loop())
     extra = entry(name).extra
     if extra is not None and importlib.util.find_spec(extra) is None:
         raise InputError(
@@ -192,6 +200,8 @@ def fingerprint(name: str) -> str:
     entry(name)
     if name in CONTROLLERS:
         return ""
+    if is_user_file(name):
+        return hashlib.sha256(file_of(name).read_bytes()).hexdigest()
     if name.endswith(".json") and is_gains_file(name):
         return hashlib.sha256(repr(load_gains(name)).encode()).hexdigest()
     network, description = load_policy(name)

@@ -5,11 +5,16 @@ from __future__ import annotations
 import os
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
-from typing import Any
+from typing import Any, ClassVar
 
 import numpy as np
 from numpy.typing import NDArray
 
+from identification.fitting.changed_parameters import (
+    NO_DEVIATIONS,
+    ParameterChanges,
+    changed_parameters,
+)
 from identification.fitting.errors import (
     NoiseLevel,
     SumsOfSquares,
@@ -18,8 +23,10 @@ from identification.fitting.errors import (
     force_traces,
     velocity_traces,
 )
-from identification.fitting.least_squares import fit as fit_model
+from identification.fitting.final_fit import without_noise_bias
+from identification.fitting.least_squares import Fit, fit as fit_model
 from identification.fitting.misfit import misfit_warning
+from identification.fitting.observability import log_observability, refuse_blind
 from identification.fitting.predictability import NoiseFloor, noise_floor, predictability
 from identification.fitting.regression import regression
 from identification.fitting.settings import FitSettings
@@ -27,11 +34,12 @@ from identification.logs.columns import joint_columns
 from identification.logs.log import Log
 from identification.logs.wheel_checks import Slip, slip_of
 from identification.mechanisms.mechanism import Mechanism
-from identification.mechanisms.registry import AnyModel, mechanism_of
+from identification.mechanisms.registry import AnyModel, kind_of, mechanism_of
 from identification.mechanisms.samples import Samples
 from identification.residual_map.residual_map import residual_map
 from identification.residual_map.settings import ResidualMapSettings
 from identification.residual_map.shares import ResidualMap
+from identification.showing import Shown
 from youbot_env.errors import InputError, Settings, check_settings
 from youbot_env.files import write_atomically
 from youbot_env.physics.geometry import Geometry
@@ -84,11 +92,13 @@ class LogComparison:
     slip: Slip | None = None
 
 
-@dataclass(frozen=True)
-class Comparison:
+@dataclass(frozen=True, repr=False)
+class Comparison(Shown):
     """Result of :func:`compare`; model: as given, a Model or an AxisModel.
 
     floor: what noise leaves, of all logs; where: which variables the residual depends on;
+    changes: the model's parameters beside those that fit these logs;
+    geometry: that replaced the model's own, or None;
     settings: all numbers that this depends on.
     """
 
@@ -96,7 +106,33 @@ class Comparison:
     logs: tuple[LogComparison, ...]
     floor: NoiseFloor
     where: ResidualMap = field(default_factory=lambda: ResidualMap(()))
+    changes: ParameterChanges = field(default_factory=ParameterChanges)
     settings: ComparisonSettings = field(default_factory=ComparisonSettings)
+    geometry: Geometry | None = None
+    kind: ClassVar[str] = "comparison"
+
+    def summary(self) -> str:
+        """Both errors beside the noise floor, and what to do about them."""
+        found = self.to_dict()
+        error, floor = found["total"], found["noise_floor"]
+        line = (
+            f"{self.model.name} on {len(self.logs)} log{'s' * (len(self.logs) > 1)}: force error "
+            f"{error['force_error']:.2%} (noise {floor['force_error']:.2%}), velocity error "
+            f"{error['velocity_error']:.2%} (noise {floor['velocity_error']:.2%})"
+        )
+        return f"{line}; {found['misfit']}" if found["misfit"] else f"{line}: it fits"
+
+    def rows(self) -> list[dict[str, Any]]:
+        """Errors of each log."""
+        return [
+            {
+                "log": item.log.name,
+                "force error": SumsOfSquares.of(item.force).ratio,
+                "velocity error": SumsOfSquares.of(item.velocity).ratio,
+                "seen in fit": item.seen_in_fit,
+            }
+            for item in self.logs
+        ]
 
     @property
     def counted(self) -> tuple[LogComparison, ...]:
@@ -124,6 +160,7 @@ class Comparison:
                 "correlation_time": self.floor.correlation_time,
             },
             "where": self.where.to_list(),
+            "changes": self.changes.to_dict(),
             "stretches": self.worst(),
             "settings": self.settings.to_dict(),
         }
@@ -192,7 +229,8 @@ def compare(
 ) -> Comparison:
     """Errors of a model on logs, with predictions, and the variables that the residual depends on.
 
-    Nothing is fitted for the errors; all logs make the map.
+    Nothing is fitted for the errors; all logs make the map. The structure is fitted to the logs for
+    the noise floor, and to say whether the parameters have changed since the model was made.
 
     Parameters
     ----------
@@ -209,13 +247,17 @@ def compare(
     if not logs:
         raise InputError("no log given: compare needs at least one")
     mechanism = mechanism_of(model, geometry, settings.fit.mechanism)
-    samples = [mechanism.samples(log) for log in logs]
+    samples = mechanism.samples_of(logs)
     force, velocity = [], []
     for log, item in zip(logs, samples, strict=True):
         velocity.append(_free_run(mechanism, model.theta, log, item))
         force.append(force_traces(mechanism, model.theta, item, settings.fit))
         progress()
-    floor = _noise_floor(mechanism, model.theta, samples, force, velocity, seed, settings.fit)
+    fitted = _fitted(mechanism, model.theta, samples, settings.fit)
+    floor = _noise_floor(
+        *(mechanism, model.theta, samples, force, velocity, fitted), seed, settings.fit
+    )
+    changes = _changes(model, mechanism, samples, fitted, seed, settings.fit)
     where = residual_map(
         *(mechanism, model.theta, samples),
         seed=seed,
@@ -239,7 +281,7 @@ def compare(
         )
         for k, log in enumerate(logs)
     ]
-    return Comparison(model, tuple(found), floor, where, settings)
+    return Comparison(model, tuple(found), floor, where, changes, settings, geometry)
 
 
 def _free_run(mechanism: Mechanism, theta: Array, log: Log, samples: Samples) -> Traces:
@@ -249,24 +291,36 @@ def _free_run(mechanism: Mechanism, theta: Array, log: Log, samples: Samples) ->
     return velocity
 
 
+def _fitted(
+    mechanism: Mechanism, theta: Array, samples: Sequence[Samples], settings: FitSettings
+) -> Fit | None:
+    """The model's structure fitted to the logs; None where they are too short."""
+    free = np.flatnonzero(mechanism.free)
+    rows = [regression(mechanism, theta, item, free, settings) for item in samples]
+    if sum(len(row.residual) for row in rows) < settings.min_rows_per_parameter * len(free):
+        return None
+    return fit_model(mechanism, samples, theta, first=rows, settings=settings)
+
+
 def _noise_floor(
     mechanism: Mechanism,
     theta: Array,
     samples: Sequence[Samples],
     force: Sequence[Traces],
     velocity: Sequence[Traces],
+    fitted: Fit | None,
     seed: int,
     settings: FitSettings,
 ) -> NoiseFloor:
-    """What noise leaves: taken from the same structure, fitted to these logs.
+    """What noise leaves: taken from the same structure, ``fitted`` to these logs.
 
     The given parameters' own residual is no measure of the noise: what they miss may be large.
     """
-    free = np.flatnonzero(mechanism.free)
-    rows = [regression(mechanism, theta, item, free, settings) for item in samples]
-    traces = list(force)
-    if sum(len(row.residual) for row in rows) >= settings.min_rows_per_parameter * len(free):
-        fitted = fit_model(mechanism, samples, theta, first=rows, settings=settings)
+    none = np.zeros(0, np.intp)
+    if fitted is None:
+        rows = [regression(mechanism, theta, item, none, settings) for item in samples]
+        traces = list(force)
+    else:
         rows = list(fitted.rows)
         traces = [force_traces(mechanism, fitted.theta, item, settings) for item in samples]
     found = predictability(mechanism, rows, samples, seed, settings)
@@ -277,6 +331,29 @@ def _noise_floor(
     # On a log of its own the given model may do better than one that is fitted to all.
     least = [_no_more_than(part, trace) for part, trace in zip(floor.force, force, strict=True)]
     return replace(floor, force=tuple(least))
+
+
+def _changes(
+    model: AnyModel,
+    mechanism: Mechanism,
+    samples: Sequence[Samples],
+    fitted: Fit | None,
+    seed: int,
+    settings: FitSettings,
+) -> ParameterChanges:
+    """What the model's structure, ``fitted`` to these logs, says of its parameters."""
+    if model.covariance is None:
+        return ParameterChanges(reason=NO_DEVIATIONS)
+    if fitted is None:
+        return ParameterChanges(reason="the logs are too short to refit the model")
+    try:
+        refuse_blind(mechanism, log_observability(mechanism, fitted.rows, settings), settings)
+        noise = [NoiseLevel.of(item, settings) for item in samples]
+        last = without_noise_bias(mechanism, samples, noise, fitted, seed, settings)
+        refitted = kind_of(model).fitted_model(mechanism, last, name=model.name)
+    except InputError:
+        return ParameterChanges(reason="these logs do not show all of the model's parameters")
+    return changed_parameters(model, refitted, mechanism, settings)
 
 
 def _no_more_than(floor: SumsOfSquares, traces: Traces) -> SumsOfSquares:

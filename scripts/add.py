@@ -17,8 +17,10 @@ from youbot_scripts.shared.options import (
     MechanismOption,
     ModelArgument,
     OutputModelOption,
+    ReportOption,
     SeedOption,
     StrictOption,
+    check_pictures,
     console,
     progress,
     write_result,
@@ -40,6 +42,7 @@ def main(
     output: OutputModelOption = None,
     effects: EffectsOption = None,
     mechanism: MechanismOption = None,
+    report: ReportOption = None,
     strict: StrictOption = False,
     json: JsonOption = None,
     seed: SeedOption = 0,
@@ -54,7 +57,8 @@ def main(
     from identification.fitting.misfit import misfit_warning
     from identification.mechanisms.registry import save_any_model
 
-    given = read_inputs(model, logs, effects=effects, mechanism=mechanism, strict=strict)
+    check_pictures(None, report)
+    given = read_inputs(model, logs, mechanism=mechanism, strict=strict)
     with progress(2 * len(given.logs) + 2, "add") as advance:
         result = add_effect(given.model, effect, given.logs, seed=seed, progress=advance)
     out, found = console(json), {**result.to_dict(), **given.to_dict()}
@@ -73,6 +77,11 @@ def main(
         save_any_model(output, result.model)
         out.print(f"model written to {output}")
     write_result(json, found, seed)
+    if report:
+        from youbot_scripts.shared.pages import write_addition
+
+        write_addition(report, result, found, given.logs, seed)
+        out.print(f"report written to {report}", soft_wrap=True)
 
 
 def _print(out: Console, found: dict[str, Any]) -> None:

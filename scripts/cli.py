@@ -32,7 +32,10 @@ PACKAGE = "youbot_scripts"
 
 COMMANDS = (
     "record",
+    "motions",
+    "import",
     "doctor",
+    "kinematics",
     "identify",
     "compare",
     "diagnose",
@@ -42,6 +45,8 @@ COMMANDS = (
     "tune",
     "bench",
     "effects",
+    "export",
+    "workbench",
     "demo",
 )
 """Names of the commands, in the order of the help; a module of `PACKAGE` each."""
@@ -204,7 +209,9 @@ def _abandon_stdout() -> None:
 
 
 def _complain(message: str, status: int) -> int:
-    print(f"youbot: {' '.join(message.split())}", file=sys.stderr)
+    from youbot_env.errors import shortened, visible  # slow: not at the top
+
+    print(f"youbot: {visible(shortened(' '.join(message.split())))}", file=sys.stderr)
     return status
 
 

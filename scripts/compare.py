@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import sys
-from collections.abc import Iterator
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -13,6 +12,7 @@ from youbot_scripts.cli import run_script
 from youbot_scripts.shared import result_tables
 from youbot_scripts.shared.inputs import next_diagnosis, read_inputs
 from youbot_scripts.shared.options import (
+    EffectsOption,
     GeometryOption,
     JsonOption,
     LogsArgument,
@@ -32,8 +32,6 @@ if TYPE_CHECKING:
     from rich.console import Console
 
     from identification.comparison import Comparison
-    from youbot_env.physics.geometry import Geometry
-    from youbot_scripts.shared.report_page import Part
 
 EXAMPLES = (
     "youbot compare model.json runs/multisine_b.csv --report fails.html",
@@ -52,6 +50,7 @@ def main(
             help="Write the free run's wheel speeds [rad/s] here, one CSV a log.",
         ),
     ] = None,
+    effects: EffectsOption = None,
     geometry: GeometryOption = None,
     plots: PlotsOption = None,
     report: ReportOption = None,
@@ -91,10 +90,9 @@ def main(
         for path in plot_comparison(result, plots, given.geometry):
             out.print(f"plot written to {path}", soft_wrap=True)
     if report:
-        from youbot_scripts.shared.report_page import write_page
+        from youbot_scripts.shared.pages import write_comparison
 
-        title = f"Model compared with logs: {given.model.name}"
-        write_page(report, title, _page(result, found, given.geometry), seed)
+        write_comparison(report, result, found, seed)
         out.print(f"report written to {report}", soft_wrap=True)
 
 
@@ -108,37 +106,8 @@ def _print(out: Console, found: dict[str, Any]) -> None:
     else:
         out.print("The force residual depends on no variable more than chance would have it.\n")
     show(out, [result_tables.stretches(found)])
-
-
-def _page(result: Comparison, found: dict[str, Any], geometry: Geometry | None) -> Iterator[Part]:
-    """The parts of the web page: the verdict first, then its reasons."""
-    from identification.figures.figures import figures_of_comparison
-    from youbot_scripts.shared.report_page import Words, pictures
-
-    error, floor = found["total"], found["noise_floor"]
-    yield Words([result_tables.verdict(error["force_error"], floor["force_error"])], "verdict")
-    yield Words(list(_warnings(result)), "warning")
-    rows = [("the model", error), ("noise floor", floor)]
-    yield result_tables.errors("Errors, all logs that count", rows)
-    yield from result_tables.errors_by_axis(found)
-    yield result_tables.residual("What the force residual depends on", found["where"])
-    yield result_tables.stretches(found)
-    yield from result_tables.slip(found["logs"])
-    yield from pictures(figures_of_comparison(result, geometry))
-    model = result_tables.of_model(result.model)
-    yield result_tables.parameters(model, "The model's parameters")
-    yield result_tables.logs(item.log for item in result.logs)
-
-
-def _warnings(result: Comparison) -> Iterator[str]:
-    from identification.logs.log import warnings_of_logs
-
-    if all(item.seen_in_fit for item in result.logs):
-        yield "The model was fitted on these very logs: compare on others to see what it can do."
-    for item in result.logs:
-        if item.slip is not None and item.slip.exceeds_noise:
-            yield f"{item.log.name}: the wheels slip, or one is not what the geometry says."
-    yield from warnings_of_logs([item.log for item in result.logs])
+    for sentence in found["changes"]["words"]:
+        out.print(f"- {sentence}", soft_wrap=True)
 
 
 def _write_predictions(out: Console, result: Comparison, folder: Path) -> None:

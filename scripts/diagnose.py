@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import sys
-from collections.abc import Iterator
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -11,7 +10,7 @@ import typer
 
 from youbot_scripts.cli import run_script
 from youbot_scripts.shared import result_tables
-from youbot_scripts.shared.inputs import Inputs, read_inputs
+from youbot_scripts.shared.inputs import read_inputs
 from youbot_scripts.shared.options import (
     EffectsOption,
     JsonOption,
@@ -33,8 +32,6 @@ from youbot_scripts.shared.tables import show
 if TYPE_CHECKING:
     from rich.console import Console
 
-    from identification.diagnosis.report import Diagnosis
-    from youbot_scripts.shared.report_page import Part
 
 EXAMPLES = (
     "youbot diagnose model.json runs/*.csv -o better.json",
@@ -74,7 +71,7 @@ def main(
     from identification.mechanisms.registry import save_any_model
 
     check_pictures(None, report)
-    given = read_inputs(model, logs, effects=effects, mechanism=mechanism, strict=strict)
+    given = read_inputs(model, logs, mechanism=mechanism, strict=strict)
     with progress(40, "diagnose") as advance:
         result = diagnose(given.model, given.logs, seed=seed, progress=advance)
     out, found = console(json), {**result.to_dict(), **given.to_dict()}
@@ -85,10 +82,9 @@ def main(
         out.print(f"motion written to {next_motion}", soft_wrap=True)
     write_result(json, found, seed)
     if report:
-        from youbot_scripts.shared.report_page import write_page
+        from youbot_scripts.shared.pages import write_diagnosis
 
-        title = f"What is missing from the model: {given.model.name}"
-        write_page(report, title, _page(result, found, given), seed)
+        write_diagnosis(report, result, found, given.logs, seed)
         out.print(f"report written to {report}", soft_wrap=True)
     if output:
         save_any_model(output, result.model)
@@ -96,6 +92,8 @@ def main(
 
 
 def _print(out: Console, found: dict[str, Any], told_first: int) -> None:
+    from youbot_scripts.shared.pages import next_experiment
+
     # What makes the numbers doubtful comes before them.
     if found["verdict"] == "unknown":
         line = "warning: verdict unknown: these logs hold something that no effect explains"
@@ -112,50 +110,13 @@ def _print(out: Console, found: dict[str, Any], told_first: int) -> None:
         result_tables.leading_variables(found["remaining" if accepted else "where"], title=title),
     )
     out.print(f"Verdict: {found['verdict']}", style="bold")
-    for sentence in found["words"]:
+    out.print(found["headline"])
+    for sentence in [*found["words"], *found["changes"]["words"]]:
         out.print(f"- {sentence}")
-    for line in _next_experiment(found):
+    for line in next_experiment(found):
         out.print(line)
     for warning in found["warnings"][told_first:]:
         out.print(f"warning: {warning}", style="yellow")
-
-
-def _next_experiment(found: dict[str, Any]) -> list[str]:
-    """The motion that best separates tied effects, if there is one."""
-    proposed = found["next_experiment"]
-    if not proposed:
-        return []
-    apart = " and ".join(proposed["separates"])
-    return [f"Next experiment: motion {proposed['name']} tells {apart} apart"]
-
-
-def _page(result: Diagnosis, found: dict[str, Any], given: Inputs) -> Iterator[Part]:
-    """The parts of the web page: the verdict first, then its reasons."""
-    from identification.figures.figures import figures_of_diagnosis
-    from youbot_scripts.shared.report_page import Words, pictures
-
-    sentences = [f"Verdict: {found['verdict']}", *found["words"], *_next_experiment(found)]
-    yield Words(sentences, "verdict")
-    yield Words(found["warnings"], "warning")
-    yield result_tables.steps(found)
-    figures = figures_of_diagnosis(result, given.model)
-    drawn = {picture.name: picture for picture in pictures(figures)}
-    yield drawn["errors"]
-    model = result_tables.of_model(result.model)
-    yield result_tables.parameters(model, "Refitted parameters")
-    yield result_tables.candidates(found)
-    titles = {
-        "residual": "What the residual of the refitted model depends on",
-        "remaining": "What remains, with all of the above",
-    }
-    # Without an accepted effect there is no second map.
-    for (name, title), residual_map in zip(titles.items(), result.maps, strict=False):
-        yield result_tables.residual(title, residual_map.to_list())
-        if name in drawn:
-            yield drawn[name]
-    as_given = [(given.model.name, found["given_model"])]
-    yield result_tables.errors("The model as it was given", as_given)
-    yield result_tables.logs(given.logs)
 
 
 if __name__ == "__main__":

@@ -45,6 +45,7 @@ def main(
     """
     # Imported here: `youbot doctor --help` does without numpy and scipy.
     from identification.doctor import examine_log
+    from identification.importing.importing import import_command
     from identification.mechanisms.registry import kind
     from youbot_env.errors import InputError
     from youbot_env.model.model_file import load_geometry
@@ -54,6 +55,8 @@ def main(
     reports: dict[str, dict[str, Any]] = {}
     for path in logs:
         reports[str(path)] = examine_log(path, of, geometry=lengths, unit=unit).to_dict()
+        if not reports[str(path)]["usable"] and mechanism == "mecanum":
+            reports[str(path)]["import"] = import_command(path)
         _print(out, path, reports[str(path)])
     write_result(json, {"logs": reports})
     broken = [path for path, report in reports.items() if not report["usable"]]
@@ -79,6 +82,8 @@ def _print(out: Console, path: Path, report: dict[str, Any]) -> None:
         out.print(
             f"  {finding['level']}: {place}{column}{finding['message']}{cure}", soft_wrap=True
         )
+    if report.get("import"):
+        out.print(f"  this reads it: {report['import']}", soft_wrap=True)
     if report["usable"]:
         _print_shows(out, report["shows"])
 

@@ -9,6 +9,7 @@ from typing import Annotated, Any
 import typer
 
 from youbot_scripts.cli import run_script
+from youbot_scripts.shared.effect_points import site_tables, sites_to_dict
 from youbot_scripts.shared.effect_tables import describe, printed_catalogue, table
 from youbot_scripts.shared.options import JsonOption, console, write_result
 from youbot_scripts.shared.tables import show
@@ -27,6 +28,7 @@ EXAMPLES = (
     "youbot effects floor_tilt --equations",
     "youbot effects --effects my_effects.py --json effects.json",
     "youbot effects --mechanism axis",
+    "youbot effects --points",
 )
 
 
@@ -41,6 +43,10 @@ def main(
             "--equations",
             help="Print the equations of motion of the base model with the effects named.",
         ),
+    ] = False,
+    points: Annotated[
+        bool,
+        typer.Option("--points", help="List what an effect of your own can read at each site."),
     ] = False,
     latex: Annotated[bool, typer.Option("--latex", help="Print formulas as LaTeX.")] = False,
     effects: EffectsOption = None,
@@ -66,6 +72,10 @@ def main(
         load_effects(effects)
     of = printed_catalogue(mechanism)
     chosen = [of.catalogue[name] for name in names] if names else list(of.catalogue)
+    if points:
+        show(console(json), site_tables())
+        write_result(json, {"sites": sites_to_dict()})
+        return
     form = "latex" if latex else "text"
     result: dict[str, Any] = {"effects": [describe(item, of) for item in chosen]}
     screen = console(json)

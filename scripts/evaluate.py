@@ -21,6 +21,7 @@ EXAMPLES = (
     "youbot evaluate",
     "youbot evaluate --suite late --resume late/ --report late.html",
     "youbot evaluate --plant model.json --model model.json --controllers pid,computed_torque",
+    "youbot evaluate --controllers kinematic_tuned,computed_torque,my_controller.py",
     "youbot evaluate --effect floor_tilt:tilt_x=0.02 --model identified,diagnosed --bands 0.5-3",
 )
 
@@ -61,7 +62,7 @@ def main(
         typer.Option(
             metavar="A,B,...",
             help=f"Of {', '.join((*CONTROLLERS, *shipped_policies()))}; or a gains file of `tune`, "
-            f"a policy of `train`. Default: {', '.join(BASIC)}.",
+            f"a policy of `train`, your own FILE.py. Default: {', '.join(BASIC)}.",
         ),
     ] = None,
     band: Annotated[
@@ -97,6 +98,7 @@ def main(
     against: Annotated[
         str | None, typer.Option(metavar="NAME", help="Measure the others by this one.")
     ] = None,
+    effects: common.EffectsOption = None,
     jobs: common.JobsOption = 2,
     resume: Annotated[
         Path | None,

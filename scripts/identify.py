@@ -3,22 +3,19 @@
 from __future__ import annotations
 
 import sys
-from collections.abc import Iterator, Sequence
 from typing import TYPE_CHECKING, Annotated
 
 import typer
 
 from youbot_scripts.cli import run_script
-from youbot_scripts.shared import options as common, result_tables
+from youbot_scripts.shared import options as common
 from youbot_scripts.shared.inputs import next_diagnosis, read_logs_to_fit
-from youbot_scripts.shared.tables import Table, percent, show
+from youbot_scripts.shared.tables import percent, show
 
 if TYPE_CHECKING:
     from rich.console import Console
 
     from identification.fitting.identify import Identification
-    from identification.logs.log import Log
-    from youbot_scripts.shared.report_page import Part
 
 EXAMPLES = (
     "youbot identify runs/calibration.csv -o model.json --report model.html",
@@ -37,6 +34,7 @@ def main(
             "--model", metavar="MODEL", help="Fit this model's effects too (default: base model)."
         ),
     ] = None,
+    effects: common.EffectsOption = None,
     geometry: common.GeometryOption = None,
     mechanism: common.LogsOfOption = "mecanum",
     unit: common.UnitOption = "rad",
@@ -95,10 +93,9 @@ def main(
         for path in plot_identification(result, plots, given.logs):
             out.print(f"plot written to {path}", soft_wrap=True)
     if report:
-        from youbot_scripts.shared.report_page import write_page
+        from youbot_scripts.shared.pages import write_identification
 
-        title = f"Model identified: {result.model.name}"
-        write_page(report, title, _page(result, given.logs, seed), seed)
+        write_identification(report, result, given.logs, seed)
         out.print(f"report written to {report}", soft_wrap=True)
 
 
@@ -111,39 +108,12 @@ def _print(out: Console, result: Identification) -> None:
     # What is wrong with logs or fit comes before the numbers that it makes doubtful.
     for warning in result.first_warnings:
         out.print(f"warning: {warning}", style="yellow", soft_wrap=True)
-    show(out, _tables(result))
+    from youbot_scripts.shared.pages import tables_of_identification
+
+    show(out, tables_of_identification(result))
     out.print(line)
     for warning in result.warnings[len(result.first_warnings) :]:
         out.print(f"warning: {warning}", style="yellow")
-
-
-def _tables(result: Identification) -> list[Table]:
-    """Parameters, and what each motion shows of them."""
-    found = result.to_dict()
-    return [
-        result_tables.parameters(found["combinations"] | found["parameters"]),
-        result_tables.observability(found["observability"], result.mechanism.scaling),
-    ]
-
-
-def _page(result: Identification, read: Sequence[Log], seed: int) -> Iterator[Part]:
-    """The parts of the web page: the verdict first, then its reasons."""
-    from identification.figures.figures import figures_of_identification, figures_of_residual
-    from identification.residual_map.residual_map import residual_map
-    from youbot_scripts.shared.report_page import Words, pictures
-
-    errors = result.model.errors
-    floor = errors["noise_floor"]
-    yield Words([result_tables.verdict(errors["force_error"], floor["force_error"])], "verdict")
-    yield Words(result.warnings, "warning")
-    rows = [("the model, on its own logs", errors), ("noise floor", floor)]
-    yield result_tables.errors("Errors", rows)
-    yield from _tables(result)
-    where = residual_map(result.mechanism, result.fit.theta, result.samples, seed=seed)
-    yield result_tables.residual("What the force residual depends on", where.to_list())
-    yield from pictures(figures_of_residual(where, result.model))
-    yield from pictures(figures_of_identification(result, read))
-    yield result_tables.logs(read)
 
 
 if __name__ == "__main__":

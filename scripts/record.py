@@ -15,7 +15,6 @@ from controllers.recording import SPEED_NOISE, TORQUE_NOISE, control_step, recor
 from identification.logs.formats import import_parquet
 from identification.logs.reading import write_log
 from identification.logs.writing import DECIMALS
-from youbot_env.errors import InputError
 from youbot_scripts.cli import run_script
 from youbot_scripts.recording.named_motions import DEFAULT_MOTIONS, motions_named
 from youbot_scripts.recording.named_plants import Driven, plant_named
@@ -68,6 +67,7 @@ def main(
             help="Add an effect to the plant (SI units); NAME alone: at its catalogue size.",
         ),
     ] = None,
+    effects: common.EffectsOption = None,
     rate: Annotated[float, typer.Option(metavar="HZ", help="Log rate, 20 to 1000 Hz.")] = 100.0,
     torque_noise: Annotated[
         float, typer.Option(help="Standard deviation of a logged torque's noise [N m].")
@@ -108,7 +108,7 @@ def main(
     if format is Format.PARQUET:
         import_parquet(str(out_dir))  # raises now if pyarrow is missing, not after the simulation
     platform = driven.platform()
-    _make_folder(out_dir)
+    common.make_folder(out_dir)
     with common.progress(sum(motion.duration for motion in chosen), "driving") as advance:
         found = recordings(platform, chosen, rate=rate, seed=seed, progress=advance, **noise)
         for recording in found:
@@ -122,13 +122,6 @@ def main(
             common.write_result(out_dir / "record.json", how, seed)
     common.write_result(json, how, seed)
     _show(common.console(json), driven, how["logs"], out_dir)
-
-
-def _make_folder(path: Path) -> None:
-    try:
-        path.mkdir(parents=True, exist_ok=True)
-    except OSError as error:
-        raise InputError(f"{path}: cannot be made a folder: {error.strerror or error}") from None
 
 
 def _show(console: Any, driven: Driven, rows: dict[str, dict[str, Any]], out_dir: Path) -> None:

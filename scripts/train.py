@@ -101,6 +101,7 @@ def main(
             "only what you made yourself or trust.",
         ),
     ] = None,
+    effects: common.EffectsOption = None,
     json: common.JsonOption = None,
 ) -> None:
     """Train a policy on the tracking environment; write it as policy.json and policy.safetensors.

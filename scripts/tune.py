@@ -93,6 +93,7 @@ def main(
             help="Gains file (JSON).",
         ),
     ] = None,
+    effects: common.EffectsOption = None,
     seed: common.SeedOption = 0,
     json: common.JsonOption = None,
 ) -> None:

@@ -30,6 +30,7 @@ from youbot_scripts import cli
 
 ROOT = Path(__file__).parents[1]
 README = (ROOT / "README.md").read_text("utf-8")
+DEFINITIONS = (ROOT / "docs" / "definitions.md").read_text("utf-8")
 CLOSE = 0.05
 
 _BLOCK = re.compile(r"^```(\w+)\n(.*?)^```$", re.MULTILINE | re.DOTALL)
@@ -72,7 +73,7 @@ def _commands(section: str, source: str) -> Iterator[Step]:
 
 def table(section: str, header: str) -> list[list[str]]:
     """Cells of the table whose first column has this header."""
-    lines = sections()[section].splitlines()
+    lines = sections(README + DEFINITIONS)[section].splitlines()
     start = next(k for k, line in enumerate(lines) if line.startswith(f"| {header} |"))
     rows = []
     for line in lines[start + 2 :]:

@@ -21,7 +21,18 @@ PACKAGES = {
 }
 """Folder in the repository and name after installation."""
 
-SHIPPED = (".py", ".pyi", ".json", ".safetensors", ".csv.gz", "py.typed")
+SHIPPED = (
+    ".py",
+    ".pyi",
+    ".json",
+    ".safetensors",
+    ".csv.gz",
+    "py.typed",
+    ".c",
+    ".h",
+    ".hpp",
+    ".cpp",
+)
 
 
 def run(*command: str | Path, cwd: Path, **environment: str) -> str:

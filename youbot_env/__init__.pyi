@@ -4,6 +4,7 @@ from .errors import InputError as InputError
 from .exports import (
     linear_control as linear_control,
     step_function as step_function,
+    to_c as to_c,
     to_control as to_control,
     to_mjcf as to_mjcf,
     to_torch as to_torch,

@@ -8,17 +8,43 @@ from importlib import import_module
 from numbers import Integral, Real
 from typing import Any
 
+LONGEST_MESSAGE = 2000
+"""Characters of an error: the longest list of names that one holds has a thousand."""
+
+END_KEPT = 400
+"""Characters at the end of a longer one, where its cure stands."""
+
 
 class InputError(ValueError):
     """Input that cannot be used.
 
     ``str(error)`` is one line that says what is wrong, where (file, row, column) and what to do
-    about it; the command line prints it and exits with status 2.
+    about it; the command line prints it and exits with status 2. Whatever a file or a name brings
+    into it, it holds printable characters only, and at most ``LONGEST_MESSAGE`` of them.
     """
 
     def __init__(self, message: str) -> None:
-        # What a user's file holds may carry line breaks into the message.
-        super().__init__(" ".join(str(message).splitlines()))
+        super().__init__(shortened(visible(" ".join(shortened(str(message)).splitlines()))))
+
+
+def shortened(text: str, most: int = LONGEST_MESSAGE) -> str:
+    """A text without its middle if it is longer than ``most`` characters."""
+    if len(text) <= most:
+        return text
+    return f"{text[: most - END_KEPT - 5]} ... {text[-END_KEPT:]}"
+
+
+def visible(text: str) -> str:
+    """A text as a terminal may show it: control characters, among them those that colour a
+    terminal or turn its text around, and bytes of names that are no UTF-8 become escapes."""
+    if text.isprintable():
+        return text
+    return "".join(sign if sign.isprintable() else _escaped(sign) for sign in text)
+
+
+def _escaped(sign: str) -> str:
+    # Spaces of other widths are harmless, and units hold them.
+    return " " if sign.isspace() and ord(sign) > 0x9F else sign.encode("unicode_escape").decode()
 
 
 def finite(what: str, value: Any, *, positive: bool = False, least: float | None = None) -> float:

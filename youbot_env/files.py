@@ -7,9 +7,13 @@ NaN, too deep nesting.
 
 from __future__ import annotations
 
+import errno
 import json
 import math
 import os
+import secrets
+import select
+import stat
 import sys
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
@@ -30,8 +34,14 @@ SCHEMA_VERSION = 1
 MAX_BYTES = 1 << 24
 """Size of a JSON file [bytes]: a model with the covariance of 100 parameters has a fiftieth."""
 
-USUAL_BYTES = 1 << 16
-"""Size [bytes] that few files exceed."""
+SUFFIX_KEPT = 24
+"""Characters of a file's suffixes that its stand-in keeps: the longest, .safetensors, has 12."""
+
+CHUNK = 1 << 20
+"""Bytes that are read at a time."""
+
+PATIENCE = 3
+"""[s] for which a pipe waits for somebody who writes into it."""
 
 MAX_DEPTH = 64
 """Objects and lists inside each other; the files that we write nest 8 deep."""
@@ -62,35 +72,69 @@ def atomic_path(path: str | os.PathLike[str]) -> Iterator[Path]:
         If the folder is missing or the file cannot be written.
     """
     # Of a symbolic link the file behind it is replaced: os.replace would replace the link itself.
-    target = Path(os.path.realpath(path))
-    if not target.parent.is_dir():
-        reason = f"there is no folder {target.parent}; create it first"
-        raise InputError(f"{path}: cannot be written: {reason}")
-    # A device or a pipe (/dev/stdout) must not be replaced by a file.
-    replaced = target.is_file() or target.is_dir() or not target.exists()
-    stand_in = target.with_name(f".{os.getpid()}-{target.name}") if replaced else target
+    stand_in = None
     try:
+        target = Path(os.path.realpath(path))
+        if not target.parent.is_dir():
+            reason = f"there is no folder {target.parent}; create it first"
+            raise InputError(f"{path}: cannot be written: {reason}")
+        # A device or a pipe (/dev/stdout) must not be replaced by a file.
+        if not (target.is_file() or target.is_dir() or not target.exists()):
+            yield target
+            return
+        stand_in = _stand_in(target)
         yield stand_in
-        if replaced:
-            os.replace(stand_in, target)
-    except OSError as error:
-        reason = error.strerror or str(error)
+        _to_disk(stand_in)
+        os.replace(stand_in, target)
+    except (OSError, ValueError) as error:
+        if isinstance(error, ValueError) and "null" not in str(error):
+            raise
+        # ValueError: a name with a null byte.
+        reason = (error.strerror if isinstance(error, OSError) else "") or str(error)
         raise InputError(f"{path}: cannot be written ({reason}); check folder and disk") from None
     finally:
-        if replaced:
+        if stand_in is not None:
             stand_in.unlink(missing_ok=True)
 
 
+def _stand_in(target: Path) -> Path:
+    """A new file beside ``target``, with its permissions where it exists."""
+    # In a folder that is open to others a name that can be guessed could be a link that they made,
+    # to a file that would be overwritten. "x" refuses what exists already.
+    suffixes = "".join(target.suffixes[-2:])[-SUFFIX_KEPT:]
+    while True:
+        path = target.with_name(f".{secrets.token_hex(8)}{suffixes}")
+        try:
+            path.open("xb").close()
+        except FileExistsError:
+            continue
+        if target.exists():
+            path.chmod(stat.S_IMODE(target.stat().st_mode))
+        return path
+
+
+def _to_disk(path: Path) -> None:
+    """Wait until a file's content is on the disk: after a power cut a renamed file may be empty."""
+    with path.open("rb+") as file:
+        os.fsync(file.fileno())
+
+
 def write_atomically(path: str | os.PathLike[str], content: str | bytes) -> None:
-    """Replace a file's content at once: see :func:`atomic_path`. Text is written as UTF-8."""
-    data = content.encode("utf-8") if isinstance(content, str) else content
+    """Replace a file's content at once: see :func:`atomic_path`. Text is written as UTF-8; bytes of
+    names that are no UTF-8 become escapes."""
+    data = content.encode("utf-8", "backslashreplace") if isinstance(content, str) else content
     with atomic_path(path) as stand_in:
         stand_in.write_bytes(data)
 
 
 def write_json(path: str | os.PathLike[str], content: Mapping[str, Any]) -> None:
     """Write a JSON file: complete or not at all."""
-    write_atomically(path, json.dumps(plain(content), indent=1, allow_nan=False) + "\n")
+    write_atomically(path, json_text(content))
+
+
+def json_text(content: Mapping[str, Any]) -> str:
+    """The text of a JSON file."""
+    return json.dumps(plain(content), indent=1, allow_nan=False) + "\n"
 
 
 def plain(value: Any) -> Any:
@@ -211,25 +255,92 @@ def read_json(
 def read_bytes(
     path: str | os.PathLike[str], max_bytes: int, missing: Callable[[], str] | None = None
 ) -> bytes:
-    """A file's bytes, never more than ``max_bytes``; ``missing`` advises where there is none."""
+    """A file's bytes, never more than ``max_bytes``; ``missing`` advises where there is none.
+
+    A pipe, as the shell's ``<(...)`` makes one, is read to its end.
+
+    Raises
+    ------
+    InputError
+        If it cannot be read or is larger.
+    """
     source = os.fspath(path)
     try:
-        with open(source, "rb") as stream:
-            # In two steps: read(n) allocates n bytes at once, 16 MiB for a file of 5 KiB. One byte
-            # more than allowed is read, so that a file that is too large shows.
-            content = stream.read(USUAL_BYTES)
-            if len(content) == USUAL_BYTES:
-                content += stream.read(max_bytes + 1 - USUAL_BYTES)
+        return read_bounded(source, max_bytes)
     except FileNotFoundError as error:
         reason = f"no such file; {missing()}" if missing else f"cannot be read: {error.strerror}"
         raise InputError(f"{source}: {reason}") from None
+    except InputError:
+        raise
     except (OSError, ValueError) as error:
         # ValueError: a name with a null byte.
         reason = (error.strerror if isinstance(error, OSError) else "") or "not a file's name"
-        raise InputError(f"{source}: cannot be read: {reason}".replace("\0", "?")) from None
-    if len(content) > max_bytes:
+        raise InputError(f"{source}: cannot be read: {reason}") from None
+
+
+def read_bounded(source: str, max_bytes: int) -> bytes:
+    """The bytes of a file, a pipe or a device, of which some never end.
+
+    Raises
+    ------
+    InputError
+        If there are more than ``max_bytes``.
+    OSError
+        If it cannot be read, or nobody writes into a pipe.
+    ValueError
+        If the name holds a null byte.
+    """
+    # O_NONBLOCK: otherwise the opening of a pipe would wait for ever for somebody who writes.
+    flags = os.O_RDONLY | getattr(os, "O_NONBLOCK", 0) | getattr(os, "O_BINARY", 0)
+    handle = os.open(source, flags)
+    try:
+        found = os.fstat(handle)
+        if stat.S_ISDIR(found.st_mode):
+            raise IsADirectoryError(errno.EISDIR, os.strerror(errno.EISDIR))
+        # A size of 0 says nothing: files of /proc have it.
+        size = found.st_size if stat.S_ISREG(found.st_mode) else 0
+        content = (
+            b"" if size > max_bytes else _read(handle, max_bytes, stat.S_ISFIFO(found.st_mode))
+        )
+    finally:
+        os.close(handle)
+    if max(size, len(content)) > max_bytes:
         raise InputError(f"{source}: is larger than {max_bytes >> 20} MiB: too large to be read")
     return content
+
+
+def _read(handle: int, max_bytes: int, is_pipe: bool) -> bytes:
+    """At most ``max_bytes`` + 1 bytes: one more than allowed, so that more of them shows."""
+    pieces: list[bytes] = []
+    size = 0
+    while size <= max_bytes:
+        try:
+            piece = os.read(handle, min(CHUNK, max_bytes + 1 - size))
+        except BlockingIOError:
+            select.select([handle], [], [])  # somebody has opened the pipe and will write
+            continue
+        if piece:
+            pieces.append(piece)
+            size += len(piece)
+        elif not is_pipe or pieces or not _somebody_writes(handle):
+            break
+    return b"".join(pieces)
+
+
+def _somebody_writes(handle: int) -> bool:
+    """Whether something comes out of a pipe that seems to be at its end.
+
+    Raises
+    ------
+    OSError
+        If nobody opens it to write.
+    """
+    waiting = select.poll()
+    waiting.register(handle, select.POLLIN)
+    found = waiting.poll(1000 * PATIENCE)
+    if not found:
+        raise OSError(errno.ETIMEDOUT, "nobody writes into this pipe")
+    return bool(found[0][1] & select.POLLIN)
 
 
 def named(source: str, error: InputError) -> InputError:
@@ -253,10 +364,15 @@ def parse_json(text: str | bytes, source: str, kind: FileKind[Any]) -> Any:
         If it is no UTF-8 or no JSON, gives a key twice, nests too deep, or holds a number that is
         not finite: one line with row and column, or with the path in the file.
     """
-    try:
-        text = text if isinstance(text, str) else text.decode("utf-8")
-    except UnicodeDecodeError:
-        raise InputError(f"{source}: cannot be read: not a text file") from None
+    if isinstance(text, bytes):
+        if text.startswith((b"\xff\xfe", b"\xfe\xff")):
+            raise InputError(f"{source}: cannot be read: is UTF-16 text; save it as UTF-8")
+        try:
+            text = text.decode("utf-8")
+        except UnicodeDecodeError:
+            raise InputError(f"{source}: cannot be read: not a text file") from None
+    # Editors on Windows begin a file with a byte-order mark.
+    text = text.removeprefix("\ufeff")
     try:
         content = json.loads(text, object_pairs_hook=_object)
     except (ValueError, RecursionError) as error:

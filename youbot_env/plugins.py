@@ -14,6 +14,7 @@ from contextlib import contextmanager
 from hashlib import sha256
 from importlib import metadata
 from pathlib import Path
+from types import ModuleType
 from typing import Any
 
 import youbot_env.physics.catalogue  # noqa: F401 - a user's effect must not come before the shipped ones
@@ -22,6 +23,37 @@ from youbot_env.physics.effect import CATALOGUE, Effect
 
 GROUP = "youbot.effects"
 """Entry point group: each entry names a module that registers effects when imported."""
+
+
+_loaded: list[str] = []
+
+
+def loaded_files() -> tuple[str, ...]:
+    """Files whose effects were loaded in this process, for the processes that it starts."""
+    return tuple(_loaded)
+
+
+def run_file(path: str | Path) -> ModuleType:
+    """Run a user's Python file and return the module that it makes.
+
+    Raises
+    ------
+    InputError
+        If it cannot be read or run: one line with file and row.
+    """
+    _check_file(Path(path), "give a Python file")
+    name = _module_name(Path(path))
+    try:
+        return _run(name, Path(path))
+    except InputError as error:
+        raise InputError(f"{path}: {error}") from None
+    except (Exception, SystemExit) as error:
+        raise fault_in_file(path, error) from None
+
+
+def fault_in_file(path: str | Path, error: BaseException) -> InputError:
+    """The error to raise for an exception in a user's file: file, row, kind and words."""
+    return InputError(f"{path}: {_where(error, str(path))}{_what(error)}")
 
 
 def load_effects(path: str | Path) -> tuple[Effect, ...]:
@@ -37,13 +69,23 @@ def load_effects(path: str | Path) -> tuple[Effect, ...]:
         an effect that does not work on numbers and symbols: one line with file and row.
     """
     path = Path(path)
+    _check_file(path, "give a Python file that registers effects")
+    found = _registered(str(path), lambda: _run(_module_name(path), path))
+    if str(path.absolute()) not in _loaded:
+        _loaded.append(str(path.absolute()))
+    return found
+
+
+def _check_file(path: Path, cure: str) -> None:
     if not path.is_file():
-        raise InputError(f"{path}: no such file; give a Python file that registers effects")
+        raise InputError(f"{path}: no such file; {cure}")
     if path.suffix != ".py":
         raise InputError(f"{path}: not a Python file (its name must end in .py)")
+
+
+def _module_name(path: Path) -> str:
     # A name made of the path: two files with one name must not be one module.
-    name = f"youbot_effects_{sha256(str(path.resolve()).encode()).hexdigest()[:12]}"
-    return _registered(str(path), lambda: _run(name, path))
+    return f"youbot_user_{sha256(str(path.resolve()).encode()).hexdigest()[:12]}"
 
 
 def load_installed_effects() -> tuple[Effect, ...]:
@@ -103,7 +145,7 @@ def _what(error: BaseException) -> str:
     return f"{type(error).__name__}: {error}" if str(error) else type(error).__name__
 
 
-def _run(name: str, path: Path) -> None:
+def _run(name: str, path: Path) -> ModuleType:
     spec = importlib.util.spec_from_file_location(name, path.absolute())
     assert spec is not None and spec.loader is not None
     module = importlib.util.module_from_spec(spec)
@@ -114,6 +156,7 @@ def _run(name: str, path: Path) -> None:
     except BaseException:
         del sys.modules[name]
         raise
+    return module
 
 
 def _try_out(item: Effect) -> None:

@@ -49,6 +49,7 @@ class ComputedTorque:
     preview_needed : coming samples of the reference that the feed-forward reads
     design : the feedback's gains
     share : part of the wanted force that the last command exerts, 1 unless it saturates
+    follows : whether pose and wheel angles are moved on along the reference: the model reads them
 
     Raises
     ------
@@ -71,7 +72,7 @@ class ComputedTorque:
         self._lead = float(self.design.constants["lead"][0])
         self.preview_needed = ceil(self._lead - ROUNDING) + 1
         # Only forces that read pose or wheel angles need them moved on along the reference.
-        self._follows = bool(model.structure.at(WORLD)) or model.structure.depends_on_angle
+        self.follows = bool(model.structure.at(WORLD)) or model.structure.depends_on_angle
         self._kernel = inverse_kernel(model.structure, dynamics)
         # A copy: the adaptive controller writes into it, and the model is immutable.
         self._lengths, self._theta = model.lengths, model.theta.copy()
@@ -82,7 +83,9 @@ class ComputedTorque:
         still = np.zeros((self.preview_needed, 3))
         self.reset()
         observation = Observation(0.0, np.zeros(4), np.zeros(3))
-        self(observation, Reference(still[0], still[0], still, still))
+        # Twice: the adaptive controller makes a row, which is compiled too, of two samples.
+        for _ in range(2):
+            self(observation, Reference(still[0], still[0], still, still))
         self.reset()
 
     def reset(self) -> None:
@@ -112,7 +115,7 @@ class ComputedTorque:
         predict(
             self._inputs,
             self._nodes,
-            (past, coming, has_slopes, self._begun, self._follows),
+            (past, coming, has_slopes, self._begun, self.follows),
             self._estimates,
             self._queue,
             self._drives,

@@ -17,9 +17,9 @@ VX, VY, W, so that three numbers in "m/s^2" are m/s^2, m/s^2, rad/s^2; wheels ar
 from __future__ import annotations
 
 import numpy as np
-from numba import njit
 
 from controllers.allocation import within_limits
+from youbot_env.caching import njit
 
 # Structured arrays, because a call of compiled code takes one in 0.1 us. A NamedTuple of ten arrays
 # takes 1.1 us, a fifth of a whole step of the controller.

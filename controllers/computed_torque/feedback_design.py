@@ -36,6 +36,7 @@ from controllers.linear.margins import Margins, frequency_grid, margins
 from youbot_env.errors import InputError, check_settings
 from youbot_env.model.model import Model
 from youbot_env.physics import inverse_dynamics as dynamics
+from youbot_env.physics.mechanism import Instant
 
 
 @dataclass(frozen=True)
@@ -249,7 +250,9 @@ def channel_slope(model: Model) -> Array:
         If a channel does not pass the command on.
     """
     zero, one = (
-        dynamics.channel_torque(np, model.structure, model.theta, (torque,) * 4, 0.0)
+        dynamics.channel_torque(
+            np, model.structure, model.geometry, model.theta, (torque,) * 4, Instant((0.0,) * 3)
+        )
         for torque in (0.0, 1.0)
     )
     slope = np.array([float(b) - float(a) for a, b in zip(zero, one, strict=True)])

@@ -10,11 +10,11 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 
 import numpy as np
-from numba import njit
 
 from controllers.interface import Array, Loop
 from identification.mechanisms.mecanum import Mecanum
 from identification.signals.filters import FilterSettings, hold_weights
+from youbot_env.caching import njit
 from youbot_env.errors import check_settings
 from youbot_env.model.model import Model
 from youbot_env.physics import inverse_dynamics as dynamics

@@ -8,10 +8,10 @@ command will act.
 from __future__ import annotations
 
 import numpy as np
-from numba import njit
 
 from controllers.computed_torque.feedback import estimate
 from controllers.linear.reference_window import extend_to_past, reference_at, take_sample
+from youbot_env.caching import njit
 
 TIME, TWIST, POSE, TORQUE, WANTED = 0, slice(1, 4), slice(4, 7), slice(7, 11), slice(11, 17)
 """Places in the array in which a call's inputs are handed to compiled code."""

@@ -8,7 +8,7 @@ are compiled and fill arrays that the caller keeps.
 
 from __future__ import annotations
 
-from numba import njit
+from youbot_env.caching import njit
 
 
 @njit(cache=True, error_model="numpy")

@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 import numpy as np
-from numba import njit
 
 from controllers.allocation import within_limits
 from controllers.interface import Array, Loop, Observation, Reference
@@ -13,6 +12,7 @@ from controllers.linear.drives import CommandTracker
 from controllers.linear.linear_system import effective_mass
 from controllers.linear.reference_window import extend_to_past, reference_at, take_sample
 from controllers.pid.design import PIDGains, derivative_filter, design, matrices
+from youbot_env.caching import njit
 from youbot_env.model.model import Model
 
 

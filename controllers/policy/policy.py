@@ -8,11 +8,11 @@ from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
 from controllers.interface import Array, Controller, Observation, Reference
 from controllers.policy.inputs import CUT, Layout
+from youbot_env.caching import njit
 from youbot_env.errors import InputError, check_settings
 from youbot_env.physics.hardware import MAX_WHEEL_TORQUE
 

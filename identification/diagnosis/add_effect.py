@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
-from typing import Any
+from typing import Any, ClassVar
 
 import numpy as np
 
@@ -17,14 +17,15 @@ from identification.diagnosis.report import describe_in, estimates
 from identification.diagnosis.settings import DiagnosisSettings
 from identification.diagnosis.structures import LoggedData, Step
 from identification.fitting.final_fit import final_fit
-from identification.fitting.least_squares import Fit
 from identification.logs.log import Log
 from identification.mechanisms.registry import AnyModel, kind_of, mechanism_of
+from identification.mechanisms.samples import Samples
+from identification.showing import Shown
 from youbot_env.errors import InputError
 
 
-@dataclass(frozen=True)
-class Addition:
+@dataclass(frozen=True, repr=False)
+class Addition(Shown):
     """Result of :func:`add_effect`.
 
     Attributes
@@ -34,6 +35,7 @@ class Addition:
     p_value : of the effect, by wild block bootstrap
     worthwhile : whether the fall is material and significant and the size plausible
     reasons : why it is not worthwhile, in words
+    samples : the logs
     settings : all numbers that this depends on
     """
 
@@ -46,7 +48,24 @@ class Addition:
     worthwhile: bool
     reasons: tuple[str, ...]
     sentence: str
+    samples: tuple[Samples, ...] = ()
     settings: DiagnosisSettings = field(default_factory=DiagnosisSettings)
+    kind: ClassVar[str] = "addition"
+
+    def summary(self) -> str:
+        """How far the error falls, and whether that is worth an effect."""
+        worth = "worth it" if self.worthwhile else f"not worth it: {'; '.join(self.reasons)}"
+        return (
+            f"with {self.effect} the force error goes from {self.before.force_error:.2%} to "
+            f"{self.after.force_error:.2%} (noise {self.noise_floor['force_error']:.2%}), {worth}"
+        )
+
+    def rows(self) -> list[dict[str, Any]]:
+        """Held-out errors before and after."""
+        return [
+            {"with": name, "force error": step.force_error, "velocity error": step.velocity_error}
+            for name, step in (("before", self.before), (self.effect, self.after))
+        ]
 
     def to_dict(self) -> dict[str, Any]:
         """JSON form."""
@@ -114,7 +133,12 @@ def add_effect(
     p_value = ranking.p_values[effect]
     reasons = [
         *_errors_that_doubt(before, after, p_value, settings),
-        *_parameters_that_doubt(new.effects[effect], result, settings.fit.interval_deviations),
+        *_parameters_that_doubt(
+            effect,
+            new.effects[effect],
+            [fitted.mechanism.labels[result.free[k]].component for k in result.bounded],
+            settings.fit.interval_deviations,
+        ),
     ]
     return Addition(
         effect=effect,
@@ -126,6 +150,7 @@ def add_effect(
         worthwhile=not reasons,
         reasons=tuple(reasons),
         sentence=describe_in(new, item),
+        samples=tuple(data.samples),
         settings=settings,
     )
 
@@ -148,16 +173,20 @@ def _errors_that_doubt(
     return found
 
 
-def _parameters_that_doubt(entries: Mapping[str, Any], result: Fit, deviations: float) -> list[str]:
+def _parameters_that_doubt(
+    owner: str, entries: Mapping[str, Any], bounded: Sequence[str], deviations: float
+) -> list[str]:
     """Why the effect's parameters do not speak for it.
 
     Parameters
     ----------
-    entries : of the effect in the fitted model
+    owner, entries : the effect, and its parameters in the fitted model
+    bounded : components with a parameter that stopped at its bound. One of the base model says
+        nothing against the effect: more may be missing
     deviations : standard deviations either side of a value that hold the truth in 95 % of cases
     """
     found = []
-    if result.bounded:
+    if owner in bounded:
         found.append("a parameter stopped at its physical bound: sign or size are implausible")
     unsure = [
         name

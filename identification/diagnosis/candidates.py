@@ -129,18 +129,24 @@ def _linear_candidate(
         directions=basis.shape[1] - base.basis.shape[1],
         fold_ratio=base.fold_ratio(folds),
     )
-    if _within_bounds(mechanism, new, theta[new] + judged.step[len(base.free) :]):
-        return found
+    lost = _lost_at_bounds(base, found, new, theta[new] + judged.step[len(base.free) :])
     # Another shape may do as well with a sign that can be; where none does, the effect explains
     # nothing.
-    return replace(found, lost_fall=max(base.held_out.square - found.square, 0.0))
+    return replace(found, lost_fall=min(lost, max(base.held_out.square - found.square, 0.0)))
 
 
-def _within_bounds(mechanism: Mechanism, which: Indices, values: Array) -> bool:
-    """Whether parameters have values within their bounds, but for rounding."""
-    lower, upper = (bound[which] for bound in mechanism.bounds)
-    rounding = 1e-9 / mechanism.scale[which]
-    return bool(((lower - rounding <= values) & (values <= upper + rounding)).all())
+def _lost_at_bounds(base: FittedStructure, item: Candidate, which: Indices, values: Array) -> float:
+    """Squares that come back where values beyond their bounds are moved to them.
+
+    A little noise takes the friction of a free wheel below zero, which costs nothing; an effect
+    that helps with the wrong sign alone loses all.
+    """
+    lower, upper = (bound[which] for bound in item.mechanism.bounds)
+    beyond = np.clip(values, lower, upper) - values
+    if not beyond.any():
+        return 0.0
+    back = (stacked(item.columns) @ beyond)[:, None]
+    return float(_unexplained(stacked(base.columns), back, base.settings)[0])
 
 
 def _columns(

@@ -35,6 +35,7 @@ from identification.diagnosis.structures import (
     Ranking,
     Step,
 )
+from identification.fitting.changed_parameters import changed_parameters
 from identification.fitting.final_fit import coarse_speed_warnings, final_fit
 from identification.fitting.least_squares import Fit
 from identification.logs.log import Log, warnings_of_logs
@@ -110,6 +111,7 @@ def diagnose(
         sentences=tuple(sentences_of(fitted_model, steps, verdict, ties, floor, maps[-1])),
         candidates=candidate_rows(chosen.first, steps[0], fitted_model),
         settings=settings,
+        changes=changed_parameters(model, fitted_model, mechanism, settings.fit),
     )
 
 

@@ -4,20 +4,22 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
-from typing import Any
+from typing import Any, ClassVar
 
 import numpy as np
 
 from identification.diagnosis.sentences import describe
 from identification.diagnosis.settings import DiagnosisSettings
 from identification.diagnosis.structures import Candidate, Ranking, Step
+from identification.fitting.changed_parameters import ParameterChanges
 from identification.mechanisms.mechanism import Mechanism
 from identification.mechanisms.samples import Samples
 from identification.residual_map.shares import ResidualMap
+from identification.showing import Shown
 
 
-@dataclass(frozen=True)
-class Diagnosis:
+@dataclass(frozen=True, repr=False)
+class Diagnosis(Shown):
     """Result of :func:`diagnose`; :meth:`to_dict` is its JSON form.
 
     Attributes
@@ -31,6 +33,7 @@ class Diagnosis:
     model : refitted, with the accepted effects
     maps : what the residual depends on, before and after the accepted effects
     sentences : the verdict in words
+    changes : the given model's parameters beside the refitted ones
     settings : all numbers that the verdict depends on
     """
 
@@ -52,6 +55,34 @@ class Diagnosis:
     candidates: list[dict[str, Any]] = field(default_factory=list)
     settings: DiagnosisSettings = field(default_factory=DiagnosisSettings)
     told_first: int = 0
+    changes: ParameterChanges = field(default_factory=ParameterChanges)
+
+    kind: ClassVar[str] = "diagnosis"
+
+    def summary(self) -> str:
+        """The verdict in one sentence, with how far the error falls."""
+        names = _listed([name.replace("_", " ") for name in self.missing]) if self.missing else ""
+        line = HEADLINES[self.verdict].format(missing=names)
+        if self.verdict == "unknown" and names:
+            line = (
+                f"The model lacks {names}, and something that no effect of the catalogue explains"
+            )
+        first, last = self.steps[0].force_error, self.steps[-1].force_error
+        noise = f"noise {self.noise_floor['force_error']:.2%}"
+        if len(self.steps) == 1:
+            return f"{line}: force error {first:.2%}, {noise}"
+        return f"{line}: the force error falls from {first:.2%} to {last:.2%} ({noise})"
+
+    def rows(self) -> list[dict[str, Any]]:
+        """The error as it falls, held out."""
+        return [
+            {
+                "with": step.effect or "the model, refitted",
+                "force error": step.force_error,
+                "velocity error": step.velocity_error,
+            }
+            for step in self.steps
+        ]
 
     @property
     def first_warnings(self) -> tuple[str, ...]:
@@ -98,6 +129,7 @@ class Diagnosis:
         """JSON form, as the design fixes it."""
         return {
             "verdict": self.verdict,
+            "headline": self.summary(),
             "missing": list(self.missing),
             "ambiguous_with": self.ambiguous_with,
             "partial": list(self.partial),
@@ -110,6 +142,7 @@ class Diagnosis:
                 for log, start, end in self._episodes
             ],
             "given_model": self.given_model,
+            "changes": self.changes.to_dict(),
             "noise_floor": self.noise_floor,
             "candidates": self.candidates,
             "where": self.where,
@@ -119,6 +152,16 @@ class Diagnosis:
             "warnings": list(self.warnings),
             "settings": self.settings.to_dict(),
         }
+
+
+HEADLINES = {
+    "adequate": "Nothing is missing that these logs could show",
+    "effect": "The model lacks {missing}",
+    "ambiguous": "The model lacks {missing}, or what these logs cannot tell from it",
+    "unknown": "Something is missing that no effect of the catalogue explains",
+    "in part": "The model lacks {missing}, and something that no effect of the catalogue explains",
+}
+"""The verdict in words."""
 
 
 def _predictable_square(steps: Sequence[Step]) -> float:

@@ -134,6 +134,92 @@ def _payload(values: Values, base: Values) -> str:
     )
 
 
+def _one_wheel(values: Values, prefix: str) -> tuple[str, float]:
+    """The wheel with the largest of the values ``prefix_*``, in words, and that value."""
+    of = {key: value for key, value in values.items() if key.startswith(f"{prefix}_")}
+    name, value = max(of.items(), key=lambda item: abs(item[1]))
+    return WHEEL_WORDS[name.rsplit("_", 1)[1]], value
+
+
+def _offset(values: Values, base: Values) -> str:
+    name, offset = _one_wheel(values, "offset")
+    return (
+        f"the torque channels have a zero error: the {name} wheel's true torque is {offset:+.3f} "
+        "N m beside what its channel says; to confirm, read the channels while nothing is driven"
+    )
+
+
+def _uneven_dry(values: Values, base: Values) -> str:
+    name, extra = _one_wheel(values, "extra")
+    return (
+        f"the {name} wheel drags: {extra:.3f} N m of dry friction in its joint; to confirm, lift "
+        "the robot and turn the wheels slowly by hand"
+    )
+
+
+def _uneven_rollers(values: Values, base: Values) -> str:
+    name, extra = _one_wheel(values, "extra")
+    return (
+        f"the rollers of the {name} wheel drag: {extra:.3f} N m of dry friction; to confirm, lift "
+        "the robot and turn the rollers by hand"
+    )
+
+
+def _drift(values: Values, base: Values) -> str:
+    clock = "the session" if values["shared_clock"] > 0.5 else "each log"
+    return (
+        f"the torque constant falls by {values['fraction']:.1%} from the start of {clock}, with a "
+        f"time constant of {values['time_constant']:.0f} s; to confirm, log with cold and with "
+        "warm motors"
+    )
+
+
+def _speed_gain(values: Values, base: Values) -> str:
+    return (
+        f"the drives lose {values['loss']:.1%} of their torque at 10 rad/s of a wheel; to confirm, "
+        "drive at another supply voltage"
+    )
+
+
+def _asymmetric(values: Values, base: Values) -> str:
+    return (
+        f"each wheel has {values['coulomb']:.3f} N m more dry friction and "
+        f"{values['viscous']:.4f} N m s more viscous friction forwards, and as much less backwards;"
+        " to confirm, turn a lifted wheel both ways; a constant offset would stay at rest"
+    )
+
+
+def _scrub(values: Values, base: Values) -> str:
+    return (
+        f"{values['torque']:.2f} N m of dry moment resist turning: contact patches that scrub; to "
+        "confirm, turn the robot on a smoother floor"
+    )
+
+
+def _cable(values: Values, base: Values) -> str:
+    return (
+        f"{values['force']:.2f} N of dry friction act against any motion of the robot's centre: a "
+        "cable that is dragged along, perhaps; to confirm, unplug it"
+    )
+
+
+def _cable_twist(values: Values, base: Values) -> str:
+    return (
+        f"something turns the robot back with {values['stiffness']:.2g} N m/rad towards a heading "
+        f"of {math.degrees(values['neutral']):.0f} degrees: a cable that winds up, perhaps; to "
+        "confirm, unplug it"
+    )
+
+
+def _warmup(values: Values, base: Values) -> str:
+    # One axis has no such switch.
+    clock = "the session" if values.get("shared_clock", 0.0) > 0.5 else "each log"
+    return (
+        f"friction is {values['fraction']:.0%} larger at the start of {clock} and falls with a "
+        f"time constant of {values['time_constant']:.0f} s; to confirm, log with a warm robot"
+    )
+
+
 WORDS: dict[str, Callable[[Values, Values], str]] = {
     "floor_tilt": _tilt,
     "wheel_coulomb_friction": _coulomb,
@@ -145,4 +231,14 @@ WORDS: dict[str, Callable[[Values, Values], str]] = {
     "torque_ripple": _ripple,
     "tether": _tether,
     "payload_change": _payload,
+    "friction_warmup": _warmup,
+    "torque_offset": _offset,
+    "torque_constant_drift": _drift,
+    "speed_dependent_gain": _speed_gain,
+    "uneven_coulomb_friction": _uneven_dry,
+    "uneven_roller_friction": _uneven_rollers,
+    "asymmetric_friction": _asymmetric,
+    "yaw_scrub": _scrub,
+    "cable_drag": _cable,
+    "cable_twist": _cable_twist,
 }

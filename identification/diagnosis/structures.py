@@ -257,7 +257,7 @@ class LoggedData:
         progress: Callable[[], None] = lambda: None,
         settings: DiagnosisSettings = DiagnosisSettings(),
     ) -> None:
-        held = as_they_mean(mechanism, [mechanism.samples(log) for log in logs], settings.fit)
+        held = as_they_mean(mechanism, mechanism.samples_of(logs), settings.fit)
         self.samples, self.notes = list(held.samples), held.notes
         self.noise = [NoiseLevel.of(samples, settings.fit) for samples in self.samples]
         self.seed, self.progress, self.settings = seed, progress, settings

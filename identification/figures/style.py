@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import io
+import os
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import contextmanager
 from functools import wraps
@@ -12,6 +13,7 @@ from typing import TYPE_CHECKING, Any, ParamSpec
 import numpy as np
 from numpy.typing import NDArray
 
+from youbot_env.caching import private_folder
 from youbot_env.errors import InputError, optional_library
 from youbot_env.files import write_atomically
 
@@ -85,7 +87,24 @@ def matplotlib() -> Any:
         If it is not installed.
     """
     instead = "leave --plots and --report out"
-    return optional_library("matplotlib", "plots", "plots need matplotlib", instead)
+    # What is drawn here needs no backend of pyplot, and a wrong name of one would stop the import.
+    backend = os.environ.pop("MPLBACKEND", None)
+    try:
+        _give_folder()
+        return optional_library("matplotlib", "plots", "plots need matplotlib", instead)
+    finally:
+        if backend is not None:
+            os.environ["MPLBACKEND"] = backend
+
+
+def _give_folder() -> None:
+    """Name a folder for matplotlib's list of fonts where the user has none: it would warn."""
+    try:
+        has_home = os.access(Path.home(), os.W_OK)
+    except RuntimeError:  # a user without a home, as in a container
+        has_home = False
+    if not has_home:
+        os.environ.setdefault("MPLCONFIGDIR", str(private_folder()))
 
 
 @contextmanager

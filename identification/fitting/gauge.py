@@ -25,21 +25,35 @@ def _chosen(mechanism: Mechanism, free: Indices | None) -> Indices:
     return np.flatnonzero(mechanism.free) if free is None else free
 
 
+def gauge_directions(
+    mechanism: Mechanism, free: Indices | None = None
+) -> list[tuple[Indices, Array]]:
+    """Places of each group among the parameters ``free``, and the unit vector (members,) of what
+    no data can see: their common part, or of torques the part that exerts no force."""
+    labels = [mechanism.labels[k] for k in _chosen(mechanism, free)]
+    found: list[tuple[Indices, Array]] = []
+    for members in gauge_groups(mechanism, free):
+        internal = labels[int(members[0])].parameter.relative_to == "internal"
+        unseen = np.array(mechanism.kind.internal if internal else [1.0] * len(members))
+        found.append((members, unseen / np.linalg.norm(unseen)))
+    return found
+
+
 def gauge_basis(mechanism: Mechanism, free: Indices | None = None) -> Array:
     """(F, Q) directions of the parameters ``free`` that data can see at all.
 
     Of values that are relative to each other (gains, extra frictions) only differences can be
-    seen: their sum is held at zero.
+    seen: their sum is held at zero. Of offsets of the torques, what exerts a force.
     """
     size = len(_chosen(mechanism, free))
-    groups = gauge_groups(mechanism, free)
+    groups = gauge_directions(mechanism, free)
     # The empty list is for mechanisms without groups: concatenate needs at least one array.
-    alone = np.setdiff1d(np.arange(size), np.concatenate([[], *groups]))
+    alone = np.setdiff1d(np.arange(size), np.concatenate([[], *(members for members, _ in groups)]))
     columns = [np.eye(size)[:, alone]]
-    for members in groups:
+    for members, unseen in groups:
         block = np.zeros((size, len(members) - 1))
-        # Orthonormal complement of (1, ..., 1), from the QR factors of a full-rank matrix.
-        frame = np.column_stack([np.ones(len(members)), np.eye(len(members))[:, 1:]])
+        # Orthonormal complement of it, from the QR factors of a full-rank matrix.
+        frame = np.column_stack([unseen, np.eye(len(members))[:, 1:]])
         block[members] = np.linalg.qr(frame)[0][:, 1:]
         columns.append(block)
     return np.hstack(columns)

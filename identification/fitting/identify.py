@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from typing import Any
+from typing import Any, ClassVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -42,6 +42,7 @@ from identification.logs.log import Log, warnings_of_logs
 from identification.mechanisms.mechanism import Mechanism
 from identification.mechanisms.registry import AnyModel, kind_of, mechanism_of
 from identification.mechanisms.samples import Samples
+from identification.showing import Shown
 from youbot_env.errors import InputError
 from youbot_env.model.model_file import load_model
 from youbot_env.physics.geometry import Geometry
@@ -78,8 +79,8 @@ class PartReport:
         }
 
 
-@dataclass(frozen=True)
-class Identification:
+@dataclass(frozen=True, repr=False)
+class Identification(Shown):
     """Result of :func:`identify`.
 
     Attributes
@@ -112,6 +113,29 @@ class Identification:
     misfit: str | None = None
     told_first: int = 0
     at_rest: tuple[str, ...] = ()
+    kind: ClassVar[str] = "identification"
+
+    def summary(self) -> str:
+        """How well the model fits, and what to do about it."""
+        errors = self.model.errors
+        noise = errors["noise_floor"]["force_error"]
+        line = f"{self.model.name}, {len(self.fit.free)} parameters fitted: force error "
+        line += f"{errors['force_error']:.2%} (noise {noise:.2%})"
+        return f"{line}; {self.misfit}" if self.misfit else f"{line}: it fits"
+
+    def rows(self) -> list[dict[str, Any]]:
+        """Parameters with their standard deviations and 95 % intervals."""
+        return [
+            {
+                "parameter": name,
+                "value": entry["value"],
+                "std": entry["std"],
+                "low": entry["interval"] and entry["interval"][0],
+                "high": entry["interval"] and entry["interval"][1],
+                "unit": entry["unit"],
+            }
+            for name, entry in self._parameters().items()
+        ]
 
     @property
     def first_warnings(self) -> tuple[str, ...]:
@@ -230,7 +254,7 @@ def identify(
         raise InputError("no log given: identify needs at least one")
     start = start or load_model("paper")
     mechanism = mechanism_of(start, geometry, settings.mechanism)
-    held = as_they_mean(mechanism, [mechanism.samples(log) for log in logs], settings)
+    held = as_they_mean(mechanism, mechanism.samples_of(logs), settings)
     samples = held.samples
     free = np.flatnonzero(mechanism.free)
     rows = [regression(mechanism, start.theta, item, free, settings) for item in samples]

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from identification.fitting.gauge import gauge_groups
+from identification.fitting.gauge import gauge_directions
 from identification.fitting.regression import Indices, Regression, covariance_of
 from identification.fitting.settings import FitSettings
 from identification.logs.logger_checks import moving
@@ -149,9 +149,10 @@ def log_observability(
     names = [mechanism.parameter_names[k] for k in order]
     columns = np.concatenate([item.columns for item in rows])[..., _places(mechanism)]
     gauge = np.zeros((0, len(order)))
-    for members in gauge_groups(mechanism):
-        row = np.isin(_places(mechanism), members).astype(float)
-        gauge = np.vstack([gauge, row / np.sqrt(row.sum())])
+    for members, unseen in gauge_directions(mechanism):
+        among = np.zeros(len(order))
+        among[members] = unseen
+        gauge = np.vstack([gauge, among[_places(mechanism)]])
     scaled = columns / mechanism.scale[order]
     blind = settings.blind_eigenvalue
     # The step only scales the Gramian; rank and blocks come from the normalised one.

@@ -295,6 +295,14 @@ class FitSettings(Settings):
             "reason": "either side of a value: they hold a Gaussian truth in 95 % of cases",
         },
     )
+    max_change_p_value: float = field(
+        default=0.01,
+        metadata={
+            "unit": "1",
+            "reason": "family-wise over all parameters of a model, up to which one counts as "
+            "changed since the model was made",
+        },
+    )
 
     # Observability
     blind_eigenvalue: float = field(

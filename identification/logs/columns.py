@@ -24,14 +24,19 @@ def joint_columns(kind: str, joints: tuple[str, ...]) -> tuple[str, ...]:
     return tuple(f"{kind}_{joint}" if joint else kind for joint in joints)
 
 
-def required_columns(joints: tuple[str, ...]) -> tuple[str, ...]:
+def required_columns(
+    joints: tuple[str, ...], kinds: tuple[str, ...] = REQUIRED_KINDS
+) -> tuple[str, ...]:
     """Columns besides time without which a log is of no use."""
-    return tuple(name for kind in REQUIRED_KINDS for name in joint_columns(kind, joints))
+    return tuple(name for kind in kinds for name in joint_columns(kind, joints))
 
 
-def optional_groups(joints: tuple[str, ...]) -> tuple[tuple[str, ...], ...]:
+def optional_groups(
+    joints: tuple[str, ...], required: tuple[str, ...] = REQUIRED_KINDS
+) -> tuple[tuple[str, ...], ...]:
     """Groups of columns that a log may have, each only as a whole."""
-    return (*(joint_columns(kind, joints) for kind in OPTIONAL_KINDS), POSE, GYRO)
+    kinds = (*(kind for kind in REQUIRED_KINDS if kind not in required), *OPTIONAL_KINDS)
+    return (*(joint_columns(kind, joints) for kind in kinds), POSE, GYRO)
 
 
 @dataclass
@@ -69,7 +74,8 @@ class Draft:
 
     def drop_group_of(self, name: str, joints: tuple[str, ...]) -> None:
         """Drop the optional group of columns to which one belongs."""
-        group = next(group for group in optional_groups(joints) if name in group)
+        groups = optional_groups(joints, ())
+        group = next(group for group in groups if name in group)
         kept = [i for i, other in enumerate(self.names) if other not in group]
         self.names = tuple(self.names[i] for i in kept)
         self.data = self.data[:, kept]
@@ -99,22 +105,24 @@ def select(
     table: LogTable,
     joints: tuple[str, ...],
     settings: LogSettings = LogSettings(),
+    kinds: tuple[str, ...] = REQUIRED_KINDS,
 ) -> Draft:
-    """The channels of a log, chosen from a file's table.
+    """The channels of a log, chosen from a file's table; of joints those of ``kinds`` at least.
 
     Raises
     ------
     InputError
         If a required column is missing or there is no row.
     """
-    known = {"time", *required_columns(joints), *sum(optional_groups(joints), ())}
-    for name in ("time", *required_columns(joints)):
+    required, groups = required_columns(joints, kinds), optional_groups(joints, kinds)
+    known = {"time", *required, *sum(groups, ())}
+    for name in ("time", *required):
         if name not in table.names:
-            raise _missing(source, table, name, known)
+            raise _missing(source, table, name, known, joints)
     if len(table.values) == 0:
         raise fault(source, "has a header but no rows", "record it again")
-    names, findings = list(required_columns(joints)), list(table.findings)
-    for group in optional_groups(joints):
+    names, findings = list(required), list(table.findings)
+    for group in groups:
         present = [name for name in group if name in table.names]
         if len(present) == len(group):
             names += group
@@ -129,18 +137,26 @@ def select(
     # A copy, since repairs write into it; the choice of columns above copies already.
     time = table.values[:, table.names.index("time")].copy()
     valid = np.ones(len(data), bool)
-    required = required_columns(joints)
     return Draft(
         *(source, tuple(names), time, data, table.lines, valid, findings, required, settings)
     )
 
 
-def _missing(source: str, table: LogTable, name: str, known: set[str]) -> InputError:
+def _missing(
+    source: str, table: LogTable, name: str, known: set[str], joints: tuple[str, ...]
+) -> InputError:
     strangers = {other.lower(): other for other in table.names if other not in known}
     # 0.75: similar enough for a spelling such as velocity_FL or velocities_fl.
     near = difflib.get_close_matches(name.lower(), strangers, 1, 0.75)
     cure = f"a log needs it; this one has {', '.join(table.names[:12])}"
-    if "velocity" in table.names and name.startswith("velocity_"):
+    velocities = set(joint_columns("velocity", joints))
+    efforts = set(joint_columns("effort", joints))
+    if name in efforts and velocities <= set(table.names) and not efforts & set(table.names):
+        cure = (
+            "without efforts youbot kinematics alone reads a log (radius, arm, delay, slip); "
+            "log the wheels' torques, or their currents and import them with a torque constant"
+        )
+    elif "velocity" in table.names and name.startswith("velocity_"):
         cure = "if it is the log of one axis, read it with --mechanism axis"
     elif near:
         cure = f"rename {strangers[near[0]]!r} to {name!r}, if that is meant"

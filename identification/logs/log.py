@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from functools import cached_property
+from itertools import pairwise
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -133,6 +134,17 @@ class Log:
     def duration(self) -> float:
         """Time from the first to the last sample [s]."""
         return float(self.time[-1] - self.time[0])
+
+
+def starts_on_shared_clock(logs: Sequence[Log]) -> list[float]:
+    """When each log begins [s] after the first one, on the clock that they share.
+
+    Logs whose times overlap share none, and begin at zero each.
+    """
+    spans = sorted((float(log.time[0]), float(log.time[-1])) for log in logs)
+    if any(end >= start for (_, end), (start, _) in pairwise(spans)):
+        return [0.0] * len(logs)
+    return [float(log.time[0]) - spans[0][0] for log in logs]
 
 
 def warnings_of_logs(logs: Iterable[Log]) -> list[str]:

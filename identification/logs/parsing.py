@@ -20,6 +20,22 @@ from youbot_env.errors import InputError
 MISSING = frozenset({"", "nan", "-nan", "na", "n/a", "null", "none", "inf", "+inf", "-inf"})
 """Spellings, in lower case, of a value that is not there."""
 
+MAX_HEADER = 1 << 20
+"""Bytes of the first lines up to the header: 10,000 names have a fifth of it."""
+
+MAX_COLUMNS = 10_000
+"""Columns of a file: a recording of a whole robot has some thousands."""
+
+MAX_ROWS = 1 << 22
+"""Rows of a file, more than an hour at 1 kHz: each line that is parsed cell by cell takes a hundred
+bytes and more."""
+
+MAX_LINE = 1 << 20
+"""Bytes of one line: 10,000 numbers with all their digits have a fifth of it."""
+
+CONTROL = re.compile(rb"[\x00-\x08\x0e-\x1f]")
+"""Control characters except tab, line feed, vertical tab, form feed and carriage return."""
+
 GZIP_MAGIC, PARQUET_MAGIC = b"\x1f\x8b", b"PAR1"
 _FOREIGN_DELIMITERS = {";": "semicolons", "\t": "tabs", "|": "bars", " ": "spaces"}
 
@@ -52,6 +68,7 @@ def parse_csv(source: str, content: bytes) -> LogTable:
     if content.startswith((GZIP_MAGIC, PARQUET_MAGIC)):
         kind = ".csv.gz" if content.startswith(GZIP_MAGIC) else ".parquet"
         raise fault(source, f"holds {kind} data under another name", f"rename it to {kind}")
+    _check_size(source, content)
     byte_order_mark = content.startswith(b"\xef\xbb\xbf")
     content = content.removeprefix(b"\xef\xbb\xbf")
     if b"\r" in content:
@@ -65,12 +82,7 @@ def parse_csv(source: str, content: bytes) -> LogTable:
 def _decode(source: str, content: bytes) -> str:
     if content.startswith((b"\xff\xfe", b"\xfe\xff")):
         raise fault(source, "is UTF-16 text", "save it as UTF-8", row=1)
-    # Control characters except tab, line feed, vertical tab, form feed and carriage return.
-    odd = re.search(rb"[\x00-\x08\x0e-\x1f]", content)
-    if odd:
-        row = content.count(b"\n", 0, odd.start()) + 1
-        cure = "a log is UTF-8 text; export it again as CSV"
-        raise fault(source, "holds binary data", cure, row=row)
+    check_text(source, content)
     try:
         return content.decode("utf-8")
     except UnicodeDecodeError as error:
@@ -78,9 +90,48 @@ def _decode(source: str, content: bytes) -> str:
         raise fault(source, "is not UTF-8 text", "save it as UTF-8", row=row) from None
 
 
+def check_text(source: str, content: bytes) -> None:
+    """Refuse what holds characters that no text has."""
+    if odd := CONTROL.search(content):
+        row = content.count(b"\n", 0, odd.start()) + 1
+        cure = "a log is UTF-8 text; export it again as CSV"
+        raise fault(source, "holds binary data", cure, row=row)
+
+
+def check_width(source: str, columns: int, row: int | None = None) -> None:
+    """Refuse more columns than any log has."""
+    if columns > MAX_COLUMNS:
+        reason = f"has {columns} columns, more than {MAX_COLUMNS}"
+        raise fault(source, reason, "keep the columns that a log needs", row=row)
+
+
+def _check_size(source: str, content: bytes) -> None:
+    """Refuse, before anything is split, what would take long or much memory to read."""
+    # Files of old Macs end a line with a carriage return alone.
+    breaks = b"\n" if b"\n" in content[:MAX_HEADER] else b"\r"
+    if len(content) > MAX_HEADER and breaks not in content[:MAX_HEADER]:
+        check_text(source, content[:MAX_HEADER])
+        reason = f"its first line has more than {MAX_HEADER >> 20} MiB"
+        raise fault(source, reason, "is it a CSV file? A log has a line a sample", row=1)
+    rows = content.count(breaks)
+    if rows > MAX_ROWS:
+        reason = f"has {rows} lines, more than {MAX_ROWS}: too large to be read"
+        raise fault(source, reason, "cut it into several logs")
+    start = 0
+    # From one line break to the last one within reach: a few steps for a file of usual lines.
+    while len(content) - start > MAX_LINE:
+        end = content.rfind(breaks, start, start + MAX_LINE)
+        if end < start:
+            row = content.count(breaks, 0, start) + 1
+            raise fault(source, f"a line has more than {MAX_LINE >> 20} MiB", "remove it", row=row)
+        start = end + 1
+
+
 def _parse_regular(content: bytes) -> LogTable | None:
     """Table of a file of finite numbers, one full row a line; None of any other."""
     header, _, body = content.partition(b"\n")
+    if header.count(b",") >= MAX_COLUMNS:
+        return None
     try:
         names = tuple(name.strip() for name in header.decode("ascii").split(","))
     except UnicodeDecodeError:
@@ -149,6 +200,7 @@ def _is_cut(lines: list[str], used: list[int]) -> bool:
 
 def _read_header(source: str, line: str, row: int) -> tuple[str, ...]:
     names = [name.strip() for name in _split(line)]
+    check_width(source, len(names), row)
     if all(_is_number(name) for name in names if name) and any(names):
         cure = "write the column names into its first line: time,velocity_fl,..."
         raise fault(source, "has no header", cure, row=row)
@@ -161,10 +213,12 @@ def _read_header(source: str, line: str, row: int) -> tuple[str, ...]:
     while names and not names[-1]:
         names.pop()
     names = [name or f"(column {i})" for i, name in enumerate(names, 1)]
+    seen: set[str] = set()
     for name in names:
-        if names.count(name) > 1:
+        if name in seen:
             cure = "keep one of the two"
             raise fault(source, "the column occurs twice", cure, row=row, column=name)
+        seen.add(name)
     return tuple(names)
 
 

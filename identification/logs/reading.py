@@ -77,7 +77,7 @@ def read_log(
     """
     path = Path(path)
     content = read_bytes(path)
-    table = parser_for(path)(str(path), content)
+    table = parser_for(path, content)(str(path), content)
     draft = select(str(path), table, tuple(joints), settings)
     # Predictions are written at the times of the file, so they are kept before any repair.
     file_time = draft.time.copy()

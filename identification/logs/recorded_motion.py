@@ -35,6 +35,9 @@ def recorded_motion(log: Log) -> Motion | None:
     It is known if a record.json beside the log lists the log with the same hash of its bytes.
     """
     source = Path(log.source)
+    # A log made in memory has no name. A pipe beside a log is not for us to read.
+    if not source.name or not source.with_name(RECORD).is_file():
+        return None
     try:
         record = read_json(source.with_name(RECORD), RECORD_FILE)
         known = record["logs"].get(source.name)
@@ -43,5 +46,5 @@ def recorded_motion(log: Log) -> Motion | None:
         motions = [motion for motion in record["motions"] if motion["name"] == log.name]
         return motion_from_dict(motions[0]) if len(motions) == 1 else None
     except (ValueError, TypeError):
-        # No record.json, a file of another program, or a log made in memory: no reference is known.
+        # A file of another program: no reference is known.
         return None

@@ -62,8 +62,8 @@ def _refuse_missing(draft: Draft) -> None:
     raise draft.fault(what, "record it again, or cut that part off", at, worst)
 
 
-def fill_missing(draft: Draft, joints: tuple[str, ...]) -> None:
-    """Interpolate short runs of missing values.
+def fill_missing(draft: Draft, joints: tuple[str, ...], left: tuple[str, ...] = ()) -> None:
+    """Interpolate short runs of missing values, but for channels that are ``left`` as they are.
 
     A required channel with a long run is refused; an optional one is left out, with its group.
 
@@ -76,7 +76,7 @@ def fill_missing(draft: Draft, joints: tuple[str, ...]) -> None:
     inserted = ~draft.valid
     for name in draft.names:
         # An earlier channel of the same group may have been refused, and the whole group dropped.
-        if name not in draft.names or not np.isnan(draft.channel(name)).any():
+        if name in left or name not in draft.names or not np.isnan(draft.channel(name)).any():
             continue
         missing = np.isnan(draft.channel(name))
         runs = runs_of(missing)
@@ -111,14 +111,17 @@ def _bridge_runs(
             draft.valid[start:stop] = False
 
 
-def replace_outliers(draft: Draft) -> None:
+def replace_outliers(draft: Draft, left: tuple[str, ...] = ()) -> None:
     """Interpolate single outliers: a few samples that leap away from a smooth signal.
 
     The leap must be much larger than the channel's noise and its usual steps, and the samples
     around must be smooth: a step of the torque, a chattering friction or a wheel's ripple is no
-    outlier. Channels with many outliers are left as they are, with a warning.
+    outlier. Channels with many outliers are left as they are, with a warning, and so are those
+    that are ``left``.
     """
     for name in draft.names:
+        if name in left:
+            continue
         channel = draft.channel(name)
         runs = find_outliers(channel, draft.settings)
         count = sum(stop - start for start, stop in runs)

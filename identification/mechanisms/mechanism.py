@@ -15,7 +15,7 @@ from typing import Generic, NamedTuple, Protocol, TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
-from identification.logs.log import Log
+from identification.logs.log import Log, starts_on_shared_clock
 from identification.mechanisms.quantities import Quantities
 from identification.mechanisms.samples import DemandedForce, Part, Samples
 from identification.mechanisms.settings import MechanismSettings
@@ -23,7 +23,7 @@ from identification.signals.filters import FilterSettings, integral_of
 from identification.signals.noise import differenced_noise
 from youbot_env.physics import inverse_dynamics as dynamics
 from youbot_env.physics.effect import Parameter, Registry
-from youbot_env.physics.mechanism import MechanismKind, ModelStructure
+from youbot_env.physics.mechanism import Instant, MechanismKind, ModelStructure
 
 Array = NDArray[np.float64]
 Known = TypeVar("Known")
@@ -241,7 +241,10 @@ class Mechanism(Generic[Known]):
             declared = self.kind.declared(item, self.geometry)
             for name in item.parameter_names:
                 parameter = declared.parameter(name)
-                group = f"{item.name}.{parameter.name}" if parameter.relative_to else None
+                relative = parameter.relative_to
+                if relative == "internal" and not self.kind.internal:
+                    relative = None  # each torque exerts a force
+                group = f"{item.name}.{parameter.name}" if relative else None
                 found.append(ParameterLabel(item.name, name, parameter, group))
         return tuple(found)
 
@@ -326,6 +329,13 @@ class Mechanism(Generic[Known]):
             angle_noise=tuple(angle_noise.tolist()),
             bandwidth=self._bandwidth(velocity, angle_noise, log.dt),
         )
+
+    def samples_of(self, logs: Sequence[Log]) -> list[Samples]:
+        """Motion and torque of logs that belong together, each with its start on their clock."""
+        starts = starts_on_shared_clock(logs)
+        return [
+            replace(self.samples(log), start=start) for log, start in zip(logs, starts, strict=True)
+        ]
 
     def _bandwidth(self, velocity: Array, angle_noise: Array, dt: float) -> float:
         """[Hz] up to which the noise of differenced angles is a given share of the speeds."""
@@ -421,7 +431,11 @@ class Mechanism(Generic[Known]):
         s = samples
         start = [*s.twist[0], *s.pose[0], *s.wheel_angle[0], s.time[0]]
         if self.structure.has_actuator:
-            start += dynamics.channel_torque(np, self.structure, theta, tuple(s.torque[0]), 0.0)
+            at = Instant(tuple(s.twist[0]), time=s.time[0], start=s.start)
+            torque = tuple(s.torque[0])
+            start += dynamics.channel_torque(np, self.structure, self.geometry, theta, torque, at)
+        if self.structure.reads_start:
+            start.append(s.start)
         duration = np.full(len(s) - 1, s.dt)
         states = simulate_theta(self.structure, self.geometry, theta, duration, s.torque, start)
         return states[:, : len(self.kind.axes)] * self.speed_scale

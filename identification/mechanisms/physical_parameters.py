@@ -18,6 +18,8 @@ Array = NDArray[np.float64]
 def settle_gauge(mechanism: Mechanism[Any], theta: Array) -> tuple[Array, Array]:
     """Give what only differences show its stated zero: the least wheel, or the wheels' mean.
 
+    Of offsets of the torques that is none along those that exert no force.
+
     Returns the new theta (P,) and the (P, P) map that it came by, for the covariance. The common
     part that is taken away goes to the base parameter that means the same.
     """
@@ -26,6 +28,12 @@ def settle_gauge(mechanism: Mechanism[Any], theta: Array) -> tuple[Array, Array]
     for group in dict.fromkeys(label.group for label in mechanism.labels if label.group):
         members = [k for k, label in enumerate(mechanism.labels) if label.group == group]
         parameter = mechanism.labels[members[0]].parameter
+        if parameter.relative_to == "internal":
+            unseen = np.array(mechanism.kind.internal) / np.linalg.norm(mechanism.kind.internal)
+            step = np.eye(len(names))
+            step[np.ix_(members, members)] -= np.outer(unseen, unseen)
+            change, theta = step @ change, step @ theta
+            continue
         weight = np.zeros(len(names))
         if parameter.relative_to == "least":
             weight[members[int(np.argmin(theta[members]))]] = 1.0

@@ -42,6 +42,7 @@ class Samples:
     angle_noise : (J,) white noise of the angles [rad] whose differences the speeds are; None where
         the speeds were measured as such
     bandwidth : of the speeds [Hz] that is left for a force fit, see :attr:`for_fit`
+    start : [s] of the log on the clock that the logs share; 0 where it is alone
     moves : (N,) False where the mechanism rests, and dry friction may hold any force up to its
         own: no row of a fit is made of it. None: it is not known to rest
     """
@@ -58,6 +59,7 @@ class Samples:
     angle_noise: tuple[float, ...] | None = None
     bandwidth: float = np.inf
     moves: NDArray[np.bool_] | None = None
+    start: float = 0.0
 
     def __len__(self) -> int:
         return len(self.time)
@@ -188,6 +190,7 @@ class DemandedForce(Generic[Geometry]):
             pose=_ends(s.pose),
             wheel_angle=_ends(s.wheel_angle),
             time=np.stack([s.time[:-1], s.time[1:]]),
+            start=s.start,
         )
 
     @cached_property
@@ -276,7 +279,7 @@ class DemandedForce(Generic[Geometry]):
             return force
         torque = self.mechanism.torque_of(geometry, self._unscaled(force))
         at = replace(self.instant, torque=torque, torque_rate=self._rates(torque))
-        logged = dynamics.interface_torque(np, structure, theta, at)
+        logged = dynamics.interface_torque(np, structure, geometry, theta, at)
         if structure.at(CHANNEL) and self.mechanism.internal:
             logged = self._with_internal(logged, theta, at)
         return self._scaled(self.mechanism.force_of(geometry, logged))
@@ -290,7 +293,9 @@ class DemandedForce(Generic[Geometry]):
         """
         internal = np.array(self.mechanism.internal)
         more = tuple(torque + part for torque, part in zip(at.torque, internal, strict=True))
-        along = dynamics.interface_torque(np, self.structure, theta, replace(at, torque=more))
+        along = dynamics.interface_torque(
+            np, self.structure, self.geometry, theta, replace(at, torque=more)
+        )
         way = [b - a for a, b in zip(logged, along, strict=True)]
         size = internal @ internal
         lacking = self._internal - internal @ np.stack(logged, axis=1) / size
@@ -307,7 +312,8 @@ class DemandedForce(Generic[Geometry]):
         s, structure = self.samples, self.structure
         if not structure.at(CHANNEL):
             return self._internal
-        true = dynamics.channel_torque(np, structure, theta, tuple(s.torque.T), s.time)
+        at = Instant(tuple(s.twist.T), time=s.time, start=s.start)
+        true = dynamics.channel_torque(np, structure, self.geometry, theta, tuple(s.torque.T), at)
         return self._internal_of(np.stack(true, axis=1))
 
     def _internal_of(self, torque: Array) -> Array:

@@ -53,7 +53,7 @@ def force_ratio(sizing: Sizing) -> float:
     logs = logs_of(draw_case(sizing.name, sizing.index, sizing.seed, factor=sizing.factor))
     model = load_model("paper")
     mechanism = Mecanum(model.geometry, model.structure)
-    samples = [mechanism.samples(log) for log in logs]
+    samples = mechanism.samples_of(logs)
     theta = fit(mechanism, samples, model.theta).theta
     traces = [force_traces(mechanism, theta, item) for item in samples]
     floor = [

@@ -10,6 +10,7 @@ from youbot_scripts.shared.tables import Table, columns, number, text
 
 if TYPE_CHECKING:
     from youbot_env.physics.effect import Effect, Registry
+    from youbot_scripts.shared.report_page import Formulas
 
 TYPICAL = {
     "1": "", "s": "", "kg": "F/a", "N": "F", "N/s": "F/s", "N/m": "F/x", "N s/m": "F/v",
@@ -124,3 +125,21 @@ def sizes(item: Effect, of: PrintedCatalogue) -> str:
         text = f"{number(value)} {of.unit_of(parameter.unit)}".strip()
         found.append(text if parameter.default is None else f"[{text}]")
     return "\n".join(found)
+
+
+def equations_with(mechanism: str, effects: Sequence[str], missing: Sequence[str] = ()) -> Formulas:
+    """The equations of the base model, and below them what each effect adds, for a page.
+
+    Parameters
+    ----------
+    effects : that the model holds; those ``missing`` from it before are marked as new
+    """
+    from youbot_scripts.shared.report_page import Formulas
+
+    printed = printed_catalogue(mechanism)
+    rows = [(line, False, "") for line in printed.equation((), "latex").splitlines()]
+    for name in effects:
+        parts = printed.formula(printed.catalogue[name], "latex").split(";  ")
+        rows += [(part, name in missing, name) for part in parts]
+    lines, new, notes = zip(*rows, strict=True)
+    return Formulas("Equations of motion", lines, new, notes)

@@ -56,7 +56,6 @@ def read_inputs(
     model: str,
     logs: Sequence[Path],
     *,
-    effects: Path | None = None,
     mechanism: str | None = None,
     geometry: str | None = None,
     strict: bool = False,
@@ -65,7 +64,6 @@ def read_inputs(
 
     Parameters
     ----------
-    effects : Python file that registers a user's own effects; it is run
     mechanism : that the model must be of; None for any
     geometry : file of another platform's lengths
     strict : refuse all logs where one cannot be used
@@ -84,10 +82,6 @@ def read_inputs(
     )
     from youbot_env.model.model_file import load_geometry
 
-    if effects:
-        from youbot_env.plugins import load_effects
-
-        load_effects(effects)  # before the model is read, since its file may name these effects
     loaded = load_any_model(model)
     check_mechanism(loaded, mechanism)
     lengths = load_geometry(geometry) if geometry else None

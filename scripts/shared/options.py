@@ -8,7 +8,7 @@ import os
 import platform
 import sys
 from collections.abc import Callable, Iterator, Mapping
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -16,6 +16,9 @@ import typer
 
 if TYPE_CHECKING:
     from rich.console import Console
+
+PROGRESS_FILE = "YOUBOT_PROGRESS_FILE"
+"""Environment variable: the file into which a command writes the share that it has done."""
 
 STDOUT = Path("-")
 """The file name that means standard output."""
@@ -84,7 +87,7 @@ ReportOption = Annotated[
         "--report",
         metavar="F.html",
         callback=check_output,
-        help="Write tables and pictures as one web page (extra: plots).",
+        help="Write tables and charts as one web page (extra: plots).",
     ),
 ]
 MechanismOption = Annotated[
@@ -93,9 +96,31 @@ MechanismOption = Annotated[
         "--mechanism", metavar="NAME", help="mecanum or axis; only checked: the model says it."
     ),
 ]
+
+
+def load_user_effects(path: Path | None) -> Path | None:
+    """Typer callback: register a user's effects before any model is read, which may name them.
+
+    Raises
+    ------
+    InputError
+        If the file cannot be run or registers nothing.
+    """
+    if path is not None:
+        from youbot_env.plugins import load_effects
+
+        load_effects(path)
+    return path
+
+
 EffectsOption = Annotated[
     Path | None,
-    typer.Option("--effects", metavar="FILE.py", help="Your own effects; runs this file."),
+    typer.Option(
+        "--effects",
+        metavar="FILE.py",
+        callback=load_user_effects,
+        help="Your own effects; runs this file.",
+    ),
 ]
 JobsOption = Annotated[int, typer.Option("--jobs", min=1, metavar="N", help="Processes.")]
 LogsOfOption = Annotated[
@@ -123,13 +148,19 @@ def check_pictures(folder: Path | None, report: Path | None) -> None:
     Raises
     ------
     InputError
-        If matplotlib is not installed, or there is something else where the folder should be.
+        If a library that they need is not installed, or there is something else where the
+        folder should be.
     """
     if folder is None and report is None:
         return
     from identification.figures.style import matplotlib
 
     matplotlib()
+    if report is not None:
+        from youbot_env.errors import optional_library
+
+        for name in ("plotly", "jinja2", "latex2mathml"):
+            optional_library(name, "plots", f"pages need {name}", "leave --report out")
     if folder is not None and not folder.is_dir():
         # The nearest folder that exists: mkdir makes those between, and needs permission there.
         there = next(part for part in (folder, *folder.absolute().parents) if part.exists())
@@ -140,6 +171,20 @@ def check_pictures(folder: Path | None, report: Path | None) -> None:
 
 
 # --- files -----------------------------------------------------------------------------------
+
+
+def make_folder(path: Path) -> None:
+    """Make a folder, and those above it, unless it is there.
+
+    Raises
+    ------
+    InputError
+        If it cannot be made.
+    """
+    try:
+        path.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise _input_error(f"{path}: cannot be made a folder: {error.strerror or error}") from None
 
 
 def write_text(path: Path | str, text: str) -> None:
@@ -210,8 +255,16 @@ def _input_error(message: str) -> ValueError:
 def console(json: Path | None = None) -> Console:
     """Where a command prints: standard output, or standard error if that is for the JSON."""
     from rich.console import Console
+    from rich.text import Text
+
+    from youbot_env.errors import visible  # as in `_input_error`
 
     class PlainConsole(Console):
+        def render_str(self, text: str, **options: Any) -> Text:
+            # Names of files and models, and messages of libraries, may hold a terminal's commands.
+            lines = (visible(line.replace("\t", "    ")) for line in text.split("\n"))
+            return super().render_str("\n".join(lines), **options)
+
         def on_broken_pipe(self) -> None:
             raise BrokenPipeError  # Rich would exit with status 1; `cli.main` returns 141
 
@@ -223,8 +276,13 @@ def console(json: Path | None = None) -> Console:
 def progress(total: float, description: str) -> Iterator[Callable[..., None]]:
     """A progress bar on standard error; yields `advance(steps=1)`.
 
-    No bar if standard error is no terminal. It disappears at the end, also after Ctrl-C.
+    No bar if standard error is no terminal. It disappears at the end, also after Ctrl-C. Another
+    program learns the share done from the file that ``PROGRESS_FILE`` names.
     """
+    told = os.environ.get(PROGRESS_FILE)
+    if told:
+        yield _told_in_a_file(Path(told), total)
+        return
     if not sys.stderr.isatty():
         yield lambda steps=1: None
         return
@@ -242,3 +300,17 @@ def progress(total: float, description: str) -> Iterator[Callable[..., None]]:
     with bar:
         task = bar.add_task(description, total=total)
         yield lambda steps=1: bar.advance(task, steps)
+
+
+def _told_in_a_file(path: Path, total: float) -> Callable[..., None]:
+    """An ``advance`` that keeps the share done, 0 to 1, in a file."""
+    done = 0.0
+
+    def advance(steps: float = 1) -> None:
+        nonlocal done
+        done += steps
+        # The reader may look at any time; a torn number is read as none.
+        with suppress(OSError):
+            path.write_text(f"{done / max(total, 1e-9):.4f}", encoding="utf-8")
+
+    return advance

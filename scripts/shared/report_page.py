@@ -1,11 +1,12 @@
-"""A report as a web page in one file, without scripts and without links to other files."""
+"""A report as a web page in one file: it needs no other file and no network."""
 
 from __future__ import annotations
 
 import base64
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
-from html import escape
+from functools import cache
+from importlib import resources
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -14,22 +15,10 @@ from youbot_scripts.shared import options as common
 from youbot_scripts.shared.tables import Table
 
 if TYPE_CHECKING:
+    from jinja2 import Template
     from matplotlib.figure import Figure
 
-_STYLE = """
-body { font: 15px/1.45 system-ui, sans-serif; max-width: 64rem; margin: 2rem auto; padding: 0 1rem;
-       color: #222; }
-h1 { font-size: 1.5rem; } h2 { font-size: 1.1rem; margin-top: 2.5rem; }
-h3 { font-size: 0.95rem; }
-table { border-collapse: collapse; font-variant-numeric: tabular-nums; font-size: 0.88rem; }
-th, td { padding: 0.2rem 0.7rem; text-align: right; border-bottom: 1px solid #e4e4e4;
-         white-space: pre-line; }
-th:first-child, td:first-child, .text { text-align: left; }
-img { max-width: 100%; height: auto; margin: 0.7rem 0; }
-p.note { color: #555; margin: 0.3rem 0; } pre { background: #f4f4f4; padding: 0.7rem; }
-p.verdict { font-size: 1.1rem; } p.warning { border-left: 4px solid #e69f00; padding-left: 0.7rem; }
-pre, div.wide { overflow-x: auto; }
-"""
+    from identification.figures.chart_style import Chart
 
 
 @dataclass(frozen=True)
@@ -49,7 +38,29 @@ class Picture:
     content: bytes
 
 
-Part = Words | Table | Picture
+@dataclass(frozen=True)
+class Charts:
+    """Interactive charts, side by side where there is room.
+
+    heading : of them all; folded : shown when their title is opened
+    """
+
+    charts: Sequence[Chart]
+    heading: str = ""
+    folded: bool = False
+
+
+@dataclass(frozen=True)
+class Formulas:
+    """Formulas in LaTeX under a heading; new : those to be marked; notes : beside each."""
+
+    heading: str
+    latex: Sequence[str]
+    new: Sequence[bool]
+    notes: Sequence[str]
+
+
+Part = Words | Table | Picture | Charts | Formulas
 
 
 def pictures(figures: Iterable[tuple[str, Figure]]) -> Iterator[Picture]:
@@ -58,6 +69,25 @@ def pictures(figures: Iterable[tuple[str, Figure]]) -> Iterator[Picture]:
 
     for name, figure in figures:
         yield Picture(name, png(figure))
+
+
+def groups_of(charts: Mapping[str, Chart]) -> Iterator[Charts]:
+    """Charts folded below their titles; the floor plans of one log side by side.
+
+    Parameters
+    ----------
+    charts : by name
+    """
+    plans: dict[str, list[Chart]] = {}
+    for name, chart in charts.items():
+        if name.startswith("plan_"):
+            # plan_K, or plan_before_K and plan_after_K
+            plans.setdefault(name.rpartition("_")[2], []).append(chart)
+        else:
+            yield Charts([chart], folded=True)
+    for k, (_, group) in enumerate(plans.items()):
+        heading = "Floor plan: where on the floor forces are left unexplained"
+        yield Charts(group, heading, folded=k > 0)
 
 
 def page(
@@ -71,18 +101,14 @@ def page(
     facts : how it was made: versions, seed
     command : that made it; by default the one that runs
     """
-    made = ", ".join(f"{name} {value}" for name, value in facts.items())
-    lines = [
-        "<!doctype html>",
-        '<html lang="en"><head><meta charset="utf-8">',
-        '<meta name="viewport" content="width=device-width, initial-scale=1">',
-        f"<title>{escape(title)}</title><style>{_STYLE}</style></head><body>",
-        f"<h1>{escape(title)}</h1>",
-        f"<pre>{escape(command or command_line())}</pre><p class=note>{escape(made)}</p>",
-        *map(_html, parts),
-        "</body></html>",
-    ]
-    return "\n".join(lines) + "\n"
+    shown = [_shown(part) for part in parts]
+    return _template().render(
+        title=title,
+        parts=shown,
+        made=", ".join(f"{name} {value}" for name, value in facts.items()),
+        command=command or command_line(),
+        plotly=_plotly() if any(part["kind"] == "charts" for part in shown) else "",
+    )
 
 
 def facts(seed: int | None) -> dict[str, Any]:
@@ -102,33 +128,71 @@ def write_page(path: Path, title: str, parts: Iterable[Part], seed: int | None) 
     common.write_text(path, page(title, parts, facts(seed)))
 
 
-def _html(part: Part) -> str:
+@cache
+def _template() -> Template:
+    from youbot_env.errors import optional_library
+
+    jinja2 = optional_library("jinja2", "plots", "pages need jinja2", "leave --report out")
+    text = resources.files("youbot_scripts.shared").joinpath("page.html").read_text("utf-8")
+    # Autoescape: names of logs and models are a user's, and must never be markup.
+    made = jinja2.Environment(autoescape=True, trim_blocks=True, lstrip_blocks=True)
+    return made.from_string(text)
+
+
+def _plotly() -> Any:
+    from markupsafe import Markup
+    from plotly.offline import get_plotlyjs
+
+    # A comment may not close the element that it stands in.
+    return Markup(get_plotlyjs().replace("</script", "<\\/script"))
+
+
+def _shown(part: Part) -> dict[str, Any]:
+    """A part as the template takes it."""
     if isinstance(part, Table):
         return _table(part)
     if isinstance(part, Picture):
         # Pictures are part of the file, so that it can be sent alone.
         data = base64.b64encode(part.content).decode()
-        return f'<img alt="{escape(part.name)}" src="data:image/png;base64,{data}">'
-    heading = f"<h2>{escape(part.heading)}</h2>" if part.heading else ""
-    return heading + "".join(
-        f'<p class="{escape(part.kind)}">{escape(sentence)}</p>' for sentence in part.sentences
-    )
+        return {"kind": "picture", "name": part.name, "data": data}
+    if isinstance(part, Charts):
+        charts = [_chart(chart) for chart in part.charts]
+        return {
+            "kind": "charts", "charts": charts, "heading": part.heading, "folded": part.folded
+        }  # fmt: skip
+    if isinstance(part, Formulas):
+        return {"kind": "formulas", "heading": part.heading, "formulas": list(_formulas(part))}
+    lines = list(part.sentences)
+    return {"kind": "words", "heading": part.heading, "look": part.kind, "lines": lines}
 
 
-def _table(table: Table) -> str:
-    # The style sheet aligns the first column by its place, the others by their class.
-    marks = ["", *(' class="text"' if column.is_text else "" for column in table.columns[1:])]
-    rows = [
-        "<tr>" + "".join(_cell("td", *pair) for pair in zip(marks, row, strict=True)) + "</tr>\n"
-        for row in table.cells
-    ]
-    head = "".join(_cell("th", *pair) for pair in zip(marks, table.headers, strict=True))
-    notes = "".join(f'<p class="note">{escape(note)}</p>' for note in table.notes)
-    heading = f"<h2>{escape(table.heading)}</h2>" if table.heading else ""
-    title = f"<h3>{escape(table.title)}</h3>" if table.title else ""
-    body = f"<table><tr>{head}</tr>\n{''.join(rows)}</table>" if rows else ""
-    return f'{heading}{title}<div class="wide">{body}</div>{notes}'
+def _chart(chart: Chart) -> dict[str, Any]:
+    from markupsafe import Markup
+
+    text = chart.figure.to_json() or "{}"
+    # In a script element "<" could end it; in JSON its escape means the same.
+    safe = Markup(text.replace("<", "\\u003c"))
+    return {"name": chart.name, "title": chart.title, "height": chart.height, "json": safe}
 
 
-def _cell(tag: str, mark: str, content: str) -> str:
-    return f"<{tag}{mark}>{escape(content)}</{tag}>"
+def _formulas(part: Formulas) -> Iterator[dict[str, Any]]:
+    from markupsafe import Markup
+
+    from youbot_env.errors import optional_library
+
+    name = "latex2mathml.converter"
+    converter = optional_library(name, "plots", "pages need latex2mathml", "leave --report out")
+    for latex, new, note in zip(part.latex, part.new, part.notes, strict=True):
+        yield {"mathml": Markup(converter.convert(latex)), "new": new, "note": note}
+
+
+def _table(table: Table) -> dict[str, Any]:
+    marks = [column.is_text for column in table.columns]
+    return {
+        "kind": "table",
+        "heading": table.heading,
+        "title": table.title,
+        "head": list(zip(table.headers, marks, strict=True)),
+        "rows": [list(zip(row, marks, strict=True)) for row in table.cells],
+        "notes": table.notes,
+    }

@@ -14,6 +14,7 @@ from typing import Any, TypeVar
 
 from youbot_env.errors import InputError
 from youbot_env.files import FileKind, read_bytes, write_atomically
+from youbot_env.plugins import load_effects, loaded_files
 from youbot_env.threads import THREADS
 
 Record = dict[str, Any]
@@ -153,7 +154,9 @@ def spread(
     # the child may wait for ever.
     context = multiprocessing.get_context("spawn")
     others = multiprocessing.active_children()
-    pool = ProcessPoolExecutor(min(jobs, len(items) or 1), context, initializer=_be_one_of_many)
+    pool = ProcessPoolExecutor(
+        min(jobs, len(items) or 1), context, _be_one_of_many, (loaded_files(),)
+    )
     try:
         waiting = {pool.submit(function, item): item for item in items}
         for done in as_completed(waiting):
@@ -167,16 +170,19 @@ def spread(
         pool.shutdown(wait=True, cancel_futures=True)
 
 
-def _be_one_of_many() -> None:
+def _be_one_of_many(effects: Sequence[str]) -> None:
     """Set up a worker process.
 
     It ignores Ctrl-C, which a terminal sends to all processes; the parent handles it. It uses one
-    thread, since the processes share the cores. It ends if the parent dies.
+    thread, since the processes share the cores. It ends if the parent dies. It loads the user's
+    files of ``effects``, which the parent's catalogue holds.
     """
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     # setdefault: a number that the user has set stays.
     os.environ.setdefault(THREADS, "1")
     threading.Thread(target=_end_with_parent, daemon=True).start()
+    for path in effects:
+        load_effects(path)
 
 
 def _end_with_parent() -> None:

@@ -7,6 +7,8 @@ from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
+from youbot_env.errors import visible
+
 if TYPE_CHECKING:
     from rich.console import Console
 
@@ -91,17 +93,17 @@ def _print(out: Console, table: Table) -> None:
     from rich.text import Text
 
     # Text, not str: in a str Rich would read brackets, as in units, as markup.
-    title = Text(table.title)
+    title = Text(visible(table.title))
     drawn = RichTable(title=title, title_justify="left", box=box.SIMPLE_HEAD, pad_edge=False)
     for column in table.columns:
         drawn.add_column(
-            Text(column.header),
+            Text(visible(column.header)),
             justify="left" if column.is_text else "right",
             overflow="fold",
             no_wrap=not column.is_text,
         )
     for row in table.cells:
-        drawn.add_row(*map(Text, row))
+        drawn.add_row(*(Text("\n".join(map(visible, cell.split("\n")))) for cell in row))
     out.print(drawn)
 
 

@@ -382,7 +382,7 @@ from youbot_env import BODY, Parameter, effect
     recognise="A force of constant size against the velocity, whichever way the robot drives.",
     dissipative=True,
 )
-def cable_drag(xp, body, force, smoothing):
+def trailing_hose(xp, body, force, smoothing):
     vx, vy, _ = body.twist
     pull = force / xp.sqrt(vx**2 + vy**2 + smoothing**2)
     return pull * vx, pull * vy, 0.0
@@ -395,12 +395,12 @@ def identification_calls() -> Any:
     Path("cable.py").write_text(OWN_EFFECT)
     public("load_effects")("cable.py")
     identify, compare = public("identify"), public("compare")
-    robot = public("load_model")("paper").with_effect("cable_drag", force=4.0)
+    robot = public("load_model")("paper").with_effect("trailing_hose", force=4.0)
     fitted, held_out = public("record")(
         robot, [public("calibration")(), public("multisine")(np.random.default_rng(1))]
     )
     base = identify([fitted])
-    better = identify([fitted], start=base.model.with_effect("cable_drag"))
+    better = identify([fitted], start=base.model.with_effect("trailing_hose"))
     return {
         "base": base.to_dict(),
         "better": better.to_dict(),

@@ -121,14 +121,26 @@ def test_recovers_from_a_lasting_load() -> None:
     np.testing.assert_allclose(speed[-1], wanted, rtol=1e-3)
 
 
-def test_a_missing_measurement_does_not_poison_the_loop() -> None:
+@pytest.mark.parametrize("lost", [np.nan, np.inf, -np.inf])
+def test_a_missing_measurement_holds_the_last_torque_of_its_wheel(lost: float) -> None:
     control, other = KinematicControl(), KinematicControl()
-    speed = np.array([np.nan, 0.0, 0.0, 0.0])
-    torque = control(observe(speed), want(0.1, 0.0, 0.0))
-    assert np.isnan(torque[0])
-    assert np.isfinite(torque[1:]).all()
-    after = control(observe(np.zeros(4)), want(0.1, 0.0, 0.0))
-    assert after[0] == other(observe(np.zeros(4)), want(0.1, 0.0, 0.0))[0]
+    forward = want(0.1, 0.0, 0.0)
+    first = control(observe(np.zeros(4)), forward)
+    other(observe(np.zeros(4)), forward)
+    speed = np.array([lost, 0.0, 0.0, 0.0])
+    torque = control(observe(speed), forward)
+    assert torque[0] == first[0]
+    assert control.held == (True, False, False, False)
+    assert (torque[1:] > first[1:]).all()  # the others' integrals go on
+    after = control(observe(np.zeros(4)), forward)
+    assert control.held == (False,) * 4
+    assert after[0] == other(observe(np.zeros(4)), forward)[0]
+
+
+def test_without_any_measurement_nothing_is_commanded() -> None:
+    control = KinematicControl()
+    assert not control(observe(np.full(4, np.nan)), want(0.1, 0.0, 0.0)).any()
+    assert all(control.held)
 
 
 def test_reset_starts_over_to_the_bit() -> None:

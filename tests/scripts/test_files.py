@@ -247,11 +247,29 @@ def test_a_file_cut_short_is_refused(kind: Kind, path: Path):
         assert "not valid JSON" in refused(kind, path)
 
 
-@pytest.mark.parametrize("bad", [b"\xff\xfe{}\n", b'{"\xe9": 1}\n', b"\xef\xbb\xbf{}\n", b"\0\n"])
+@pytest.mark.parametrize("bad", [b"\xff\xfe{}\n", b'{"\xe9": 1}\n', b"\xef\xbb\xbf{\n", b"\0\n"])
 def test_what_is_no_utf8_text_is_refused(kind: Kind, path: Path, bad: bytes):
     path.write_bytes(bad)
     message = refused(kind, path)
-    assert "not a text file" in message or "not valid JSON" in message
+    assert any(
+        cause in message for cause in ("not a text file", "not valid JSON", "is UTF-16 text")
+    )
+
+
+def test_a_byte_order_mark_is_no_fault(kind: Kind, path: Path):
+    """Editors on Windows write one."""
+    path.write_bytes(b"\xef\xbb\xbf" + path.read_bytes())
+    assert kind.read(path) is not None
+
+
+def test_a_terminals_commands_in_a_file_do_not_reach_it(kind: Kind, path: Path):
+    evil = "\x1b]0;owned\x07\x1b[31m\u202e\u2028"
+    put(path, content(path) | {evil: {"a": 1e308}})
+    if kind.unknown:
+        assert refused(kind, path).isprintable()
+    with_number(kind, path, json.dumps(evil))
+    if kind.name != "results.jsonl":
+        assert refused(kind, path).isprintable()
 
 
 def test_a_strangers_text_does_not_fill_the_screen(kind: Kind, path: Path):
@@ -336,3 +354,7 @@ def test_a_record_that_cannot_be_read_tells_no_motion(tmp_path: Path):
         assert recorded_motion(log) is None
     (tmp_path / "record.json").write_text('{"logs": {}, ' + json.dumps(good)[1:])
     assert recorded_motion(log) is None
+    (tmp_path / "record.json").unlink()
+    if hasattr(os, "mkfifo"):
+        os.mkfifo(tmp_path / "record.json")
+        assert recorded_motion(log) is None

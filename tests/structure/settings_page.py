@@ -27,6 +27,8 @@ from controllers.tuning.tuning import SearchSettings
 from identification.comparison import ComparisonSettings
 from identification.diagnosis.settings import DiagnosisSettings
 from identification.fitting.settings import FitSettings, PredictabilitySettings
+from identification.importing.settings import ImportSettings
+from identification.kinematics.settings import KinematicsSettings
 from identification.logs.settings import LogSettings
 from identification.mechanisms.settings import MechanismSettings
 from identification.residual_map.settings import ResidualMapSettings
@@ -41,7 +43,9 @@ AREAS = {
         FilterSettings,
         NoiseSettings,
         HeldSettings,
+        KinematicsSettings,
         LogSettings,
+        ImportSettings,
         MechanismSettings,
         PredictabilitySettings,
         FitSettings,

@@ -15,7 +15,7 @@ ROOT = Path(__file__).parents[2]
 
 FILES = sorted((ROOT / "identification").rglob("*.py"))
 
-HOMES = ("settings.py", "style.py")
+HOMES = ("settings.py", "style.py", "chart_style.py")
 """Files that may hold numbers: settings, and what figures look like."""
 
 NO_SETTING = {
@@ -25,12 +25,46 @@ NO_SETTING = {
     },
     "fitting": {"TIMES": "place of features in a row"},
     "threads": {"MAX_THREADS": "threads by default; no result depends on it"},
+    "kinematics": {
+        "PARAMETERS": "places of parameters in a vector",
+        "_A": "place",
+        "_B": "place",
+        "_U": "place",
+        "_V": "place",
+        "_G": "place",
+        "_DELAY": "place",
+        "TWIST": "geometry: what a twist makes of equal wheels",
+        "NO_SLIP": "geometry: wheel speeds that no rigid motion makes",
+        "UNITS": "units of wheel speeds",
+        "GEARS": "gears that are on sale",
+        "ROUND_GEARS": "of them the round ones",
+        "YOUBOT_GEAR": "the youBot's",
+    },
+    "importing": {
+        "TIME_UNITS": "units of time",
+        "UNITS": "units of speeds, torques, angles and lengths",
+        "_PAIRS": "geometry: wheel speeds that no rigid motion makes",
+        "_LEFT_NEGATED": "signs of the wheels on the left",
+        "_TRUTH": "true and false as numbers",
+        "_POSITIVE": "of a schema",
+        "_SCHEMA": "of a map: what it may hold",
+        "_TEXT": "of a schema",
+        "_COLUMNS": "of a schema",
+        "MAX_BYTES": "of a map's file",
+        "MAP_FILE": "of a map: its version",
+    },
     "logs": {
         "_UNITS": "units that a time column is recognised in",
         "UNIT_FACTORS": "units of wheel speeds",
         "NO_SLIP": "geometry: wheel speeds that no rigid motion makes",
         "_DEGREES": "degrees in a radian",
         "DECIMALS": "of a written file",
+        **dict.fromkeys(
+            ("MAX_BYTES", "MAX_STREAM", "MAX_CELLS", "MAX_HEADER", "MAX_COLUMNS", "MAX_ROWS"),
+            "bound on time and memory: of what is read of a file",
+        ),
+        "MAX_LINE": "bound on time and memory: of a line",
+        "CHUNK": "bytes that are decompressed at a time",
     },
     "mechanisms": {
         "_MOTION": "names of a formula's arguments",

@@ -82,13 +82,15 @@ def random_instant(rng: np.random.Generator, count: int | None = None) -> Instan
         torque_rate=draw(20.0, 20.0, 20.0, 20.0),
         # As often before as after the moment at which an effect begins.
         time=draw(30.0)[0] + 30.0,
+        start=draw(30.0)[0] + 30.0,
     )
 
 
 def state_of(structure: ModelStructure, at: Instant) -> list[float]:
     """The state of a platform in a motion."""
     state = [*at.twist, *at.pose, *at.wheel_angle, at.time]
-    return state + (list(at.torque) if structure.has_actuator else [])
+    state += list(at.torque) if structure.has_actuator else []
+    return state + ([at.start] if structure.reads_start else [])
 
 
 def drive(time: np.ndarray, size: float = 1.0) -> np.ndarray:

@@ -215,15 +215,16 @@ _LENGTHS = SimpleNamespace(**{name: real_symbols(name)[0] for name in ("l", "h",
 _BASE = Base(*real_symbols(["m0", "I0", "m aX", "m aY", "I1", "mu1", "mu2"]))
 _NAMED = cast(BaseParameters, _BASE)
 _TWIST, _ACCELERATION = real_symbols("VX VY W"), real_symbols("VX' VY' W'")
-_POSE, _TIME = real_symbols("x y psi"), real_symbols("t")[0]
+_POSE = real_symbols("x y psi")
+_TIME, _START = real_symbols("t t0")
 
 _POINTS: dict[Place, Any] = {
-    BODY: Body(tuple(_TWIST), tuple(_ACCELERATION), _TIME, _NAMED),
-    WHEEL: Wheel(*real_symbols("phi' phi'' phi M t"), base=_NAMED),
-    ROLLER: Roller(*real_symbols("gamma' gamma'' t"), base=_NAMED),
-    WORLD: World(*real_symbols("x y psi x' y' xC yC t"), base=_NAMED),
+    BODY: Body(tuple(_TWIST), tuple(_ACCELERATION), _TIME, _NAMED, _START),
+    WHEEL: Wheel(*real_symbols("phi' phi'' phi M t"), base=_NAMED, start=_START),
+    ROLLER: Roller(*real_symbols("gamma' gamma'' t"), base=_NAMED, start=_START),
+    WORLD: World(*real_symbols("x y psi x' y' xC yC t"), base=_NAMED, start=_START),
     ACTUATOR: Actuator(*real_symbols("M M' t")),
-    CHANNEL: Channel(*real_symbols("M t")),
+    CHANNEL: Channel(*real_symbols("M phi' t"), start=_START),
     CLOCK: Clock(),
 }
 
@@ -238,14 +239,15 @@ class _OpenPoints(EffectPoints[Any, sympy.Expr]):
     @cached_property
     def wheels(self) -> list[Wheel]:
         return [
-            Wheel(*real_symbols(f"phi{i}' phi{i}'' phi{i} M{i} t"), base=self.base)
+            Wheel(*real_symbols(f"phi{i}' phi{i}'' phi{i} M{i} t"), base=self.base, start=_START)
             for i in range(1, 5)
         ]
 
     @cached_property
     def rollers(self) -> list[Roller]:
         return [
-            Roller(*real_symbols(f"gamma{i}' gamma{i}'' t"), base=self.base) for i in range(1, 5)
+            Roller(*real_symbols(f"gamma{i}' gamma{i}'' t"), base=self.base, start=_START)
+            for i in range(1, 5)
         ]
 
     def of(self, place: Place) -> Sequence[Any]:
@@ -280,7 +282,7 @@ class Equations:
     @cached_property
     def points(self) -> _OpenPoints:
         """Where the components are evaluated."""
-        at = Instant(tuple(_TWIST), tuple(_ACCELERATION), tuple(_POSE), time=_TIME)
+        at = Instant(tuple(_TWIST), tuple(_ACCELERATION), tuple(_POSE), time=_TIME, start=_START)
         return _OpenPoints(
             symbols(), MECANUM, self.geometry, self.theta, at, self.structure.carriers
         )
@@ -374,8 +376,13 @@ class Equations:
     def _stated(self, show: Any) -> list[str]:
         """Parameters of the equations in terms of those that a model holds."""
         lines = []
-        for item, where in self.structure.slices[len(BASE) :]:
-            stated = real_symbols(item.public_names)
+        effects = self.structure.slices[len(BASE) :]
+        names = [name for item, _ in effects for name in item.public_names]
+        for item, where in effects:
+            stated = real_symbols(
+                name if names.count(name) == 1 else f"{name}_{item.name}"
+                for name in item.public_names
+            )
             inner = item.to_internal(symbols(), _LENGTHS, stated)
             for symbol, value in zip(self.theta[where], inner, strict=True):
                 # A parameter that is stated as it is needs no line.

@@ -2,7 +2,7 @@
 
 ``control_systems``: systems of python-control; ``torch_export`` (and ``torch_module``, which
 imports torch): a module with gradients; ``mujoco_bodies``: an MJCF document; ``step_function``: a
-plain function from a state to the next.
+plain function from a state to the next; ``c_code``: C99 source.
 """
 
 from lazy_loader import attach_stub

@@ -19,6 +19,7 @@ from youbot_env.physics import inverse_dynamics as dynamics
 from youbot_env.physics.effect import WORLD
 from youbot_env.physics.geometry import WHEELS
 from youbot_env.physics.mecanum import DRIVE_STATE, STATE
+from youbot_env.physics.mechanism import Instant
 from youbot_env.physics.stated_parameters import to_theta
 from youbot_env.simulation.compiled import kernel
 from youbot_env.simulation.free_run import initial_state
@@ -130,8 +131,10 @@ def steady(model: Model, twist: ArrayLike, **at: ArrayLike) -> tuple[Array, Arra
     """
     # The drives are steady (torque_rate is 0), so the acting torque is the true command.
     torque = model.inverse_dynamics(twist, np.zeros(3), **at)
-    time = at.get("time", 0.0)
-    acting = dynamics.channel_torque(np, model.structure, model.theta, list(torque), time)
+    motion = Instant(tuple(np.asarray(twist, float)), time=at.get("time", 0.0))
+    acting = dynamics.channel_torque(
+        np, model.structure, model.geometry, model.theta, list(torque), motion
+    )
     return initial_state(model, twist=twist, torque=np.array(acting), **at), torque  # type: ignore[arg-type]
 
 
@@ -159,7 +162,9 @@ class Signals:
     def states(self) -> tuple[str, ...]:
         """Names of the platform's states in the system."""
         kept = (*TWIST, *DRIVE_STATE) if self.twist_only else self.model.structure.state_names
-        return tuple(n for n in self.model.structure.state_names if n in kept and n != "time")
+        known = self.model.structure.state_names
+        # Both times go on, or stay, by themselves.
+        return tuple(name for name in known if name in kept and name not in ("time", "start"))
 
     @cached_property
     def places(self) -> list[int]:

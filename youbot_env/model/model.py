@@ -311,12 +311,12 @@ def _parts(array: ArrayLike) -> tuple[Any, ...]:
 
 
 def _instant(twist: ArrayLike, acceleration: ArrayLike, at: Mapping[str, ArrayLike]) -> Instant:
-    known = {"pose", "wheel_angle", "torque", "torque_rate", "time"}
+    known = {"pose", "wheel_angle", "torque", "torque_rate", "time", "start"}
     for key in at:
         if key not in known:
             raise InputError(f"unknown argument {key!r}; known are {', '.join(sorted(known))}")
     parts = {
-        key: np.asarray(value, float) if key == "time" else _parts(value)
+        key: np.asarray(value, float) if key in ("time", "start") else _parts(value)
         for key, value in at.items()
     }
     return Instant(_parts(twist), _parts(acceleration), **parts)  # type: ignore[arg-type]

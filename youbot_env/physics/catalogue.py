@@ -233,6 +233,80 @@ def actuator_lag(xp: Namespace, drive: Actuator, time_constant: Number) -> Numbe
 @effect(
     acts_at=CHANNEL,
     parameters=[
+        Parameter(
+            "offset",
+            "N m",
+            lower=-2.0,
+            upper=2.0,
+            size=0.1,
+            each_wheel=True,
+            relative_to="internal",
+        )
+    ],
+    source="Zero error of current sensors and their amplifiers",
+    recognise="A constant residual in the body frame: the wheels seem to push at rest.",
+)
+def torque_offset(xp: Namespace, channel: Channel, offset: Number) -> Number:
+    """True torque behind a channel whose zero is off [N m]: M_i + o_i."""
+    return channel.torque + offset
+
+
+@effect(
+    acts_at=CHANNEL,
+    parameters=[
+        Parameter("fraction", "1", lower=-1.0, upper=0.9, size=0.2),
+        Parameter(
+            "time_constant",
+            "s",
+            default=60.0,
+            lower=5.0,
+            upper=3600.0,
+            grid=(15.0, 40.0, 100.0, 300.0),
+        ),
+        Parameter(
+            "shared_clock", "1", default=1.0, lower=0.0, upper=1.0, grid=(1.0, 0.0), whole=True
+        ),
+    ],
+    source="Magnets and windings that warm up: exponential approach to the warm torque constant",
+    recognise="All torques do less and less over the session, in slow and fast motion alike.",
+)
+def torque_constant_drift(
+    xp: Namespace,
+    channel: Channel,
+    fraction: Number,
+    time_constant: Number,
+    shared_clock: Number,
+) -> Number:
+    """True torque of a motor that warms up [N m]: (1 - f (1 - exp(-t/T))) M.
+
+    t counts from the start of the clock that the logs share, or with ``shared_clock`` 0 from the
+    start of each log.
+    """
+    time = channel.time + shared_clock * channel.start
+    return (1 - fraction * (1 - xp.exp(-time / time_constant))) * channel.torque
+
+
+LOSS_SPEED = 10.0
+"""Wheel speed [rad/s] at which the loss of a speed-dependent gain is stated."""
+
+
+@effect(
+    acts_at=CHANNEL,
+    # The bound keeps the true torque's sign up to twice the speed at which the loss is stated.
+    parameters=[Parameter("loss", "1", lower=0.0, upper=0.45, size=0.2)],
+    source="Back EMF that a drive of limited voltage does not make up for",
+    recognise="The torque falls short in proportion to the speed of the wheels.",
+)
+def speed_dependent_gain(xp: Namespace, channel: Channel, loss: Number) -> Number:
+    """True torque of a drive that weakens with speed [N m]: (1 - s |phi'|/(10 rad/s)) M."""
+    # Never without any torque: a command could then not be found.
+    left = xp.maximum(1 - loss * xp.abs(channel.rate) / LOSS_SPEED, 0.05)
+    return left * channel.torque
+
+
+@effect(
+    acts_at=CHANNEL,
+    parameters=[
         Parameter("gain", "1", lower=-0.9, upper=2.0, size=0.2, each_wheel=True, relative_to="mean")
     ],
     source="Spread of motor torque constants and current sensors",
@@ -289,6 +363,91 @@ def roller_coulomb_friction(
 
 @effect(
     acts_at=WHEEL,
+    parameters=[
+        Parameter("extra", "N m", lower=0.0, upper=5.0, size=0.25, each_wheel=True),
+        Parameter("smoothing", "rad/s", default=0.03, lower=1e-3, upper=1.0),
+    ],
+    source="Coulomb friction, one size a wheel joint: a bearing or brake that rubs",
+    recognise="The residual is a step that changes its sign where one certain wheel reverses.",
+    dissipative=True,
+)
+def uneven_coulomb_friction(
+    xp: Namespace, wheel: Wheel, extra: Number, smoothing: Number
+) -> Number:
+    """Dry friction of one wheel joint beyond that of the freest [N m]: f_i tanh(phi_i'/eps)."""
+    return extra * xp.tanh(wheel.rate / smoothing)
+
+
+@effect(
+    acts_at=ROLLER,
+    parameters=[
+        Parameter("extra", "N m", lower=0.0, upper=1.0, size=0.05, each_wheel=True),
+        Parameter("smoothing", "rad/s", default=0.1, lower=1e-3, upper=5.0),
+    ],
+    source="Coulomb friction at the rollers' bushings, one size a wheel",
+    recognise="A step in the residual where the rollers of one certain wheel reverse.",
+    dissipative=True,
+)
+def uneven_roller_friction(
+    xp: Namespace, roller: Roller, extra: Number, smoothing: Number
+) -> Number:
+    """Dry friction at one wheel's roller beyond that of the freest [N m]: f_i tanh(gamma_i'/eps)"""
+    return extra * xp.tanh(roller.rate / smoothing)
+
+
+@effect(
+    acts_at=WHEEL,
+    parameters=[
+        Parameter("coulomb", "N m", lower=-2.0, upper=2.0, size=0.1),
+        Parameter("viscous", "N m s", lower=-0.5, upper=0.5, size=0.03),
+        # Wider than that of friction of one sign: noise of 0.01 rad/s on a wheel at rest would be
+        # a mean of 0.26 of |tanh(w/0.03)|, and of 0.08 here.
+        Parameter("smoothing", "rad/s", default=0.1, lower=1e-3, upper=1.0),
+    ],
+    source="Friction that depends on the direction: Armstrong-Helouvry et al., Automatica 30(7)",
+    recognise="The residual has one sign whichever way the wheels turn, and is gone at rest.",
+)
+def asymmetric_friction(
+    xp: Namespace, wheel: Wheel, coulomb: Number, viscous: Number, smoothing: Number
+) -> Number:
+    """Friction that is larger forwards [N m]: f |tanh(phi'/eps)| + k |phi'|."""
+    return coulomb * xp.abs(xp.tanh(wheel.rate / smoothing)) + viscous * xp.abs(wheel.rate)
+
+
+@effect(
+    acts_at=BODY,
+    parameters=[
+        Parameter("torque", "N m", lower=0.0, upper=50.0, size=2.0),
+        Parameter("smoothing", "rad/s", default=0.02, lower=1e-4, upper=1.0),
+    ],
+    source="Coulomb friction of contact patches that scrub as the platform turns",
+    recognise="A step in the residual moment where the yaw rate reverses; none in straight motion.",
+    dissipative=True,
+)
+def yaw_scrub(xp: Namespace, body: Body, torque: Number, smoothing: Number) -> Triple:
+    """Dry torque against the yaw rate [N m]: M_s tanh(W/eps)."""
+    return 0.0, 0.0, torque * xp.tanh(body.twist[2] / smoothing)
+
+
+@effect(
+    acts_at=BODY,
+    parameters=[
+        Parameter("force", "N", lower=0.0, upper=100.0, size=8.0),
+        Parameter("smoothing", "m/s", default=0.005, lower=1e-4, upper=0.1),
+    ],
+    source="Dry friction of a cable that is dragged along",
+    recognise="A force of constant size against the velocity, whichever way the robot drives.",
+    dissipative=True,
+)
+def cable_drag(xp: Namespace, body: Body, force: Number, smoothing: Number) -> Triple:
+    """Dry force against the velocity of O [N]: f v / sqrt(|v|^2 + eps^2)."""
+    vx, vy, _ = body.twist
+    pull = force / xp.sqrt(vx**2 + vy**2 + smoothing**2)
+    return pull * vx, pull * vy, 0.0
+
+
+@effect(
+    acts_at=WHEEL,
     parameters=[Parameter("coefficient", "N m s^2", lower=0.0, upper=1.0, size=0.01)],
     source="Turbulent (churning) losses: quadratic in the speed",
     recognise="The residual bends upwards with the speed of the wheels.",
@@ -311,14 +470,24 @@ def quadratic_friction(xp: Namespace, wheel: Wheel, coefficient: Number) -> Numb
             upper=600.0,
             grid=(6.0, 15.0, 40.0, 100.0),
         ),
+        Parameter(
+            "shared_clock", "1", default=0.0, lower=0.0, upper=1.0, grid=(0.0, 1.0), whole=True
+        ),
     ],
     source="Grease that warms up: exponential approach to the warm friction",
-    recognise="Friction that fades over the first minute of each log.",
+    recognise="Friction that fades over the first minute of each log, or of the session.",
     dissipative=True,
 )
-def friction_warmup(xp: Namespace, wheel: Wheel, fraction: Number, time_constant: Number) -> Number:
-    """Extra viscous friction of cold wheel joints [N m]: mu1 f exp(-t/T) phi'."""
-    return wheel.base.mu1 * fraction * xp.exp(-wheel.time / time_constant) * wheel.rate
+def friction_warmup(
+    xp: Namespace, wheel: Wheel, fraction: Number, time_constant: Number, shared_clock: Number
+) -> Number:
+    """Extra viscous friction of cold wheel joints [N m]: mu1 f exp(-t/T) phi'.
+
+    t counts from the start of each log, or with ``shared_clock`` 1 from that of the clock that
+    the logs share.
+    """
+    time = wheel.time + shared_clock * wheel.start
+    return wheel.base.mu1 * fraction * xp.exp(-time / time_constant) * wheel.rate
 
 
 @effect(
@@ -412,6 +581,38 @@ def tether(
 ) -> Triple:
     """Force against a spring from O to an anchor [N]: k (x - x_A), k (y - y_A)."""
     return stiffness * world.x - pull_x, stiffness * world.y - pull_y, 0.0
+
+
+def _neutral(geometry: object, stiffness: float, moment: float) -> tuple[float, ...]:
+    return stiffness, _per(moment, stiffness)
+
+
+def _twist_moment(
+    xp: Namespace, geometry: object, stiffness: Number, neutral: Number
+) -> tuple[Number, ...]:
+    return stiffness, stiffness * neutral
+
+
+@effect(
+    acts_at=WORLD,
+    parameters=[
+        Parameter("stiffness", "N m/rad", lower=1e-3, upper=1e3, size=0.6),
+        Parameter("moment", "N m", size=0.6),
+    ],
+    public=Public(
+        parameters=(
+            Parameter("stiffness", "N m/rad", lower=0.0, upper=1e3, size=0.6),
+            Parameter("neutral", "rad", size=1.0),
+        ),
+        forward=_neutral,
+        inverse=_twist_moment,
+    ),
+    source="Hooke's law: a cable from above that winds up as the platform turns",
+    recognise="A moment that grows with the angle by which the robot has turned.",
+)
+def cable_twist(xp: Namespace, world: World, stiffness: Number, moment: Number) -> Triple:
+    """Moment against a torsion spring [N m]: k (psi - psi_0)."""
+    return 0.0, 0.0, stiffness * world.yaw - moment
 
 
 LIGHTEST = 0.01

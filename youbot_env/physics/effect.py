@@ -52,6 +52,10 @@ class BaseParameters(Protocol):
     def __getattr__(self, name: str, /) -> Number: ...
 
 
+# ``time`` counts from the start of each log; ``start`` is that start on the clock that the logs
+# share, 0 where there is none.
+
+
 class Body(NamedTuple):
     """The platform at O, body frame. An effect here returns (F_X, F_Y, M_W) [N, N, N m]."""
 
@@ -59,6 +63,7 @@ class Body(NamedTuple):
     acceleration: tuple[Number, ...]
     time: Number
     base: BaseParameters
+    start: Number | float = 0.0
 
 
 class Wheel(NamedTuple):
@@ -70,6 +75,7 @@ class Wheel(NamedTuple):
     torque: Number
     time: Number
     base: BaseParameters
+    start: Number | float = 0.0
 
 
 class Roller(NamedTuple):
@@ -79,6 +85,7 @@ class Roller(NamedTuple):
     acceleration: Number
     time: Number
     base: BaseParameters
+    start: Number | float = 0.0
 
 
 class World(NamedTuple):
@@ -97,6 +104,7 @@ class World(NamedTuple):
     com_y: Number
     time: Number
     base: BaseParameters
+    start: Number | float = 0.0
 
 
 class Actuator(NamedTuple):
@@ -108,10 +116,15 @@ class Actuator(NamedTuple):
 
 
 class Channel(NamedTuple):
-    """One torque channel. An effect here returns the true torque [N m] behind ``torque``."""
+    """One torque channel. An effect here returns the true torque [N m] behind ``torque``.
+
+    ``rate``: of the wheel joint [rad/s].
+    """
 
     torque: Number
+    rate: Number
     time: Number
+    start: Number | float = 0.0
 
 
 class Clock(NamedTuple):
@@ -158,7 +171,8 @@ class Parameter:
     each_wheel : one value a joint, called ``<name>_fl`` ... ``<name>_br``
     joints : names of the joints that ``each_wheel`` speaks of, where they are not the four wheels
     relative_to : "mean" or "least" for values of which only differences can be seen; the common
-        part belongs to ``absorbed_by``, a base parameter (None: it cannot be known)
+        part belongs to ``absorbed_by``, a base parameter (None: it cannot be known). "internal" for
+        torques of which the part that exerts no force on the mechanism cannot be seen
     grid : values of a shape constant that a search should try
     instant : whether a shape constant is a time in the log, so that a search goes to its end
     whole : whether a shape constant counts something, so that nothing lies between two values and
@@ -338,8 +352,8 @@ class Registry:
             return self._effects[name]
         except KeyError:
             raise InputError(
-                f"unknown effect {name!r}; known are {', '.join(self._effects) or 'none'} "
-                "(`youbot effects` explains them)"
+                f"unknown effect {name!r}: one of your own needs --effects FILE.py; known are "
+                f"{', '.join(self._effects) or 'none'} (`youbot effects` explains them)"
             ) from None
 
     def __contains__(self, name: object) -> bool:

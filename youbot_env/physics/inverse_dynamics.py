@@ -93,14 +93,22 @@ def actuator_command(
 def channel_torque(
     xp: Namespace,
     structure: ModelStructure[Geometry],
+    geometry: Geometry,
     theta: Values[N],
     torque: Values[N],
-    time: N | float,
+    at: Instant[N],
 ) -> Components[N]:
-    """True torque (J) (behind a drive: its true command) that an interface torque stands for."""
+    """True torque (J) (behind a drive: its true command) that an interface torque stands for.
+
+    Of ``at`` the twist and the times are read.
+    """
     true = tuple(torque)
     for item, where in structure.at(CHANNEL):
-        true = _of_joints(item, xp, [Channel(value, time) for value in true], theta[where])
+        rates = structure.mechanism.joint_rates(geometry, at.twist)
+        points = [
+            Channel(value, rate, at.time, at.start) for value, rate in zip(true, rates, strict=True)
+        ]
+        true = _of_joints(item, xp, points, theta[where])
     return true
 
 
@@ -124,7 +132,11 @@ def torque_delay(xp: Namespace, structure: ModelStructure[Geometry], theta: Valu
 
 
 def interface_torque(
-    xp: Namespace, structure: ModelStructure[Geometry], theta: Values[N], at: Instant[N]
+    xp: Namespace,
+    structure: ModelStructure[Geometry],
+    geometry: Geometry,
+    theta: Values[N],
+    at: Instant[N],
 ) -> Components[N]:
     """Torque (J) at the interface (command, log) where ``at.torque`` acts on the joints.
 
@@ -135,8 +147,9 @@ def interface_torque(
     # and tensors keep their shape and type.
     joints = range(len(structure.mechanism.joints))
     wanted = actuator_command(xp, structure, theta, at)
-    zero = channel_torque(xp, structure, theta, [0.0 * value for value in wanted], at.time)
-    one = channel_torque(xp, structure, theta, [0.0 * value + 1.0 for value in wanted], at.time)
+    of = (xp, structure, geometry, theta)
+    zero = channel_torque(*of, [0.0 * value for value in wanted], at)
+    one = channel_torque(*of, [0.0 * value + 1.0 for value in wanted], at)
     return tuple((wanted[i] - zero[i]) / (one[i] - zero[i]) for i in joints)
 
 
@@ -206,7 +219,7 @@ def inverse_dynamics(
     :func:`torque_delay` ahead.
     """
     torque = acting_torque(xp, structure, geometry, theta, at)
-    return interface_torque(xp, structure, theta, replace(at, torque=torque))
+    return interface_torque(xp, structure, geometry, theta, replace(at, torque=torque))
 
 
 def mass_matrix(
@@ -292,9 +305,12 @@ def state_derivative(
     """
     mechanism = structure.mechanism
     twist, pose, angle, time = mechanism.split(state)
-    command = channel_torque(xp, structure, theta, torque, time)
-    acting = tuple(state[len(mechanism.state) :]) if structure.has_actuator else command
-    at = Instant(twist, pose=pose, wheel_angle=angle, torque=acting, time=time)
+    start = state[-1] if structure.reads_start else 0.0
+    at = Instant(twist, pose=pose, wheel_angle=angle, time=time, start=start)
+    command = channel_torque(xp, structure, geometry, theta, torque, at)
+    first = len(mechanism.state)
+    drives = tuple(state[first : first + len(mechanism.drive_state)])
+    at = replace(at, torque=drives if structure.has_actuator else command)
     # Without an actuator the true command acts at once; with one the acting torques are states.
     moved = (
         *forward_dynamics(xp, structure, geometry, theta, at),
@@ -302,9 +318,9 @@ def state_derivative(
         *(mechanism.joint_rates(geometry, twist) if angle else ()),
         1.0,  # time is a state, too
     )
-    if not structure.has_actuator:
-        return moved
-    return moved + drive_rates(xp, structure, theta, at, command)
+    drives = drive_rates(xp, structure, theta, at, command) if structure.has_actuator else ()
+    # When the log began stays as it is.
+    return (*moved, *drives, *((0.0,) if structure.reads_start else ()))
 
 
 def drive_rates(

@@ -85,7 +85,7 @@ def base_of(points: EffectPoints[Geometry, Number]) -> Base:
 def body_points(points: EffectPoints[Known, Number]) -> list[Body]:
     """The platform in the body frame."""
     at = points.at
-    return [Body(at.twist, at.acceleration, at.time, points.base)]
+    return [Body(at.twist, at.acceleration, at.time, points.base, at.start)]
 
 
 def _wheels(points: EffectPoints[Geometry, Number]) -> list[Wheel]:
@@ -94,7 +94,7 @@ def _wheels(points: EffectPoints[Geometry, Number]) -> list[Wheel]:
     rates = wheel_rates(points.geometry, at.twist)
     accelerations = wheel_rates(points.geometry, at.acceleration)
     rows = zip(rates, accelerations, at.wheel_angle, at.torque, strict=True)
-    return [Wheel(*row, at.time, points.base) for row in rows]
+    return [Wheel(*row, at.time, points.base, at.start) for row in rows]
 
 
 def _rollers(points: EffectPoints[Geometry, Number]) -> list[Roller]:
@@ -102,7 +102,8 @@ def _rollers(points: EffectPoints[Geometry, Number]) -> list[Roller]:
     at = points.at
     rates = roller_rates(points.geometry, at.twist)
     accelerations = roller_rates(points.geometry, at.acceleration)
-    return [Roller(*row, at.time, points.base) for row in zip(rates, accelerations, strict=True)]
+    rows = zip(rates, accelerations, strict=True)
+    return [Roller(*row, at.time, points.base, at.start) for row in rows]
 
 
 def _world(points: EffectPoints[Geometry, Number]) -> list[World]:
@@ -130,6 +131,7 @@ def _world_point(xp: Namespace, at: Instant[Number], base: BaseParameters) -> Wo
         *(c * com_x - s * com_y, s * com_x + c * com_y),
         at.time,
         base,
+        at.start,
     )
 
 

@@ -19,8 +19,10 @@ from typing import Generic, Protocol, TypeVar, cast
 from youbot_env.errors import InputError
 from youbot_env.physics.effect import (
     ACTUATOR,
+    CHANNEL,
     CLOCK,
     BaseParameters,
+    Channel,
     Effect,
     Parameter,
     Place,
@@ -47,7 +49,8 @@ class Instant(Generic[N_co]):
     wheel_angle : (J) of the joints, where a mechanism has them beside its pose
     torque : (J) that truly act; only effects that depend on the load read them
     torque_rate : (J) only actuators read them
-    time : [s]
+    time : [s] from the log's start
+    start : [s] of the log, on the clock that the logs share; 0 where there is none
 
     What is left out is zero, in as many components as a platform has.
     """
@@ -59,6 +62,7 @@ class Instant(Generic[N_co]):
     torque: Components[N_co | float] = (0.0,) * 4
     torque_rate: Components[N_co | float] = (0.0,) * 4
     time: N_co | float = 0.0
+    start: N_co | float = 0.0
 
 
 @dataclass(frozen=True)
@@ -328,7 +332,8 @@ class ModelStructure(Generic[Geometry]):
     @cached_property
     def state_names(self) -> tuple[str, ...]:
         """Components of the state of a mechanism with these effects."""
-        return self.mechanism.state + (self.mechanism.drive_state if self.has_actuator else ())
+        drives = self.mechanism.drive_state if self.has_actuator else ()
+        return (*self.mechanism.state, *drives, *(("start",) if self.reads_start else ()))
 
     @cached_property
     def carriers(self) -> tuple[tuple[Effect, slice], ...]:
@@ -363,6 +368,18 @@ class ModelStructure(Generic[Geometry]):
             replace(self._somewhere, wheel_angle=here), replace(self._somewhere, wheel_angle=there)
         )
         return bool(found)
+
+    @cached_property
+    def reads_start(self) -> bool:
+        """Whether an effect reads when the log began, on the clock that the logs share."""
+        here, there = (Channel(0.6, 0.5, 0.7, start) for start in (0.0, 30.0))
+        of_channels = any(
+            item.evaluate(floats, here, values) != item.evaluate(floats, there, values)
+            for item, where in self.at(CHANNEL)
+            for values in [[0.5] * (where.stop - where.start)]
+        )
+        early = replace(self._somewhere, start=0.0)
+        return of_channels or bool(self._telling_apart(early, replace(early, start=30.0)))
 
     def _two_sets(self) -> tuple[tuple[float, ...], tuple[float, ...]]:
         """Two sets of torques, or of angles. Not proportional: an effect may read a ratio."""

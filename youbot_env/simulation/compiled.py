@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import atexit
 import hashlib
 import importlib.util
 import os
@@ -10,15 +9,15 @@ import sys
 import tempfile
 from collections.abc import Callable
 from dataclasses import dataclass
-from functools import cache, lru_cache
+from functools import lru_cache
 from pathlib import Path
 from types import CodeType, FunctionType, ModuleType
 from typing import Any, Protocol
 
 import numpy as np
-import platformdirs
 
 import youbot_env
+from youbot_env.caching import cache_folder, is_safe, private_folder
 from youbot_env.simulation.generated_code import (
     LENGTHS,
     MOTION,
@@ -81,9 +80,9 @@ class InverseKernel:
         ``tolerance`` [N m] in sum.
     several(motion, lengths, thetas, tolerance, torque)
         The same, ``torque`` (k, n, 4), at each of several parameters ``thetas`` (k, P).
-    interface(torque, rate, time, theta, out)
+    interface(torque, rate, motion, lengths, theta, out)
         Interface torques ``out`` (4,) behind which ``torque`` (4,) acts and changes at ``rate``
-        (4,) [N m/s] at ``time`` [s]; they belong to a time earlier by ``Model.delay``.
+        (4,) [N m/s] in a motion (14,); they belong to a time earlier by ``Model.delay``.
     held(motion, hold, lengths, theta, tolerance, torque, mean, out)
         The interface torques ``out`` (4,) that, held for ``hold`` [s], do best what the motions
         (3, 14) at the start, the middle and the end of the hold demand: they make the mean (4,) of
@@ -138,12 +137,6 @@ def built(structure: Structure, system: Generated, compiled: Callable[[Any, Path
     return compiled(structure, _private_source(structure, system))
 
 
-def cache_folder() -> Path:
-    """Where generated kernels live; the environment variable YOUBOT_CACHE_DIR moves it."""
-    chosen = os.environ.get("YOUBOT_CACHE_DIR")
-    return Path(chosen) if chosen else Path(platformdirs.user_cache_dir("youbot")) / "kernels"
-
-
 def _compiled(structure: Structure, path: Path) -> Kernel:
     """Load a generated module and call its functions once, so that a damaged cache fails here."""
     module = load(path)
@@ -185,23 +178,28 @@ def _compiled_inverse(structure: Structure, path: Path) -> InverseKernel:
     found.held(motion, 1.0, lengths, theta, 1.0, torque, np.empty(4), np.empty(4))
     found.acting(motion, lengths, theta, 1.0, torque)
     found.several(motion, lengths, theta[None], 1.0, torque[None])
-    found.interface(torque[0], torque[0], 0.0, theta, np.empty(4))
+    found.interface(torque[0], torque[0], motion[0], lengths, theta, np.empty(4))
     return found
 
 
 def _cached_source(structure: Structure, system: Generated) -> Path:
-    path = cache_folder() / f"{system.prefix}_{_key(structure, system)}.py"
+    folder = cache_folder()
+    if folder is None:
+        return _private_source(structure, system)
+    path = folder / f"{system.prefix}_{_key(structure, system)}.py"
     if _is_intact(path):
         return path
     try:
+        # What others wrote, or damage, must not stay: numba's pickles are loaded as they are.
+        _forget(path)
         return _write(path, _sealed_source(structure, system))
     except OSError:
         return _private_source(structure, system)
 
 
 def _private_source(structure: Structure, system: Generated) -> Path:
-    """Source in a temporary folder of this process, for a cache folder that is read-only."""
-    path = _private_folder() / f"{system.prefix}_{_key(structure, system)}.py"
+    """Source in a temporary folder of this process, for a cache folder that cannot be used."""
+    path = private_folder() / f"{system.prefix}_{_key(structure, system)}.py"
     return _write(path, _sealed_source(structure, system))
 
 
@@ -218,19 +216,17 @@ def _checksum(source: str) -> str:
 
 
 def _is_intact(path: Path) -> bool:
-    """Whether a generated file exists, is complete, and numba can write beside it."""
+    """Whether a generated file exists, is complete, and numba can write beside it; and nobody else
+    can have written it, or what numba cached for it."""
+    compiled = path.parent / "__pycache__"
+    files = [path, *([compiled] if compiled.exists() else []), *compiled.glob(f"{path.stem}.*")]
+    if not all(map(is_safe, files)):
+        return False
     try:
         first, source = path.read_text("utf-8").split("\n", 1)
     except (OSError, ValueError):
         return False
     return first == _SEAL + _checksum(source) and os.access(path.parent, os.W_OK)
-
-
-@cache
-def _private_folder() -> Path:
-    folder = tempfile.TemporaryDirectory(prefix="youbot-", ignore_cleanup_errors=True)
-    atexit.register(folder.cleanup)
-    return Path(folder.name)
 
 
 def _write(path: Path, source: str) -> Path:

@@ -43,16 +43,20 @@ def initial_state(
     wheel_angle: ArrayLike = (0.0, 0.0, 0.0, 0.0),
     torque: ArrayLike = (0.0, 0.0, 0.0, 0.0),
     time: float = 0.0,
+    start: float = 0.0,
 ) -> Array:
     """State (S,) in the order of ``model.structure.state_names``.
 
     twist (VX, VY, W) [m/s, m/s, rad/s], pose (x, y, yaw) [m, m, rad], wheel angles [rad], torques
-    [N m] that already act (read by models with an actuator), time [s].
+    [N m] that already act (read by models with an actuator), time [s] from the run's start, and
+    that start [s] on the clock that runs share (read by models in which something drifts).
     """
     given = {"twist": (twist, 3), "pose": (pose, 3), "wheel_angle": (wheel_angle, 4)}
     parts = [_vector(name, *value) for name, value in given.items()] + [np.array([time])]
     if model.structure.has_actuator:
         parts.append(_vector("torque", torque, 4))
+    if model.structure.reads_start:
+        parts.append(np.array([start]))
     return np.concatenate(parts)
 
 
@@ -66,7 +70,8 @@ def _vector(name: str, value: ArrayLike, size: int) -> Array:
 def stiffness(structure: ModelStructure[Lengths], geometry: Lengths, theta: Array) -> float:
     """Fastest rate [1/s] of the twist (and drives) under full torque.
 
-    Evaluated at rest, where dry friction is stiffest, and at full speed, where drag is.
+    Evaluated at rest, where dry friction is stiffest, beside it, since friction that is the same
+    both ways has no slope at rest, and at full speed, where drag is.
     """
     mechanism = structure.mechanism
     size, joints = len(mechanism.axes), len(mechanism.joints)
@@ -74,7 +79,9 @@ def stiffness(structure: ModelStructure[Lengths], geometry: Lengths, theta: Arra
     step = SPEED_STEP * float(np.abs(fast).max())
     # Central differences along each axis; all evaluations in one call.
     shift = step * np.concatenate([np.eye(size), -np.eye(size)])
-    twists = np.array([np.zeros(size), fast])[:, None] + shift
+    # In no direction in which some joint stands still.
+    beside = step * (2.0 - 0.7 * np.arange(size))
+    twists = np.array([np.zeros(size), beside, fast])[:, None] + shift
     at = Instant(
         tuple(np.moveaxis(twists, -1, 0)), torque=(mechanism.full_torque(geometry),) * joints
     )

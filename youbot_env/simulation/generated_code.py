@@ -6,7 +6,7 @@ is printed as Python that numba compiles. No equation of motion is written in th
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from types import SimpleNamespace
 from typing import Any, ClassVar, Protocol
@@ -76,7 +76,7 @@ def kernel_source(structure: Structure, dynamics: Dynamics) -> str:
         "lengths": [f"g_{name}" for name in mechanism.lengths],
         "theta": [f"p{i}" for i in range(len(structure.parameter_names))],
     }
-    derivative = _derivative(structure, dynamics, names)
+    derivative = function_source(derivative_formulas(structure, dynamics, names))
     return "\n\n".join([HEADER, derivative, _step(size, names), _loops(size, names)])
 
 
@@ -84,10 +84,33 @@ HEADER = '''"""Generated from the effects' own functions; written again when the
 
 from math import cos, exp, sin, sqrt, tanh
 
-from numba import njit'''
+from youbot_env.caching import njit'''
 
 
-def _derivative(structure: Structure, dynamics: Dynamics, names: dict[str, list[str]]) -> str:
+@dataclass(frozen=True)
+class Formulas:
+    """What a generated function computes: expressions in its arguments, for a printer of any
+    language. It returns the values of ``results`` at ``arguments``, names of numbers."""
+
+    name: str
+    arguments: tuple[str, ...]
+    results: tuple[object, ...]
+
+    def shared(self, prefix: str = "x") -> tuple[list[tuple[Any, Any]], list[Any]]:
+        """Common subexpressions, each with the symbol that stands for it, in the order in which
+        they are computed, and the results in terms of them."""
+        import sympy
+
+        results = [sympy.sympify(result) for result in self.results]
+        names = sympy.numbered_symbols(prefix, real=True)
+        parts, values = sympy.cse(results, symbols=names, order="none")
+        return list(parts), list(values)
+
+
+def derivative_formulas(
+    structure: Structure, dynamics: Dynamics, names: Mapping[str, Sequence[str]]
+) -> Formulas:
+    """Rates of the state; ``names`` are those of the state, torque, lengths and theta."""
     symbol = {key: real_symbols(group) for key, group in names.items()}
     geometry = SimpleNamespace(
         **dict(zip(structure.mechanism.lengths, symbol["lengths"], strict=True))
@@ -95,9 +118,8 @@ def _derivative(structure: Structure, dynamics: Dynamics, names: dict[str, list[
     rates = dynamics.state_derivative(
         symbols(), structure, geometry, symbol["theta"], symbol["state"], symbol["torque"]
     )
-    return function_source(
-        "derivative", [name for group in names.values() for name in group], rates
-    )
+    arguments = (name for group in names.values() for name in group)
+    return Formulas("derivative", tuple(arguments), tuple(rates))
 
 
 def real_symbols(names: Sequence[str]) -> list[Any]:
@@ -108,18 +130,17 @@ def real_symbols(names: Sequence[str]) -> list[Any]:
     return [sympy.Symbol(name, real=True) for name in names]
 
 
-def function_source(name: str, arguments: Sequence[str], results: Sequence[object]) -> str:
+def function_source(formulas: Formulas) -> str:
     """A compiled function of scalars that returns a tuple of expressions in its arguments."""
-    import sympy
-
-    shared, values = sympy.cse([sympy.sympify(result) for result in results], order="none")
+    shared, values = formulas.shared()
     printer = _printer()
     # The error model "numpy" divides to inf or NaN where Python would raise ZeroDivisionError: a
     # run that diverges holds such values instead of ending in an exception.
     lines = [f"    {part} = {printer.doprint(value)}" for part, value in shared]
     returned = ",\n        ".join(printer.doprint(value) for value in values)
+    head = f"def {formulas.name}({', '.join(formulas.arguments)}):"
     return (
-        f"@njit(cache=True, error_model='numpy')\ndef {name}({', '.join(arguments)}):\n"
+        f"@njit(cache=True, error_model='numpy')\n{head}\n"
         + "\n".join(lines)
         + f"\n    return (\n        {returned},\n    )"
     )
@@ -266,8 +287,8 @@ class Inverse:
         return "\n\n".join(
             [
                 HEADER,
-                _demand(structure, self.dynamics),
-                _command(structure, self.dynamics),
+                function_source(demand_formulas(structure, self.dynamics)),
+                function_source(command_formulas(structure, self.dynamics)),
                 _inverse_loops(structure),
             ]
         )
@@ -277,43 +298,67 @@ def _theta(structure: Structure) -> list[str]:
     return [f"p{i}" for i in range(len(structure.parameter_names))]
 
 
-def _demand(structure: Structure, dynamics: Dynamics) -> str:
-    """Least-norm torques that a motion demands while given torques act."""
-    motion, torque = real_symbols(MOTION), real_symbols(TORQUES)
-    lengths, theta = (
-        real_symbols([f"g_{name}" for name in LENGTHS]),
-        real_symbols(_theta(structure)),
-    )
-    geometry = SimpleNamespace(**dict(zip(LENGTHS, lengths, strict=True)))
+def demand_formulas(
+    structure: Structure,
+    dynamics: Dynamics,
+    lengths: Sequence[str] = tuple(f"g_{name}" for name in LENGTHS),
+    theta: Sequence[str] | None = None,
+    motion: Sequence[str] = MOTION,
+    torque: Sequence[str] = TORQUES,
+) -> Formulas:
+    """Least-norm torques that a motion demands while given torques act.
+
+    The arguments are named: ``motion`` (twist, acceleration, pose, joint angles, time), ``torque``,
+    ``lengths``, ``theta``; by default as the platform's compiled code takes them.
+    """
+    mechanism = structure.mechanism
+    names = motion, torque, lengths, _theta(structure) if theta is None else theta
+    moving, acting, length, parameter = (real_symbols(group) for group in names)
+    geometry = SimpleNamespace(**dict(zip(mechanism.lengths, length, strict=True)))
+    pose = 2 * len(mechanism.axes)
+    angle = pose + len(mechanism.pose_state)
     at = Instant(
-        twist=tuple(motion[0:3]),
-        acceleration=tuple(motion[3:6]),
-        pose=tuple(motion[6:9]),
-        wheel_angle=tuple(motion[9:13]),
-        torque=tuple(torque),
-        time=motion[13],
+        twist=tuple(moving[: pose // 2]),
+        acceleration=tuple(moving[pose // 2 : pose]),
+        pose=tuple(moving[pose:angle]),
+        wheel_angle=tuple(moving[angle:-1]),
+        torque=tuple(acting),
+        time=moving[-1],
     )
-    force = dynamics.wrench(symbols(), structure, geometry, theta, at)
-    arguments = [str(symbol) for symbol in (*motion, *torque, *lengths, *theta)]
-    return function_source("demand", arguments, structure.mechanism.torque_of(geometry, force))
+    force = dynamics.wrench(symbols(), structure, geometry, parameter, at)
+    torques = mechanism.torque_of(geometry, force)
+    return Formulas("demand", tuple(name for group in names for name in group), tuple(torques))
 
 
-def _command(structure: Structure, dynamics: Dynamics) -> str:
-    """Interface torques behind which given torques act and change at given rates."""
-    torque, rate, theta = (real_symbols(n) for n in (TORQUES, RATES, _theta(structure)))
-    (time,) = real_symbols(["time"])
-    # Drives and channels read no motion.
-    still = (0.0, 0.0, 0.0)
-    at = Instant(still, torque=tuple(torque), torque_rate=tuple(rate), time=time)
-    results = dynamics.interface_torque(symbols(), structure, theta, at)
-    arguments = [str(symbol) for symbol in (*torque, *rate, time, *theta)]
-    return function_source("command", arguments, results)
+def command_formulas(
+    structure: Structure,
+    dynamics: Dynamics,
+    lengths: Sequence[str] = tuple(f"g_{name}" for name in LENGTHS),
+    theta: Sequence[str] | None = None,
+    motion: Sequence[str] = MOTION,
+    torque: Sequence[str] = TORQUES,
+    rate: Sequence[str] = RATES,
+) -> Formulas:
+    """Interface torques behind which given torques act and change at given rates in a motion.
+
+    The arguments are named as those of `demand_formulas`.
+    """
+    mechanism = structure.mechanism
+    names = torque, rate, motion, lengths, _theta(structure) if theta is None else theta
+    acting, changing, moving, length, parameter = (real_symbols(group) for group in names)
+    geometry = SimpleNamespace(**dict(zip(mechanism.lengths, length, strict=True)))
+    # Drives and channels read no acceleration, pose or angle.
+    twist = tuple(moving[: len(mechanism.axes)])
+    at = Instant(twist, torque=tuple(acting), torque_rate=tuple(changing), time=moving[-1])
+    results = dynamics.interface_torque(symbols(), structure, geometry, parameter, at)
+    return Formulas("command", tuple(name for group in names for name in group), tuple(results))
 
 
 def _inverse_loops(structure: Structure) -> str:
     theta = ", ".join(f"theta[{i}]" for i in range(len(structure.parameter_names)))
     lengths = ", ".join(f"lengths[{i}]" for i in range(len(LENGTHS)))
     row = ", ".join(f"motion[k, {i}]" for i in range(len(MOTION)))
+    place = ", ".join(f"motion[{i}]" for i in range(len(MOTION)))
     # Without losses under load the demand does not read the torque: the first round is exact.
     rounds = ROUNDS if structure.depends_on_load else 1
     return f"""@njit(cache=True, error_model='numpy')
@@ -338,10 +383,11 @@ def several(motion, lengths, thetas, tolerance, torque):
 
 
 @njit(cache=True, error_model='numpy')
-def interface(torque, rate, time, theta, out):
+def interface(torque, rate, motion, lengths, theta, out):
     out[0], out[1], out[2], out[3] = command(
         torque[0], torque[1], torque[2], torque[3],
-        rate[0], rate[1], rate[2], rate[3], time, {theta}
+        rate[0], rate[1], rate[2], rate[3],
+        {place}, {lengths}, {theta}
     )
 
 
@@ -351,5 +397,5 @@ def held(motion, hold, lengths, theta, tolerance, torque, mean, out):
     for i in range(4):
         mean[i] = (torque[0, i] + 4.0 * torque[1, i] + torque[2, i]) / 6.0
         out[i] = (torque[2, i] - torque[0, i]) / hold
-    interface(mean, out, motion[1, 13], theta, out)
+    interface(mean, out, motion[1], lengths, theta, out)
 """

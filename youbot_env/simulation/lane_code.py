@@ -18,6 +18,7 @@ from dataclasses import dataclass, field
 from types import SimpleNamespace
 from typing import Any
 
+from youbot_env.physics.mechanism import Instant
 from youbot_env.physics.namespaces import symbols
 from youbot_env.physics.stated_parameters import internal_values, public_parameters
 from youbot_env.simulation.generated_code import Dynamics, Structure, _printer, real_symbols
@@ -328,7 +329,7 @@ def lane_source(structure: Structure, dynamics: Dynamics) -> str:
     parts = [
         _integration(structure, names, symbol, rates),
         _rates_of_joints(structure, names, symbol, rates),
-        _acting_torques(structure, names, symbol, dynamics),
+        _acting_torques(structure, names, symbol, geometry, dynamics),
         _fields_function(
             "shifts",
             structure,
@@ -561,12 +562,21 @@ def _acting_torques(
     structure: Structure,
     names: Mapping[str, list[str]],
     symbol: Mapping[str, Any],
+    geometry: Any,
     dynamics: Any,
 ) -> str:
-    """The drives' states, or what channels make of the torque at the interface."""
-    time = symbol["state"][len(structure.mechanism.state) - 1]
+    """The torques that act: the drives' first states, or what channels make of the interface's."""
+    twist, _, _, time = structure.mechanism.split(symbol["state"])
     drives = list(symbol["state"][len(structure.mechanism.state) :])[: len(names["torque"])]
-    through = dynamics.channel_torque(symbols(), structure, symbol["theta"], symbol["torque"], time)
+    start = symbol["state"][-1] if structure.reads_start else 0.0
+    through = dynamics.channel_torque(
+        symbols(),
+        structure,
+        geometry,
+        symbol["theta"],
+        symbol["torque"],
+        Instant(twist, time=time, start=start),
+    )
     return _fields_function(
         "acting", structure, names, drives if structure.has_actuator else list(through)
     )
@@ -639,8 +649,6 @@ def _mass_check(
 ) -> str:
     """Sylvester's criterion: the mass matrix at rest is positive definite."""
     import sympy
-
-    from youbot_env.physics.mechanism import Instant
 
     size = len(structure.mechanism.axes)
     at = Instant((0.0,) * size, (0.0,) * size, pose=(0.0,) * len(structure.mechanism.pose_state))

@@ -17,10 +17,12 @@ from youbot_env.model.model_file import load_model
 from youbot_env.physics import inverse_dynamics as dynamics
 from youbot_env.physics.effect import ACTUATOR, CATALOGUE, CHANNEL, CLOCK
 from youbot_env.physics.mecanum import STATE
+from youbot_env.physics.mechanism import Instant
 from youbot_env.simulation.compiled import kernel
 from youbot_env.simulation.free_run import initial_state, substeps
 from youbot_env.simulation.platforms import (
     DRIVES,
+    TWIST,
     StateRows,
     checked_torque,
     drive_delay,
@@ -162,8 +164,12 @@ class Plant(StateRows):
             command = np.concatenate([line.acting for line in self._lines])
         if not self.structure.at(CHANNEL):
             return command
-        time = self.states[:, len(STATE) - 1]
-        found = dynamics.channel_torque(np, self.structure, self._theta.T, list(command.T), time)
+        twist, time = tuple(self.states[:, TWIST].T), self.states[:, len(STATE) - 1]
+        start = self.states[:, -1] if self.structure.reads_start else 0.0
+        at = Instant(twist, time=time, start=start)
+        found = dynamics.channel_torque(
+            np, self.structure, self.geometry, self._theta.T, list(command.T), at
+        )
         return np.stack(np.broadcast_arrays(*found), axis=-1)
 
     @property

@@ -6,9 +6,9 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from numba import njit
 from numpy.typing import ArrayLike, NDArray
 
+from youbot_env.caching import njit
 from youbot_env.errors import InputError, finite
 from youbot_env.physics import hardware
 from youbot_env.physics.geometry import WHEELS

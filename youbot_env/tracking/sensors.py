@@ -6,9 +6,9 @@ import math
 from dataclasses import dataclass
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
+from youbot_env.caching import njit
 from youbot_env.errors import finite
 from youbot_env.tracking.actuation import whole_number
 

@@ -8,9 +8,9 @@ from dataclasses import dataclass, field
 from typing import NamedTuple
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
+from youbot_env.caching import njit
 from youbot_env.errors import InputError, finite
 from youbot_env.motions.base import Motion
 from youbot_env.motions.multisine import multisine

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 import json
+import os
 import subprocess
 import sys
 from pathlib import Path
@@ -520,3 +521,19 @@ def test_a_missing_matplotlib_is_one_clear_line(
         figures.plot_comparison(compared, tmp_path / "plots")
     assert "\n" not in str(caught.value)
     assert not (tmp_path / "plots").exists()
+
+
+def test_a_backend_that_is_none_draws_all_the_same():
+    """It belongs to pyplot, which is not used, but a wrong name stops matplotlib's import."""
+    program = (
+        "from identification.figures.style import matplotlib, new_figure, png; import os\n"
+        "matplotlib(); print(len(png(new_figure(2.0))) > 100, os.environ['MPLBACKEND'])"
+    )
+    done = subprocess.run(
+        [sys.executable, "-c", program],
+        env=os.environ | {"MPLBACKEND": "nonsense", "PYTHONPATH": str(Path(__file__).parents[3])},
+        capture_output=True,
+        text=True,
+        timeout=100,
+    )
+    assert done.stdout.split() == ["True", "nonsense"], done.stderr

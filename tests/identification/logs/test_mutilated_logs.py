@@ -108,10 +108,10 @@ def test_no_permission_is_refused(tmp_path: Path, monkeypatch: pytest.MonkeyPatc
     path.chmod(0)
     if os.access(path, os.R_OK):  # root reads all
 
-        def forbid(self: Path) -> bytes:
-            raise PermissionError(13, "Permission denied", str(self))
+        def forbid(*arguments: object) -> int:
+            raise PermissionError(13, "Permission denied", str(path))
 
-        monkeypatch.setattr(Path, "read_bytes", forbid)
+        monkeypatch.setattr(os, "open", forbid)
     with pytest.raises(InputError, match="no permission to read it; chmod"):
         read_log(path)
 

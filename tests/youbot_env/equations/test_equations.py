@@ -41,7 +41,7 @@ def test_the_base_model_prints_as_the_paper_writes_it():
 
 def parsed(line: str) -> sympy.Expr:
     """A printed side as an expression again, with ' spelled _dot."""
-    plain = re.sub(r"\|(\w+'*)\|", r"Abs(\1)", line.replace("^", "**"))
+    plain = re.sub(r"\|([^|]+)\|", r"Abs(\1)", line.replace("^", "**"))
     plain = plain.replace("''", "_ddot").replace("'", "_dot")
     plain = re.sub(r"\[(\w+) >= ([\w.]+)\]", r"Heaviside(\1 - \2, 1)", plain)
     functions = {"tanh", "sin", "cos", "exp", "Abs", "sqrt", "Heaviside", "Max"}
@@ -54,7 +54,7 @@ def numbers(m: Model, at: Instant) -> dict[str, float]:
     """Values for every name that a printed equation can hold."""
     g = m.geometry
     mass = m.values["m0"] - 4 * g.m1
-    found = {"m": mass, "aX": m.values["aX"], "aY": m.values["aY"], "t": at.time}
+    found = {"m": mass, "aX": m.values["aX"], "aY": m.values["aY"], "t": at.time, "t0": at.start}
     found |= {"h": g.h, "R": g.R, "r": g.r, "L": g.L}
     symbols = [str(symbol) for symbol in Equations(m.structure).theta]
     found |= dict(zip(symbols, m.theta, strict=True))
@@ -103,6 +103,7 @@ def test_what_is_printed_evaluates_to_the_wrench(case: str):
             assert evaluated(right, known) == pytest.approx(known[name], rel=1e-11)
         elif left in known:  # a parameter in the form in which a model holds it
             stated = {name.split(".")[-1]: value for name, value in m.values.items()}
+            stated |= {"_".join(name.split(".")[::-1]): value for name, value in m.values.items()}
             assert evaluated(right, stated) == pytest.approx(known[left], rel=1e-11)
         else:
             assert left in ("M_command", "M_true", "T_late")

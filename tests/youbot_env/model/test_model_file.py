@@ -252,7 +252,7 @@ RAW: dict[str, tuple[bytes, str]] = {
     "a number": (b"1", "must be a JSON object"),
     "null": (b"null", "must be a JSON object"),
     "binary": (bytes(range(256)), "not a text file"),
-    "byte order mark": (b"\xef\xbb\xbf{}", "not valid JSON"),
+    "byte order mark": (b"\xef\xbb\xbf{}", "schema_version is None"),
     "deep": (b"[" * 100_000, "not valid JSON"),
     "endless number": (b'{"schema_version": ' + b"1" * 5000 + b"}", "not valid JSON"),
     "single quotes": (b"{'schema_version': 1}", "not valid JSON"),

@@ -22,7 +22,7 @@ from tests.youbot_env.structures import (
 from youbot_env.errors import InputError
 from youbot_env.model.model import BASE_UNITS, Estimate, Model
 from youbot_env.physics import inverse_dynamics as dynamics
-from youbot_env.physics.effect import BASE, CATALOGUE, Channel
+from youbot_env.physics.effect import BASE, CATALOGUE
 from youbot_env.physics.geometry import (
     SIGN_LATERAL,
     Geometry,
@@ -49,7 +49,7 @@ def test_forward_after_inverse_is_the_identity(case: str):
         rates = dynamics.state_derivative(floats, *where, state_of(m.structure, at), interface)
         np.testing.assert_allclose(rates[:3], at.acceleration, rtol=1e-12, atol=1e-12)
         if m.structure.has_actuator:
-            np.testing.assert_allclose(rates[-4:], at.torque_rate, rtol=1e-12, atol=1e-12)
+            np.testing.assert_allclose(rates[11:15], at.torque_rate, rtol=1e-12, atol=1e-12)
 
 
 @pytest.mark.parametrize("case", CASES)
@@ -188,9 +188,7 @@ def test_drives_and_channels_are_affine_in_torque_and_parameters(name: str):
     item = CATALOGUE[name]
     rng = np.random.default_rng(5)
     torque, rate, time = rng.normal(size=(3, 40))
-    point = item.acts_at.point(*(torque, rate, time)[: len(item.acts_at.point._fields) - 1], time)
-    if item.acts_at.point is Channel:
-        point = Channel(torque, time)
+    point = item.acts_at.point(torque, rate, time)
     values = internal_values(name)
     free = [k for k, key in enumerate(item.parameter_names) if not item.parameter(key).is_shape]
     none = values.copy()
@@ -356,10 +354,11 @@ def test_catalogue_entries_are_usable(name: str):
     for parameter in (*item.parameters, *item.public_parameters):
         size = parameter.default if parameter.is_shape else parameter.size
         assert set(parameter.grid) <= {v for v in parameter.grid if v >= parameter.lower}
-        assert size is not None and size > 0
+        # A switch may be off by default.
+        assert size is not None and (size > 0 or parameter.whole and size == 0)
         assert parameter.lower <= size <= parameter.upper
         assert parameter.unit
-        assert parameter.relative_to in (None, "mean", "least")
+        assert parameter.relative_to in (None, "mean", "least", "internal")
         assert parameter.absorbed_by in (None, *BASE_UNITS)
     assert item.source and item.recognise.endswith(".")
     assert item.function.__doc__

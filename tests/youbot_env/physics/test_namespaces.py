@@ -30,7 +30,7 @@ def results(xp: Any, m: Model, theta: Any, at: Instant) -> list[Any]:
         *dynamics.wrench(*where, at),
         *dynamics.forward_dynamics(*where, at),
         *(entry for row in rows for entry in row),
-        *dynamics.interface_torque(xp, m.structure, theta, at),
+        *dynamics.interface_torque(*where, at),
         *dynamics.state_derivative(*where, state, at.torque),
     ]
 
@@ -114,11 +114,11 @@ def test_symbols_evaluate_to_the_numbers(case: str):
         "torque_rate": 4,
     }
     symbolic = {n: tuple(sympy.symbols(f"{n}0:{k}", real=True)) for n, k in names.items()}
-    time = sympy.Symbol("time", real=True)
+    time, start = sympy.symbols("time start", real=True)
     theta = sympy.symbols(f"theta0:{len(m.theta)}", real=True)
-    found = results(symbols(), m, theta, Instant(**symbolic, time=time))
-    arguments = [time, *theta, *(s for group in symbolic.values() for s in group)]
-    numbers = [at.time, *m.theta, *(v for name in symbolic for v in getattr(at, name))]
+    found = results(symbols(), m, theta, Instant(**symbolic, time=time, start=start))
+    arguments = [time, start, *theta, *(s for group in symbolic.values() for s in group)]
+    numbers = [at.time, at.start, *m.theta, *(v for name in symbolic for v in getattr(at, name))]
     values = sympy.lambdify(arguments, found, modules="math", cse=True)(*numbers)
     np.testing.assert_allclose(values, by_floats(m, batch())[:, 0], rtol=1e-11, atol=1e-11)
 

@@ -37,7 +37,7 @@ def row(at: Instant) -> np.ndarray:
 def interface_torque(code: Any, found: Model, at: Instant, guess: float = 0.0) -> np.ndarray:
     torque, out = np.full((1, 4), guess), np.empty(4)
     code.acting(row(at), found.lengths, found.theta, 1e-13, torque)
-    code.interface(torque[0], np.array(at.torque_rate), at.time, found.theta, out)
+    code.interface(torque[0], np.array(at.torque_rate), row(at)[0], found.lengths, found.theta, out)
     return out
 
 

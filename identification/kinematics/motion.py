@@ -1,0 +1,94 @@
+"""Wheel speeds of a platform with its measured pose or yaw rate, and integrals of them."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from identification.kinematics.settings import KinematicsSettings
+from identification.signals.filters import integral_of
+
+Array = NDArray[np.float64]
+Complex = NDArray[np.complex128]
+
+
+@dataclass(frozen=True, eq=False)
+class Motion:
+    """What a log says of a motion, torques aside; n instants at one step.
+
+    Attributes
+    ----------
+    name : of the log
+    time : (n,) [s]
+    velocity : (n, 4) wheel speeds in the order of WHEELS; rad/s, unless the unit is to be found
+    pose : (n, 3) x, y [m], yaw [rad], unwrapped, of a tracked point; NaN where it is not known
+    gyro_z : (n,) yaw rate [rad/s], NaN where it is not known
+    position : (n, 4) wheel angles [rad], or counts
+    rows : (n,) lines of the file
+    """
+
+    name: str
+    time: Array
+    velocity: Array
+    pose: Array | None = None
+    gyro_z: Array | None = None
+    position: Array | None = None
+    rows: NDArray[np.int64] | None = None
+
+    @property
+    def dt(self) -> float:
+        """Sample time [s]."""
+        return float((self.time[-1] - self.time[0]) / (len(self.time) - 1))
+
+
+def fresh_pose(motion: Motion, settings: KinematicsSettings) -> NDArray[np.intp]:
+    """Samples (m,) at which the pose was measured, at most ``max_pose_rate`` of them a second.
+
+    A pose that is slower than the log is held, or missing, between its own instants.
+    """
+    assert motion.pose is not None
+    known = np.isfinite(motion.pose).all(axis=1)
+    changed = np.r_[True, (np.diff(motion.pose, axis=0) != 0).any(axis=1)]
+    # At rest a noise-free pose does not change either, so rests keep some of their samples.
+    steps = np.arange(len(motion.time))
+    since = steps - np.maximum.accumulate(np.where(changed, steps, 0))
+    held = max(round(settings.max_hold_time / motion.dt), 1)
+    found = np.flatnonzero(known & (changed | (since % held == 0)))
+    least = 1.0 / settings.max_pose_rate - 0.5 * motion.dt
+    kept, last = [], -np.inf
+    for k, instant in zip(found.tolist(), motion.time[found].tolist(), strict=True):
+        if instant - last >= least:
+            kept.append(k)
+            last = instant
+    return np.array(kept, dtype=np.intp)
+
+
+def angles_at(motion: Motion, delay: float) -> Array:
+    """Wheel angles (n, 4) turned since the first sample, of speeds that the log has ``delay`` late.
+
+    Exact for speeds that are linear between samples, as the trapezoids of the integral are.
+    """
+    speed, dt = motion.velocity, motion.dt
+    angle, last = integral_of(speed, dt), len(speed) - 1
+    place = np.arange(len(speed)) + delay / dt
+    first = np.clip(np.floor(place).astype(np.intp), 0, max(last - 1, 0))
+    # Beyond the ends the speed is taken to stay what it is there.
+    part = (np.clip(place, 0, last) - first)[:, None]
+    beyond = (place - np.clip(place, 0, last))[:, None]
+    at = np.clip(np.round(place), 0, last).astype(np.intp)
+    slope = speed[first + 1] - speed[first]
+    inside = angle[first] + dt * (part * speed[first] + 0.5 * part**2 * slope)
+    return inside + dt * beyond * speed[at]
+
+
+def turned_paths(angle: Array, yaw: Array) -> Complex:
+    """Way (n, 4) in the world that a metre of radius and wheel would roll ahead: complex x + i y.
+
+    ``angle`` (n, 4) of the wheels, ``yaw`` (n,) of the platform.
+    """
+    middle = np.exp(0.5j * (yaw[1:] + yaw[:-1]))[:, None]
+    path = np.zeros(angle.shape, complex)
+    np.cumsum(middle * np.diff(angle, axis=0), axis=0, out=path[1:])
+    return path

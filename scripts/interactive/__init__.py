@@ -1,0 +1,1 @@
+"""The workbench: logs, models and what is missing, in a browser on this machine."""

@@ -1,0 +1,365 @@
+"""What the workbench's page shows: its frame, and the panel that follows the project."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any
+
+from youbot_scripts.interactive.project import DONE, FAILED, Project, Step
+from youbot_scripts.shared.tables import percent
+
+NOTHING: dict[str, Any] = {"data": [], "layout": {}}
+HIDDEN = {"display": "none"}
+
+SHOWN_STEPS = 6
+"""Commands that the panel lists, the newest first."""
+
+SHOWN_CANDIDATES = 6
+"""Candidates that get a card."""
+
+
+def layout(project: Project, refresh: int) -> Any:
+    """The frame: it is drawn once, and holds what a reader has chosen to look at.
+
+    Parameters
+    ----------
+    refresh : [ms] between two looks at the project
+    """
+    from dash import dcc, html
+
+    from controllers.registry import CONTROLLERS
+
+    return html.Div(
+        [
+            dcc.Interval("tick", interval=refresh),
+            *(dcc.Store(name) for name in ("revision", "said", "drawn", "span", "marked")),
+            dcc.Download("download"),
+            html.Header([html.H1("Workbench"), html.Code(str(project.folder))]),
+            html.Div(
+                [
+                    html.Aside(_aside(project, list(CONTROLLERS))),
+                    html.Main(
+                        [
+                            html.P("", id="message", role="alert", className="message"),
+                            html.Div(id="panel"),
+                            html.Section(_pictures(), className="pictures"),
+                        ]
+                    ),
+                ],
+                className="columns",
+            ),
+        ]
+    )
+
+
+def _aside(project: Project, controllers: list[str]) -> list[Any]:
+    from dash import dcc, html
+
+    return [
+        html.H2("Logs"),
+        dcc.Checklist(
+            id="logs", options=project.logs, value=project.chosen, className="logs",
+        ),
+        dcc.Upload(
+            html.Button("Drop logs here, or choose files", className="wide"),
+            id="upload", multiple=True, className="drop",
+        ),
+        html.H2("Do"),
+        _button("Check the logs", "doctor"),
+        _button("Identify", "identify"),
+        _button("Compare", "compare"),
+        _button("Diagnose: what is missing?", "diagnose"),
+        html.H2("Drive"),
+        html.Label("Controllers", htmlFor="controllers"),
+        dcc.Checklist(
+            id="controllers", options=controllers, value=["kinematic", "computed_torque"]
+        ),
+        html.Label("on the plant", htmlFor="plant"),
+        dcc.Input(id="plant", value="paper", type="text", debounce=True, className="wide"),
+        _button("Drive", "drive"),
+        html.H2("Take away"),
+        *(
+            html.Button(text, id={"save": what}, className="wide")
+            for text, what in (
+                ("Model", "model"), ("Commands as a script", "script"),
+                ("Commands as a notebook", "notebook"),
+            )
+        ),
+    ]  # fmt: skip
+
+
+def _pictures() -> list[Any]:
+    from dash import dcc, html
+
+    # Only what works without a network.
+    tools = ["zoom2d", "pan2d", "zoomIn2d", "zoomOut2d", "resetScale2d", "toImage"]
+    plain: Any = {"displaylogo": False, "responsive": True, "modeBarButtons": [tools]}
+    brush: Any = {**plain, "modeBarButtons": [["select2d", *tools]]}
+    return [
+        html.Div(
+            [
+                html.Label(["Log ", dcc.Dropdown(id="log", clearable=False, className="log")]),
+                dcc.RadioItems(
+                    id="kind", value="velocity", inline=True,
+                    options=[
+                        {"label": "velocities in free run", "value": "velocity"},
+                        {"label": "forces", "value": "force"},
+                    ],
+                ),
+                html.Button("Clear the mark", id="unmark"),
+            ],
+            className="bar",
+        ),
+        html.P(
+            "Drag in a chart to zoom: all rows of what you see are drawn. Select on the floor "
+            "plan, or with the box tool in a signal, to mark the same stretch in every chart.",
+            className="note",
+        ),
+        dcc.Graph(id="signals", style=HIDDEN, config=brush),
+        dcc.Graph(id="plan", style=HIDDEN, config=brush),
+        dcc.Graph(id="residual", style=HIDDEN, config=plain),
+        dcc.Graph(id="drive", style=HIDDEN, config=plain),
+    ]  # fmt: skip
+
+
+def _button(text: str, what: str, which: str = "", **more: Any) -> Any:
+    from dash import html
+
+    return html.Button(text, id={"do": what, "with": which}, className="wide", **more)
+
+
+# --- the panel -------------------------------------------------------------------------------
+
+
+def panel(project: Project) -> list[Any]:
+    """What follows the project: the model, the verdict, the candidates, the commands."""
+    return [
+        *_versions(project),
+        *_verdict(project),
+        *_errors(project),
+        *_cards(project),
+        *_findings(project),
+        *_driven(project),
+        *_steps(project),
+    ]
+
+
+def _versions(project: Project) -> list[Any]:
+    from dash import html
+
+    names = [html.Code(name) for name in project.versions]
+    between = [part for name in names for part in (" → ", name)][1:]
+    undo = _button("Undo", "undo", disabled=len(project.versions) < 2)
+    undo.className = "undo"
+    return [html.Div([html.Strong("Model: "), *between, undo], className="versions")]
+
+
+def _verdict(project: Project) -> list[Any]:
+    """The last sentence on the active model, and what to do next."""
+    from dash import html
+
+    step = _newest(project, ("identify", "compare", "diagnose", "add"))
+    found = project.result(step)
+    if step is None or found is None:
+        return [html.Div(html.P(_first_hint(project)), className="verdict", role="status")]
+    lines = _sentences(step, found)
+    return [
+        html.Div([html.P(line) for line in lines], className="verdict", role="status"),
+        *(html.P(line, className="warning") for line in found.get("warnings", [])[:4]),
+    ]
+
+
+def _first_hint(project: Project) -> str:
+    if not project.chosen:
+        return "Choose logs on the left, or drop them there."
+    return "Next: check the logs, then identify."
+
+
+def _sentences(step: Step, found: Mapping[str, Any]) -> list[str]:
+    if step.kind == "diagnose":
+        first, last = (percent(found["steps"][k]["force_error"]) for k in (0, -1))
+        noise = percent(found["noise_floor"]["force_error"])
+        verdict = f"Verdict: {found['verdict']}. Force error {first}"
+        verdict += f", with all that was found {last}" if len(found["steps"]) > 1 else ""
+        return [f"{verdict}; noise alone {noise}.", *found["words"]]
+    if step.kind == "add":
+        before, after = (percent(found[name]["force_error"]) for name in ("before", "after"))
+        worth = "worth it" if found["worthwhile"] else "not worth it"
+        reasons = [f"Not worth it: {reason}." for reason in found["reasons"]]
+        return [f"Force error {before} → {after}: {worth}.", found["words"], *reasons]
+    errors = found["total"] if step.kind == "compare" else found["errors"]
+    floor = found["noise_floor"] if step.kind == "compare" else errors["noise_floor"]
+    error, noise = percent(errors["force_error"]), percent(floor["force_error"])
+    line = f"Force error {error}; noise alone {noise}."
+    if found.get("misfit"):
+        return [line, "The model lacks something: press Diagnose to learn what."]
+    return [line, "It fits."]
+
+
+def _errors(project: Project) -> list[Any]:
+    """The error of each version as it falls."""
+    from dash import dcc
+
+    from identification.figures.single_charts import errors_chart
+
+    rows: list[tuple[str | None, float, float]] = []
+    floor = {"force_error": float("nan"), "velocity_error": float("nan")}
+    for step in project.kept:
+        found = project.result(step)
+        if step.kind != "add" or found is None:
+            continue
+        floor = {**floor, **_numbers(found.get("noise_floor", {}))}
+        if not rows:
+            before = _numbers(found["before"])
+            rows.append((None, before["force_error"], before["velocity_error"]))
+        after = _numbers(found["after"])
+        rows.append((found["effect"], after["force_error"], after["velocity_error"]))
+    if not rows:
+        return []
+    chart = errors_chart(rows, floor)
+    style = {"height": f"{chart.height}px"}
+    return [dcc.Graph(figure=themed(chart.figure), style=style, config={"displayModeBar": False})]
+
+
+def _numbers(errors: Mapping[str, Any]) -> dict[str, float]:
+    kinds = ("force_error", "velocity_error")
+    return {
+        kind: float("nan") if errors.get(kind) is None else float(errors[kind]) for kind in kinds
+    }
+
+
+def _cards(project: Project) -> list[Any]:
+    """Candidates of the last diagnosis, each with what it would take away."""
+    from dash import html
+
+    step = project.last("diagnose")
+    found = project.result(step)
+    if step is None or found is None or not found["candidates"]:
+        return []
+    base, there = found["steps"][0]["force_error"], _effects_of(project)
+    cards = [
+        _card(item, base, found, item["effect"] in there)
+        for item in found["candidates"][:SHOWN_CANDIDATES]
+    ]
+    return [html.H2("Candidates"), html.Div(cards, className="cards")]
+
+
+def _card(item: Mapping[str, Any], base: float, found: Mapping[str, Any], there: bool) -> Any:
+    from dash import html
+
+    name = item["effect"]
+    share = 1.0 - (item["force_error"] / base) ** 2 if base else 0.0
+    sizes = [
+        f"{key} = {entry['value']:.4g} {entry['unit']}" for key, entry in item["parameters"].items()
+    ]
+    marks = [
+        *(["named by the diagnosis"] if name in found["missing"] else []),
+        *(["in the model"] if there else []),
+        *(f"cannot be told from {other}" for other in found["ambiguous_with"].get(name, [])),
+    ]
+    return html.Div(
+        [
+            html.H3(name.replace("_", " ")),
+            html.P(f"takes away {max(share, 0.0):.0%} of the squares; p = {item['p_value']:.2g}"),
+            html.P("; ".join(sizes), className="note"),
+            *(html.P(mark, className="mark") for mark in marks),
+            _button("Add to the model", "add", name, disabled=there),
+        ],
+        className="card",
+    )
+
+
+def _effects_of(project: Project) -> set[str]:
+    """Effects that the active model holds."""
+    from youbot_env.errors import InputError
+
+    if project.model == "paper":
+        return set()
+    try:
+        from identification.mechanisms.registry import load_any_model
+
+        return set(load_any_model(project.folder / project.model).effects)
+    except InputError:
+        return set()
+
+
+def _findings(project: Project) -> list[Any]:
+    """What the checks of the logs have found, each with its cure."""
+    from dash import html
+
+    found = project.result(project.last("doctor"))
+    rows = []
+    for path, report in (found or {}).get("logs", {}).items():
+        for item in report["findings"]:
+            cure = f" {item['cure']}" if item.get("cure") else ""
+            rows.append(html.Li([html.Code(path), f" {item['level']}: {item['message']}.{cure}"]))
+        if report["usable"] and not report["findings"]:
+            rows.append(html.Li([html.Code(path), " nothing wrong"]))
+    if not rows:
+        return []
+    return [html.Details([html.Summary("Checks of the logs"), html.Ul(rows)], open=True)]
+
+
+def _driven(project: Project) -> list[Any]:
+    """Errors of the controllers that were driven last."""
+    from dash import html
+
+    found = project.result(project.last("drive"))
+    if found is None:
+        return []
+    rows = [
+        html.Tr([html.Td(row["controller"]), html.Td(percent(float(row["nrmse"])))])
+        for row in found.get("results", [])
+        if row.get("nrmse") is not None
+    ]
+    head = html.Thead(html.Tr([html.Th("controller"), html.Th("velocity error")]))
+    return [html.H2("Driven"), html.Table([head, html.Tbody(rows)])] if rows else []
+
+
+def _steps(project: Project) -> list[Any]:
+    """The commands, the newest first."""
+    from dash import html
+
+    rows = []
+    for step in reversed(project.steps[-SHOWN_STEPS:]):
+        parts: list[Any] = [
+            html.Span(
+                step.state + (", undone" if step.undone else ""), className=f"state {step.state}"
+            ),
+            html.Code(step.command),
+        ]
+        if step.is_open:
+            label: dict[str, Any] = {"aria-label": step.title}
+            parts.append(html.Progress(value=str(step.share), max="1", **label))
+            parts.append(_cancel(step))
+        if step.state == FAILED or (step.message and step.state != DONE):
+            parts.append(html.P(step.message, className="warning"))
+        rows.append(html.Li(parts))
+    return [html.H2("Commands"), html.Ol(rows, className="steps", reversed=True)] if rows else []
+
+
+def _cancel(step: Step) -> Any:
+    from dash import html
+
+    return html.Button("Cancel", id={"do": "cancel", "with": str(step.number)})
+
+
+def _newest(project: Project, kinds: tuple[str, ...]) -> Step | None:
+    found = [step for step in project.kept if step.kind in kinds]
+    return found[-1] if found else None
+
+
+def themed(figure: Any) -> Any:
+    """A figure for light and dark: mid-grey text and lines stand on both."""
+    if isinstance(figure, dict):
+        figure.setdefault("layout", {}).update(_PLAIN)
+        return figure
+    figure.update_layout(**_PLAIN)
+    figure.update_xaxes(gridcolor=_GRID, zerolinecolor=_ZERO)
+    figure.update_yaxes(gridcolor=_GRID, zerolinecolor=_ZERO)
+    return figure
+
+
+_GRID, _ZERO = "rgba(128,128,128,0.22)", "rgba(128,128,128,0.6)"
+_CLEAR = "rgba(0,0,0,0)"
+_PLAIN = {"paper_bgcolor": _CLEAR, "plot_bgcolor": _CLEAR, "font": {"color": "#808a97", "size": 13}}

@@ -1,0 +1,139 @@
+"""Runs the workbench's commands, one after another, each in a process of its own.
+
+A process can be killed at any time without harm to the server, and its memory goes with it.
+"""
+
+from __future__ import annotations
+
+import os
+import signal
+import subprocess
+import sys
+import threading
+from pathlib import Path
+from queue import Queue
+
+from youbot_scripts.interactive.project import CANCELLED, DONE, FAILED, RUNNING, Project, Step
+from youbot_scripts.shared.options import PROGRESS_FILE
+
+POLL = 0.2
+"""Seconds between two looks at a running command."""
+
+TERMINATE = 3.0
+"""Seconds that a cancelled command gets to end by itself."""
+
+DRAWN = "drawn"
+"""Folder below the workbench's in which the charts' data lie."""
+
+
+class Worker:
+    """A thread that takes steps from a queue and runs their commands."""
+
+    def __init__(self, project: Project) -> None:
+        self.project = project
+        self._queue: Queue[Step] = Queue()
+        self._process: subprocess.Popen[str] | None = None
+        self._thread = threading.Thread(target=self._run, daemon=True)
+        self._thread.start()
+
+    def put(self, step: Step) -> None:
+        """Run a step when those before it have ended."""
+        self._queue.put(step)
+
+    def cancel(self, number: int) -> None:
+        """Stop a step that waits or runs."""
+        for step in self.project.steps:
+            if step.number == number and step.is_open:
+                running = step.state == RUNNING
+                self.project.finished(step, CANCELLED, "cancelled")
+                if running:
+                    self._stop()
+
+    def close(self) -> None:
+        """Stop what runs."""
+        self._stop()
+
+    def _run(self) -> None:
+        while True:
+            step = self._queue.get()
+            if step.state != CANCELLED:
+                self._do(step)
+
+    def _do(self, step: Step) -> None:
+        step.state = RUNNING
+        self.project.changed()
+        status, error = self._call([*_YOUBOT, *step.arguments], step)
+        if step.state == CANCELLED:
+            return
+        if status != 0:
+            self.project.finished(step, FAILED, error or f"ended with status {status}")
+            return
+        self.project.finished(step, DONE)
+        self._draw(step)
+
+    def _draw(self, step: Step) -> None:
+        """Compute what the charts show of a step; a failure leaves the step as it is."""
+        arguments = [*_DRAW, str(self.project.home / DRAWN), step.kind, str(step.number)]
+        if step.kind == "doctor":
+            return
+        model = step.model or self.project.model
+        before = _before(self.project, step)
+        logs = step.kind in ("identify", "add", "compare", "diagnose")
+        self._call(
+            [*arguments, model, before, *(self.project.chosen if logs else step.arguments)], step
+        )
+        self.project.changed()
+
+    def _call(self, line: list[str], step: Step) -> tuple[int, str]:
+        """Exit status and last error line of a process; its progress goes into the step."""
+        told = self.project.home / "progress"
+        told.unlink(missing_ok=True)
+        environment = {**os.environ, PROGRESS_FILE: str(told)}
+        with open(self.project.home / "errors.txt", "w+", encoding="utf-8") as errors:
+            self._process = subprocess.Popen(
+                line, cwd=self.project.folder, env=environment, text=True,
+                stdout=subprocess.DEVNULL, stderr=errors, stdin=subprocess.DEVNULL,
+                start_new_session=True,
+            )  # fmt: skip
+            while True:
+                try:
+                    status = self._process.wait(POLL)
+                    break
+                except subprocess.TimeoutExpired:
+                    self._tell(step, told)
+            self._process = None
+            errors.seek(0)
+            lines = [text.strip() for text in errors.read().splitlines() if text.strip()]
+        return status, lines[-1].removeprefix("youbot: error: ") if lines else ""
+
+    def _tell(self, step: Step, told: Path) -> None:
+        try:
+            share = min(max(float(told.read_text("utf-8")), 0.0), 1.0)
+        except (OSError, ValueError):
+            return
+        if share != step.share:
+            step.share = share
+            self.project.revision += 1  # shown, not kept: it is no change of the project
+
+    def _stop(self) -> None:
+        process = self._process
+        if process is None:
+            return
+        try:
+            os.killpg(process.pid, signal.SIGTERM)
+            process.wait(TERMINATE)
+        except subprocess.TimeoutExpired:
+            os.killpg(process.pid, signal.SIGKILL)
+        except ProcessLookupError:
+            pass
+
+
+_YOUBOT = [sys.executable, "-m", "youbot_scripts.cli"]
+_DRAW = [sys.executable, "-m", "youbot_scripts.interactive.drawing"]
+
+
+def _before(project: Project, step: Step) -> str:
+    """The model that a step started from, for a chart of before and after; "" if there is none."""
+    if step.kind != "add":
+        return ""
+    return step.arguments[1]

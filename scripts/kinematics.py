@@ -1,0 +1,122 @@
+"""Find lengths, delay and slip from wheels and pose, not torques."""
+
+from __future__ import annotations
+
+import sys
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from youbot_scripts.cli import run_script
+from youbot_scripts.shared.options import (
+    GeometryOption,
+    JsonOption,
+    LogsArgument,
+    check_output,
+    console,
+    write_json,
+    write_result,
+)
+from youbot_scripts.shared.tables import Table, columns, percent, show
+
+if TYPE_CHECKING:
+    from rich.console import Console
+
+    from identification.kinematics import Kinematics
+
+EXAMPLES = (
+    "youbot kinematics runs/*.csv",
+    "youbot kinematics my_robot.csv --geometry nominal.json -o geometry.json",
+    "youbot identify my_robot.csv --geometry geometry.json",
+)
+
+STYLES = {"error": "red", "warning": "yellow"}
+
+
+def main(
+    logs: LogsArgument,
+    geometry: GeometryOption = None,
+    output: Annotated[
+        Path | None,
+        typer.Option(
+            "--output",
+            "-o",
+            metavar="GEOMETRY",
+            callback=check_output,
+            help="Write the lengths here, as --geometry takes them.",
+        ),
+    ] = None,
+    json: JsonOption = None,
+) -> None:
+    """Estimate R and L [m], the speeds' delay, the pose's frame, slip and each wheel's lengths.
+
+    Needs time, velocity_* and pose_x, pose_y, pose_yaw, or gyro_z (then R/L alone); no effort_*.
+    With --geometry the unit and gear of the speeds are found too.
+    """
+    # Imported here: `youbot kinematics --help` does without numpy and scipy.
+    from identification.kinematics import estimate_kinematics
+    from identification.logs.motion_reading import read_motions
+    from youbot_env.model.model_file import LENGTHS, load_geometry
+
+    read = read_motions(logs)
+    nominal = load_geometry(geometry) if geometry else None
+    found = estimate_kinematics([motion for motion, _ in read], nominal)
+    out = console(json)
+    for motion, findings in read:
+        for finding in findings:
+            if finding.level != "info":
+                out.print(f"{finding.level}: {motion.name}: {finding}", soft_wrap=True)
+    _print(out, found)
+    if output:
+        lengths = {name: getattr(found.geometry, name) for name in LENGTHS}
+        write_json(output, {"geometry": lengths, "logs": [motion.name for motion, _ in read]})
+        out.print(f"geometry written to {output}", soft_wrap=True)
+    write_result(json, found.to_dict())
+
+
+def _print(out: Console, found: Kinematics) -> None:
+    for finding in found.findings:
+        cure = f"; {finding.cure}" if finding.cure else ""
+        style = STYLES.get(finding.level)
+        out.print(f"{finding.level}: {finding.message}{cure}", style=style, soft_wrap=True)
+    rows = []
+    for name, length in found.parameters.items():
+        if length.value is None or length.std is None:
+            rows.append((name, "not shown", "", length.unit))
+            continue
+        reach = 1.96 * length.std
+        shown = f"{length.value:.5g} ± {length.std:.2g}"
+        interval = f"{length.value - reach:.5g} ... {length.value + reach:.5g}"
+        rows.append((name, shown, interval, length.unit))
+    head = columns("name", "value", "95 % interval", "unit")
+    show(out, [Table("Lengths", head, tuple(rows))])
+    if found.wheels:
+        show(out, [_wheels(found)])
+    slip = found.slip
+    if slip.share is not None:
+        out.print(f"slip: {percent(slip.share)} of the way of {found.travelled:.3g} m")
+    for place in slip.where[:5]:
+        row = f", row {place.row}" if place.row is not None else ""
+        out.print(
+            f"  {place.log}: {place.start:.4g} to {place.end:.4g} s{row}: up to "
+            f"{percent(place.share)} of the usual way"
+        )
+    if found.counts:
+        out.print(f"position_*: {found.counts:.5g} counts a turn of the wheel")
+
+
+def _wheels(found: Kinematics) -> Table:
+    rows = []
+    for name, wheel in found.wheels.items():
+        angle = ""
+        if wheel.roller_angle:
+            value, std = (57.29578 * number for number in wheel.roller_angle)
+            angle = f"{value:.1f} ± {std:.1f}"
+        rows.append((name, f"{wheel.radius[0]:.5f} ± {wheel.radius[1]:.5f}", angle))
+    head = columns("wheel", "radius m", "roller angle, degrees")
+    return Table("Each wheel", head, tuple(rows))
+
+
+if __name__ == "__main__":
+    sys.exit(run_script(__file__))

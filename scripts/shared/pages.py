@@ -1,0 +1,233 @@
+"""The web pages of results: what stands on them, and in which order."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from youbot_scripts.shared import result_tables
+from youbot_scripts.shared.report_page import Charts, Formulas, Part, Words, groups_of, write_page
+
+if TYPE_CHECKING:
+    from identification.comparison import Comparison
+    from identification.diagnosis.add_effect import Addition
+    from identification.diagnosis.report import Diagnosis
+    from identification.fitting.identify import Identification
+    from identification.logs.log import Log
+    from youbot_scripts.shared.tables import Table
+
+Target = str | os.PathLike[str]
+Found = Mapping[str, Any]
+
+
+def write_identification(
+    path: Target, result: Identification, logs: Sequence[Log] = (), seed: int = 0
+) -> None:
+    """Write the page of an identification.
+
+    Parameters
+    ----------
+    logs : that it was fitted on, for their table; () leaves it out
+    seed : of the residual map
+
+    Raises
+    ------
+    InputError
+        If the file cannot be written, or a library of the extra `plots` is missing.
+    """
+    title = f"Model identified: {result.model.name}"
+    write_page(Path(path), title, _of_identification(result, logs, seed), seed)
+
+
+def write_comparison(
+    path: Target,
+    result: Comparison,
+    found: Found | None = None,
+    seed: int | None = None,
+) -> None:
+    """Write the page of a comparison; ``found``: its JSON form, if it is at hand.
+
+    Raises
+    ------
+    InputError
+        As :func:`write_identification`.
+    """
+    title = f"Model compared with logs: {result.model.name}"
+    parts = _of_comparison(result, found or result.to_dict())
+    write_page(Path(path), title, parts, seed)
+
+
+def write_diagnosis(
+    path: Target,
+    result: Diagnosis,
+    found: Found | None = None,
+    logs: Sequence[Log] = (),
+    seed: int | None = None,
+) -> None:
+    """Write the page of a diagnosis; ``found``: its JSON form, if it is at hand.
+
+    Raises
+    ------
+    InputError
+        As :func:`write_identification`.
+    """
+    title = f"What is missing from the model: {result.model.name}"
+    parts = _of_diagnosis(result, found or result.to_dict(), logs)
+    write_page(Path(path), title, parts, seed)
+
+
+def write_addition(
+    path: Target,
+    result: Addition,
+    found: Found | None = None,
+    logs: Sequence[Log] = (),
+    seed: int | None = None,
+) -> None:
+    """Write the page of an effect that was added; ``found``: its JSON form, if it is at hand.
+
+    Raises
+    ------
+    InputError
+        As :func:`write_identification`.
+    """
+    title = f"{result.effect} added to {result.model.name}"
+    write_page(Path(path), title, _of_addition(result, found or result.to_dict(), logs), seed)
+
+
+def tables_of_identification(result: Identification) -> list[Table]:
+    """Parameters, and what each motion shows of them."""
+    found = result.to_dict()
+    return [
+        result_tables.parameters(found["combinations"] | found["parameters"]),
+        result_tables.observability(found["observability"], result.mechanism.scaling),
+    ]
+
+
+def next_experiment(found: Found) -> list[str]:
+    """The motion that best separates tied effects, if there is one."""
+    proposed = found["next_experiment"]
+    if not proposed:
+        return []
+    apart = " and ".join(proposed["separates"])
+    return [f"Next experiment: motion {proposed['name']} tells {apart} apart"]
+
+
+def equations(mechanism: str, effects: Sequence[str], missing: Sequence[str] = ()) -> Formulas:
+    """The equations of motion, and below them what each effect adds; ``missing`` are marked."""
+    from youbot_scripts.shared.effect_tables import equations_with
+
+    return equations_with(mechanism, effects, missing)
+
+
+def _logs(logs: Iterable[Log]) -> Iterator[Table]:
+    found = list(logs)
+    if found:
+        yield result_tables.logs(found)
+
+
+def _of_identification(result: Identification, logs: Sequence[Log], seed: int) -> Iterator[Part]:
+    """The parts of the web page: the verdict first, then its reasons."""
+    from identification.figures.single_charts import residual_charts
+    from identification.mechanisms.registry import quantities_of
+    from identification.residual_map.residual_map import residual_map
+
+    errors = result.model.errors
+    floor = errors["noise_floor"]
+    yield Words([result_tables.verdict(errors["force_error"], floor["force_error"])], "verdict")
+    yield Words(result.warnings, "warning")
+    rows = [("the model, on its own logs", errors), ("noise floor", floor)]
+    yield result_tables.errors("Errors", rows)
+    yield from tables_of_identification(result)
+    where = residual_map(result.mechanism, result.fit.theta, result.samples, seed=seed)
+    yield result_tables.residual("What the force residual depends on", where.to_list())
+    for chart in residual_charts([("", where)], quantities_of(result.model).forces):
+        yield Charts([chart])
+    charts = result.drawn()
+    yield Charts([charts.pop("forces_0")])
+    yield from groups_of(charts)
+    yield equations(result.model.mechanism.name, result.mechanism.structure.effects)
+    yield from _logs(logs)
+
+
+def _of_comparison(result: Comparison, found: Found) -> Iterator[Part]:
+    """The parts of the web page: the verdict first, then its reasons."""
+
+    error, floor = found["total"], found["noise_floor"]
+    line = result_tables.verdict(error["force_error"], floor["force_error"])
+    lines = [line, *([found["misfit"]] if found["misfit"] else []), *found["changes"]["words"]]
+    yield Words(lines, "verdict")
+    yield Words(list(_warnings(result)), "warning")
+    rows = [("the model", error), ("noise floor", floor)]
+    yield result_tables.errors("Errors, all logs that count", rows)
+    charts = result.drawn()
+    yield Charts([charts.pop("free_run_0")])
+    if "residual" in charts:
+        yield Charts([charts.pop("residual")])
+    yield from groups_of(charts)
+    yield from result_tables.errors_by_axis(found)
+    yield result_tables.residual("What the force residual depends on", found["where"])
+    yield result_tables.stretches(found)
+    yield from result_tables.slip(found["logs"])
+    model = result_tables.of_model(result.model)
+    yield result_tables.parameters(model, "The model's parameters")
+    yield result_tables.logs(item.log for item in result.logs)
+
+
+def _warnings(result: Comparison) -> Iterator[str]:
+    from identification.logs.log import warnings_of_logs
+
+    if all(item.seen_in_fit for item in result.logs):
+        yield "The model was fitted on these very logs: compare on others to see what it can do."
+    for item in result.logs:
+        if item.slip is not None and item.slip.exceeds_noise:
+            yield f"{item.log.name}: the wheels slip, or one is not what the geometry says."
+    yield from warnings_of_logs([item.log for item in result.logs])
+
+
+def _of_diagnosis(result: Diagnosis, found: Found, logs: Sequence[Log]) -> Iterator[Part]:
+    """The parts of the web page: the verdict first, then its reasons."""
+
+    lines = [found["headline"], *found["words"], *found["changes"]["words"]]
+    yield Words([*lines, *next_experiment(found)], "verdict")
+    yield Words(found["warnings"], "warning")
+    charts = result.drawn()
+    yield Charts([charts.pop("errors")])
+    yield result_tables.steps(found)
+    for name in ("next", "residual", "forces_0"):
+        if name in charts:
+            yield Charts([charts.pop(name)])
+    yield from groups_of(charts)
+    yield result_tables.candidates(found)
+    effects = result.mechanism.structure.effects
+    yield equations(result.model.mechanism.name, effects, found["missing"])
+    model = result_tables.of_model(result.model)
+    yield result_tables.parameters(model, "Refitted parameters")
+    titles = (
+        "What the residual of the refitted model depends on",
+        "What remains after the effects",
+    )
+    # Without an accepted effect there is no second map.
+    for title, residual_map in zip(titles, result.maps, strict=False):
+        yield result_tables.residual(title, residual_map.to_list())
+    as_given = [(result.model.name, found["given_model"])]
+    yield result_tables.errors("The model as it was given", as_given)
+    yield from _logs(logs)
+
+
+def _of_addition(result: Addition, found: Found, logs: Sequence[Log]) -> Iterator[Part]:
+    """The parts of the web page: the verdict first, then its reasons."""
+
+    yield Words([result.summary(), found["words"]], "verdict")
+    yield Words(found["reasons"], "warning")
+    charts = result.drawn()
+    yield Charts([charts.pop("errors")])
+    yield result_tables.addition_errors(found)
+    yield Charts([charts.pop("forces_0")])
+    yield from groups_of(charts)
+    model = result_tables.of_model(result.model)
+    yield result_tables.parameters(model, "Refitted parameters")
+    effects = tuple(result.model.effects)
+    yield equations(result.model.mechanism.name, effects, [result.effect])
+    yield from _logs(logs)

@@ -1,0 +1,91 @@
+"""A robot that has changed since its model was made: what has changed is said, and nothing else."""
+
+from dataclasses import replace
+
+import pytest
+
+from controllers.recording import record
+from identification import Log, compare, identify
+from identification.fitting.changed_parameters import changed_parameters
+from identification.mechanisms.registry import mechanism_of
+from tests.identification.recordings import recording
+from youbot_env.model.model import Model
+from youbot_env.model.model_file import load_model
+from youbot_env.motions.calibration import calibration
+
+
+@pytest.fixture(scope="module")
+def made() -> Model:
+    return identify([recording(seed=1)]).model
+
+
+def later(**values: float) -> Log:
+    """A log of the platform at other parameters."""
+    plant = load_model("paper").with_values(values)
+    return record(plant, [calibration()], seed=7)[0]
+
+
+def test_a_robot_that_is_the_same_has_not_changed(made: Model):
+    found = compare(made, [later()]).changes
+    assert found.rows and found.sentences == []
+    assert found.to_dict()["tested"]
+
+
+def test_six_kilograms_more_are_told_with_their_deviation(made: Model):
+    changes = compare(made, [later(m0=load_model("paper").values["m0"] + 6.0)]).changes
+    changed = {row.name: row for row in changes.changed}
+    assert set(changed) == {"m0"}
+    assert abs(changed["m0"].size - 6.0) < 3 * changed["m0"].std
+    assert "m0 has risen by" in changes.sentences[0] and "kg" in changes.sentences[0]
+
+
+def test_a_friction_that_has_fallen_is_told_in_its_unit(made: Model):
+    changes = compare(made, [later(mu1=0.1)]).changes
+    assert [row.name for row in changes.changed] == ["mu1"]
+    assert changes.changed[0].size == pytest.approx(-0.01, abs=3e-4)
+    assert changes.sentences[0].startswith("mu1 has fallen by 0.0")
+    assert "N m s since the model was made" in changes.sentences[0]
+
+
+def test_a_sum_is_told_where_its_members_are_not_known(made: Model):
+    """Large and opposite deviations of m0 and I1 hide both, not what they do together."""
+    names = list(made.covariance_names)
+    a, b = names.index("m0"), names.index("I1")
+    covariance = made.covariance.copy()  # type: ignore[union-attr]
+    spin = 4 / made.geometry.R**2
+    covariance[a, a], covariance[b, b] = 100.0, 100.0 / spin**2
+    covariance[a, b] = covariance[b, a] = -100.0 / spin
+    vague = replace(made, covariance=covariance)
+    heavier = made.with_values({"m0": made.values["m0"] + 6.0})
+    heavier = replace(heavier, covariance=made.covariance, covariance_names=made.covariance_names)
+    found = changed_parameters(vague, heavier, mechanism_of(made))
+    assert [row.name for row in found.changed] == ["m0 + 4 I1/R^2"]
+
+
+@pytest.mark.slow
+def test_a_load_on_real_contacts_is_told_as_mass():
+    """No interval holds there, but what stretches say of each other is in the covariance."""
+    pytest.importorskip("mujoco")
+    from youbot_env.contact import ContactPlant
+
+    plant = load_model("paper")
+    loaded = plant.with_effect("payload_change", mass=5.0, x=0.1, y=0.03, time=0.0)
+    before, same, after = (
+        record(ContactPlant(model), [calibration()], seed=seed)
+        for model, seed in ((plant, 1), (plant, 2), (loaded, 3))
+    )
+    made = identify(before).model
+    assert compare(made, same).changes.sentences == []
+    changed = {row.name: row for row in compare(made, after).changes.changed}
+    risen = changed.get("m0") or changed["m0 + 4 I1/R^2"]
+    assert risen.size == pytest.approx(5.0, abs=3 * risen.std)
+
+
+def test_a_model_without_deviations_is_not_tested():
+    found = compare(load_model("paper"), [recording(seed=1)]).changes
+    assert not found.rows and "no standard deviations" in found.reason
+
+
+def test_logs_that_do_not_show_the_model_are_no_test(made: Model):
+    found = compare(made, [recording(motion="III", seed=2)]).changes
+    assert not found.rows and "do not show" in found.reason

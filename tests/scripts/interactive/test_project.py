@@ -1,0 +1,105 @@
+"""A workbench's project: every click is a command, and nothing is lost."""
+
+from __future__ import annotations
+
+import json
+import shlex
+import subprocess
+from pathlib import Path
+
+import pytest
+
+from youbot_env.errors import InputError
+from youbot_scripts.interactive.project import CANCELLED, DONE, FAILED, RUNNING, Project
+
+
+@pytest.fixture
+def project(tmp_path: Path) -> Project:
+    """A project of one log; what is in the log does not matter here."""
+    (tmp_path / "a b.csv").write_text("time\n")
+    return Project.open(tmp_path, "", ["a b.csv"])
+
+
+def test_clicks_are_commands(project: Project):
+    identify, add = project.identify(), None
+    project.finished(identify, DONE)
+    assert project.model == identify.model == "workbench/01_identified.json"
+    add = project.add("floor_tilt")
+    words = shlex.split(add.command)
+    assert words[:5] == ["youbot", "add", identify.model, "floor_tilt", "a b.csv"]
+    assert words[5:] == ["-o", add.model, "--json", add.result]
+
+
+def test_undo_goes_back_and_the_export_forgets_it(project: Project):
+    for step in (project.identify(), project.add("floor_tilt")):
+        project.finished(step, DONE)
+        last = step
+    failed = project.diagnose()
+    project.finished(failed, FAILED, "no such thing")
+    project.undo()
+    assert project.model == "workbench/01_identified.json" and last.undone
+    script, cells = project.script(), json.loads(project.notebook())["cells"]
+    assert "identify" in script and " add " not in script and "diagnose" not in script
+    assert any("youbot identify" in cell["source"] for cell in cells)
+    project.undo()
+    project.undo()
+    assert project.model == "paper", "there is nothing before the published model"
+
+
+def test_a_killed_server_loses_nothing(project: Project):
+    step = project.identify()
+    project.finished(step, DONE)
+    project.diagnose().state = RUNNING
+    project.changed()
+    again = Project.open(project.folder, "", [])
+    assert again.chosen == ["a b.csv"] and again.model == step.model
+    assert [step.state for step in again.steps] == [DONE, CANCELLED]
+
+
+@pytest.mark.parametrize("name", ["../../etc/passwd", "nowhere.csv", "/etc/hosts"])
+def test_only_offered_logs_can_be_chosen(project: Project, name: str):
+    with pytest.raises(InputError, match="is no log of this folder"):
+        project.choose([name])
+
+
+@pytest.mark.parametrize(
+    ("name", "kept"),
+    [
+        ("../../x.csv", "x.csv"),
+        ("-o.csv", "o.csv"),
+        (".hidden.csv", "hidden.csv"),
+        ("<b>&.csv", "_b__.csv"),
+    ],
+)
+def test_dropped_files_stay_in_the_folder(project: Project, name: str, kept: str):
+    assert project.dropped(name, b"time\n") == f"workbench/dropped/{kept}"
+    assert (project.home / "dropped" / kept).read_bytes() == b"time\n"
+
+
+def test_what_is_no_log_is_refused(project: Project):
+    for name in ("run.py", "", "x"):
+        with pytest.raises(InputError, match="a log ends with"):
+            project.dropped(name, b"")
+
+
+@pytest.mark.parametrize("name", ["--output", "floor tilt", "x;rm", ""])
+def test_an_effect_is_a_name(project: Project, name: str):
+    with pytest.raises(InputError, match="is no name of an effect"):
+        project.add(name)
+
+
+def test_a_plant_is_one_that_is_there(project: Project):
+    with pytest.raises(InputError, match="is no model of this workbench"):
+        project.drive("--help", ["pid"])
+
+
+def test_the_script_is_plain_shell(project: Project):
+    project.finished(project.doctor(), DONE)
+    done = subprocess.run(["sh", "-n"], input=project.script(), text=True, capture_output=True)
+    assert done.returncode == 0 and not done.stderr
+
+
+def test_a_damaged_project_is_told_in_one_line(project: Project):
+    (project.home / "project.json").write_text('{"steps": 3}')
+    with pytest.raises(InputError, match=r"project.json: is no project of the workbench"):
+        Project.open(project.folder, "", [])
