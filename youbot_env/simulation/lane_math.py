@@ -52,9 +52,19 @@ def _number_of(typing, bits):
     return number(bits), generate
 
 
+def _pointer(typing, address):
+    """A pointer to what stands at an address."""
+
+    def generate(context, builder, signature, arguments):
+        return builder.inttoptr(arguments[0], context.get_value_type(types.voidptr))
+
+    return types.voidptr(types.intp), generate
+
+
 Compiled = Callable[..., Any]
 
 fma: Compiled = intrinsic(_fma)  # pyright: ignore[reportAssignmentType, reportCallIssue]
+pointer: Compiled = intrinsic(_pointer)  # pyright: ignore[reportAssignmentType, reportCallIssue]
 bits_of: Compiled = intrinsic(_bits_of)  # pyright: ignore[reportAssignmentType, reportCallIssue]
 number_of: Compiled = intrinsic(_number_of)  # pyright: ignore[reportAssignmentType, reportCallIssue]
 

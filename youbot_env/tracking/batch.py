@@ -71,21 +71,23 @@ TERM_NAMES = tuple(REWARD_TERMS)
 class Results:
     """Arrays that a step fills and hands out.
 
-    observation (n, D) float32, reward (n,), ended (n,) 1.0 where the twist has diverged,
-    over (2, n) bool: terminated and truncated, report (n, W) or (0, W)
+    columns (D, n) float32 and its view observation (n, D), reward (n,), over (2, n) bool:
+    terminated and truncated, report (n, W) or (0, W)
     """
 
+    columns: NDArray[np.float32]
     observation: NDArray[np.float32]
     reward: Array
-    ended: Array
     over: NDArray[np.bool_]
     report: Array
 
     @classmethod
     def empty(cls, rows: int, observed: int, reported: bool) -> Results:
+        # Column by column, as gymnasium's own vector environments have them: rows lie side by side.
+        columns = np.zeros((observed, rows), np.float32)
         return cls(
-            np.zeros((rows, observed), np.float32),
-            np.zeros(rows),
+            columns,
+            columns.T,
             np.zeros(rows),
             np.zeros((2, rows), np.bool_),
             np.zeros((rows, lanes.REPORT_COLUMNS)) if reported else NO_REPORT,
@@ -96,6 +98,7 @@ class Results:
         # 2: the attribute, and the argument of getrefcount. A view refers to its base.
         return (
             sys.getrefcount(self.observation) <= 2
+            and sys.getrefcount(self.columns) <= 3
             and sys.getrefcount(self.reward) <= 2
             and sys.getrefcount(self.over) <= 2
             and (self.report is NO_REPORT or sys.getrefcount(self.report) <= 2)
@@ -145,6 +148,7 @@ class Batch:
         if setup.reference is not None:
             self._add_table(setup.reference)
         self._kernel: Any = period_kernel(self.structure)
+        self._place()
 
     def _settings(self, model: Model, autoreset: int) -> None:
         """The numbers that compiled code reads, in the order of ``period_lanes``."""
@@ -194,7 +198,7 @@ class Batch:
         task += 4 * int(whole[lanes.WINDOW]) if self.setup.sensors.resolution else 0
         self._x = np.zeros((blocks, fields * LANES))
         self._y = np.zeros((blocks, task * LANES))
-        self._z = np.zeros((blocks, 6 * int(whole[lanes.TONES]) * LANES), np.float32)
+        self._z = np.zeros((blocks, 6 * int(whole[lanes.TONES]) * LANES), np.uint16)
         self._k = np.zeros((blocks, lanes.COUNTERS * LANES), np.int64)
         self._k.reshape(blocks, lanes.COUNTERS, LANES)[:, lanes.PENDING] = 1
         self._k.reshape(blocks, lanes.COUNTERS, LANES)[:, lanes.TABLE] = -1
@@ -204,12 +208,14 @@ class Batch:
         edges[-1] = self.platforms
         self._parts = [(int(a), int(b)) for a, b in zip(edges[:-1], edges[1:], strict=True)]
         self._tick = 0
+        self._ended = np.zeros(self.platforms)
+        self._places: list[NDArray[np.int64]] = []
         self._pool = [self._new_results()]
         self.results = self._pool[0]
         self._final = np.zeros((0, 0), np.float32)
         self._final_report = NO_REPORT
         if whole[lanes.RESETS] == lanes.SAME_STEP:
-            self._final = np.zeros_like(self.results.observation)
+            self._final = np.zeros(self.results.observation.shape, np.float32)
             self._final_report = np.zeros_like(self.results.report)
         self._work: list[tuple[Array, Array]] = []
 
@@ -290,7 +296,7 @@ class Batch:
         lanes.draw_references(self._y, self._z, self._k, self._whole, *self._reference_draws, *rows)
         self._kernel.begin_rows(
             self._x, self._y, self._z, self._k, w, v, self._table, self._tick, self._numbers,
-            self._whole, self._lengths, self._model_draws, state, shown.observation, shown.report,
+            self._whole, self._lengths, self._model_draws, state, shown.columns, shown.report,
             self._final, self._final_report, *rows,
         )  # fmt: skip
         self._period(NO_ACTION, shown, number, rows, 0)
@@ -331,6 +337,8 @@ class Batch:
             self._motions[slot] = motion
         if slot >= len(self._table):
             self._table = np.concatenate([self._table, table[None]])
+            if self._places:
+                self._place()
         self._table[slot] = table
         return slot
 
@@ -344,7 +352,7 @@ class Batch:
     def _renewed(self) -> Results:
         """Results to write into: what was handed out belongs to the caller, rows are kept."""
         old, new = self.results, self._free_results()
-        for name in ("observation", "reward", "ended", "over", "report"):
+        for name in ("columns", "reward", "over", "report"):
             getattr(new, name)[...] = getattr(old, name)
         return new
 
@@ -377,34 +385,60 @@ class Batch:
         InputError
             If an action is NaN or out of bounds; nothing has moved then.
         """
-        bad = lanes.refused(action, 0, self.platforms)
-        if bad >= 0:
-            raise reject(action, bad)
-        # After the check: a number too large for single precision would make numpy warn.
-        action = action.astype(np.float32, copy=False)
+        # A number too large for single precision would make numpy warn: first the check.
+        if action.dtype != np.float32:
+            bad = lanes.refused(action, 0, self.platforms)
+            if bad >= 0:
+                raise reject(action, bad)
+            action = action.astype(np.float32)
+        shown, parts = self._free_results(), self._parts
         self._tick += 1
-        shown = self.results = self._free_results()
-        if len(self._parts) == 1:
-            self._step_part(action, shown, 0)
+        if len(parts) == 1:
+            begins = self._period(action, shown, 0, parts[0], 1)
+            if begins < 0:
+                self._tick -= 1
+                raise reject(action, -1 - begins)
+            if begins:
+                self._begin_part(shown, 0, parts[0], self._start)
         else:
-            parts = range(len(self._parts))
-            WORKERS.run([lambda n=n: self._step_part(action, shown, n) for n in parts])
+            self._step_parts(action, shown)
+        self.results = shown
         return shown
 
-    def _step_part(self, action: NDArray[Any], shown: Results, number: int) -> None:
-        rows = self._parts[number]
-        if self._period(action, shown, number, rows, 1):
-            self._begin_part(shown, number, rows, self._start)
+    def _step_parts(self, action: NDArray[np.float32], shown: Results) -> None:
+        bad = lanes.refused(action, 0, self.platforms)
+        if bad >= 0:
+            self._tick -= 1
+            raise reject(action.astype(float), bad)
+
+        def step(number: int) -> None:
+            rows = self._parts[number]
+            if self._period(action, shown, number, rows, 2):
+                self._begin_part(shown, number, rows, self._start)
+
+        WORKERS.run([lambda n=n: step(n) for n in range(len(self._parts))])
 
     def _period(
         self, action: NDArray[Any], shown: Results, number: int, rows: tuple[int, int], moves: int
     ) -> int:
-        w, v = self._workspace(number)
         return self._kernel.period(
-            action, self._x, self._y, self._z, self._k, w, v, self._table, self._tick, moves,
-            self._numbers, self._whole, self._lengths, shown.observation, shown.reward,
-            shown.ended, shown.over, shown.report, *rows,
-        )  # fmt: skip
+            *(action, self._places[number], self._tick, moves, shown.columns, shown.reward),
+            *(shown.over, shown.report, rows[0], rows[1]),
+        )
+
+    def _place(self) -> None:
+        """List the addresses of the arrays anew: after one was replaced, and in a copy."""
+        self._places = []
+        for number in range(len(self._parts)):
+            w, v = self._workspace(number)
+            arrays = (self._x, self._y, self._z, self._k, self._table, self._numbers)
+            more = (self._lengths, w, v, self._ended, self._whole.reshape(1, -1))
+            listed = np.zeros((11, lanes.PLACE), np.int64)
+            for place, array in zip(listed, (*arrays, *more), strict=True):
+                assert array.flags.c_contiguous
+                place[0] = array.ctypes.data
+                place[1 : 1 + array.ndim] = array.shape
+            self._places.append(listed.ravel())
 
     def final(self) -> tuple[NDArray[np.float32], Array]:
         """Last observations (n, D) and reports of the episodes that ended in the last step, copies.
@@ -489,11 +523,12 @@ class Batch:
 
     def __getstate__(self) -> dict[str, Any]:
         # Compiled code is found again, not carried.
-        return {**self.__dict__, "_kernel": None, "_work": []}
+        return {**self.__dict__, "_kernel": None, "_work": [], "_places": []}
 
     def __setstate__(self, state: dict[str, Any]) -> None:
         self.__dict__.update(state)
         self._kernel = period_kernel(self.structure)
+        self._place()
 
 
 def keys_of(seeds: Sequence[int]) -> NDArray[np.int64]:
@@ -501,10 +536,50 @@ def keys_of(seeds: Sequence[int]) -> NDArray[np.int64]:
     return np.array([int(seed) & MASK for seed in seeds], np.uint64).view(np.int64)
 
 
-def info_of(report: Array, row: int) -> dict[str, Any]:
-    """``info`` of one row of a report: views of it."""
-    line = report[row]
-    info: dict[str, Any] = {name: line[where] for name, where in INFO.items()}
-    info["saturated"] = line[SATURATED] != 0.0
-    info["reward_terms"] = dict(zip(TERM_NAMES, line[TERMS].tolist(), strict=True))
-    return info
+class StepInfo(dict[str, Any]):
+    """``info`` of one row of a report, filled when it is first looked into.
+
+    Building it takes as long as the period that it tells of, and most callers do not read it.
+    """
+
+    __slots__ = ("_more", "_row")
+
+    def __init__(self, row: Array, more: Mapping[str, Any]) -> None:
+        self._row: Array | None = row
+        self._more: Mapping[str, Any] | None = more
+
+    def fill(self) -> None:
+        """Make it what it says it is."""
+        line, more = self._row, self._more
+        if line is None or more is None:
+            return
+        self._row = self._more = None
+        put = super().__setitem__
+        for name, where in INFO.items():
+            put(name, line[where])
+        put("saturated", line[SATURATED] != 0.0)
+        put("reward_terms", dict(zip(TERM_NAMES, line[TERMS].tolist(), strict=True)))
+        put("parameters", dict(more))
+        put("time", float(line[lanes.TIME_AT]))
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        return dict, (dict(self.items()),)
+
+
+def _filled_first(name: str) -> Any:
+    own = getattr(dict, name)
+
+    def method(self: StepInfo, *arguments: Any, **named: Any) -> Any:
+        self.fill()
+        return own(self, *arguments, **named)
+
+    method.__name__ = name
+    return method
+
+
+for _name in (
+    *("__getitem__", "__setitem__", "__delitem__", "__iter__", "__reversed__", "__len__"),
+    *("__contains__", "__eq__", "__ne__", "__or__", "__ror__", "__ior__", "__repr__"),
+    *("get", "keys", "values", "items", "pop", "popitem", "setdefault", "update", "copy", "clear"),
+):
+    setattr(StepInfo, _name, _filled_first(_name))

@@ -41,7 +41,7 @@ class ContactRow:
 
     def step(self, action: Array) -> Any:
         """One control period under an action (1, 4)."""
-        self._stepper.step(action)
+        self._stepper.step(action.astype(float))
         return self._show()
 
     def _show(self) -> Any:
@@ -57,10 +57,11 @@ class ContactRow:
             (lanes.SATURATED_AT, shown.saturated),
         ):
             report[:, at : at + values.shape[1]] = values
+        report[:, lanes.TIME_AT] = stepper.clock * stepper.setup.period
         self.results = SimpleNamespace(
             observation=stepper.observation,
             reward=stepper.reward,
-            ended=stepper.terminated.astype(float),
+            over=np.stack([stepper.terminated, np.zeros(1, np.bool_)]),
             report=report,
         )
         return self.results

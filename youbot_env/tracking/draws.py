@@ -14,7 +14,7 @@ from youbot_env.model.model import Model
 from youbot_env.motions.limits import MotionLimits
 from youbot_env.motions.multisine import SAMPLES_PER_PERIOD, Multisine, Tone
 from youbot_env.physics.stated_parameters import public_parameters
-from youbot_env.tracking.episode_draws import COARSE, FIXED, NORMAL, UNIFORM
+from youbot_env.tracking.episode_draws import COARSE, FIXED, NORMAL, PHASES, UNIFORM
 from youbot_env.tracking.randomisation import Posterior, Same, Source, Uniform, with_effects
 from youbot_env.tracking.task import TrackingTask
 
@@ -148,6 +148,11 @@ def reference_draws(task: TrackingTask, duration: float) -> ReferenceDraws:
     # 1e-9: an edge of the band that is a harmonic itself must not be lost by rounding.
     first, last = math.ceil(low / base - 1e-9), math.floor(high / base + 1e-9)
     steps = math.ceil(SAMPLES_PER_PERIOD * period * high / (2 * math.pi) / COARSE) * COARSE
+    if last >= PHASES:
+        raise InputError(
+            f"episode_length: {duration:g} s hold {last} periods of the band's lowest harmonic, "
+            f"{PHASES - 1} at most; make it shorter"
+        )
     limits = MotionLimits()
     return ReferenceDraws(
         tones=task.tones,
@@ -163,8 +168,9 @@ def reference_draws(task: TrackingTask, duration: float) -> ReferenceDraws:
 
 
 def drawn_motion(draws: ReferenceDraws, tones: Array, gain: Array) -> Multisine:
-    """The motion of phases [turns] and harmonics (6 tones,), in turn, and gains (3,)."""
+    """The motion of phases [turns / PHASES] and harmonics (6 tones,), in turn, and gains (3,)."""
     phase, harmonic = np.asarray(tones, float).reshape(-1, 2).T
+    phase = phase / PHASES
     rate = 2 * math.pi / draws.period
     found = [
         Tone(axis, float(rate * h), float(gain[axis]), float(2 * math.pi * turns))

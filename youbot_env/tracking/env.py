@@ -20,7 +20,7 @@ from youbot_env.physics import hardware
 from youbot_env.physics.geometry import Geometry
 from youbot_env.tracking import randomisation
 from youbot_env.tracking.actuation import action_rows
-from youbot_env.tracking.batch import Batch, info_of
+from youbot_env.tracking.batch import Batch, StepInfo
 from youbot_env.tracking.contact_row import ContactRow
 from youbot_env.tracking.options import check_motion, refuse_unknown, tracking_setup
 from youbot_env.tracking.setup import Setup
@@ -208,6 +208,8 @@ class YouBotTrackingEnv(gym.Env[NDArray[np.float32], NDArray[np.float32]]):
         )
         self._rows = Batch(setup) if setup.contact is None else ContactRow(setup)
         self._steps_left = 0
+        self._action = np.zeros((1, 4), np.float32)
+        self._parameters: dict[str, float] = {}
         self._renderer: Any = None
         self.render_mode = render_mode
         # A copy: the class's own dictionary is shared by all environments.
@@ -243,11 +245,7 @@ class YouBotTrackingEnv(gym.Env[NDArray[np.float32], NDArray[np.float32]]):
         return rows.observation[0], info
 
     def _info(self) -> dict[str, Any]:
-        rows = self._rows
-        info = info_of(rows.results.report, 0)
-        info["parameters"] = self._parameters.copy()
-        info["time"] = (rows.setup.steps - self._steps_left) * rows.setup.period
-        return info
+        return StepInfo(self._rows.results.report[0], self._parameters)
 
     def step(
         self, action: ArrayLike
@@ -263,19 +261,22 @@ class YouBotTrackingEnv(gym.Env[NDArray[np.float32], NDArray[np.float32]]):
         """
         if self._steps_left == 0:
             raise ResetNeeded("the episode is over, or has not begun: call reset() first")
-        rows = self._rows
-        results = rows.step(action_rows(action, 1, single=True))
+        if type(action) is np.ndarray and action.dtype == np.float32 and action.shape == (4,):
+            self._action[0] = action
+            results = self._rows.step(self._action)
+        else:
+            results = self._rows.step(action_rows(action, 1, single=True))
         self._steps_left -= 1
         truncated = self._steps_left == 0
-        terminated = results.ended[0] != 0.0
+        terminated = bool(results.over[0, 0])
         # A later step without a reset must raise.
-        info = self._info()
         if terminated:
             self._steps_left = 0
+        info: dict[str, Any] = StepInfo(results.report[0], self._parameters)
         if self._renderer is not None:
             self._renderer.follow(info)
             self._show_if_human()
-        return results.observation[0], float(results.reward[0]), bool(terminated), truncated, info
+        return results.observation[0], float(results.reward[0]), terminated, truncated, info
 
     def _show_if_human(self) -> None:
         if self.render_mode == "human":

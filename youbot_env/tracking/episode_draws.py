@@ -21,6 +21,9 @@ FIXED, UNIFORM, NORMAL = 0, 1, 2
 ATTEMPTS = 1000
 """Draws of a model until one is physical. Sources of which hardly a draw is are refused before."""
 
+PHASES = 65536
+"""Phases that a tone can have: two bytes of memory."""
+
 PHASE_DRAWS = 16
 """Sets of phases tried for the flattest reference, as ``motions.multisine`` does."""
 
@@ -142,7 +145,7 @@ def draw_reference(
     peaks (3,), limits (2,) : wanted peaks [m/s, m/s, rad/s]; of wheel speed [rad/s] and speed [m/s]
     jacobian (4, 3) : wheel rates per twist
     sines (N + N / 4,) : of a turn in N steps, and a quarter more for cosines; N is a multiple of 4
-    phase, harmonic (3 tones,), gain (3,) : filled; phases in turns, with 24 bits
+    phase, harmonic (3 tones,), gain (3,) : filled; phases in turns, multiples of 1 / PHASES
     """
     steps = (len(sines) * 4) // 5
     drawn = _harmonics(tones, first, last, key, episode, harmonic)
@@ -155,7 +158,7 @@ def draw_reference(
                 four = words(key, episode, REFERENCE, drawn)
                 drawn += 1
                 for k in range(4):
-                    tried[d + k, tone] = np.float64(four[k] >> np.uint64(8)) * 2.0**-24
+                    tried[d + k, tone] = np.float64(four[k] >> np.uint64(16)) / PHASES
         own = harmonic[axis * tones : (axis + 1) * tones]
         best = _flattest(tried, sines, own, row, sine, cosine)
         found = values[axis]

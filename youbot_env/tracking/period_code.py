@@ -56,13 +56,25 @@ def finish(row, x, y, z, k, w, v, table, lanes, tick, numbers, whole, lengths,
 
 
 @njit(cache=True, error_model="numpy", nogil=True)
-def period(action, X, Y, Z, K, w, v, table, tick, moves, numbers, whole, lengths,
-           seen, reward, ended, over, report, first, last):
+def period(action, places, tick, moves, seen, reward, over, report, first, last):
     """One period of the rows first to last - 1, where ``first`` begins a block.
 
-    Returns how many of them must begin an episode now. ``moves``: 0 shows the start of those that
-    ``begin_rows`` has prepared.
+    ``places``: addresses of the arrays, as ``Batch`` lists them; a call with all of them would take
+    longer than the period of a row. Returns how many of the rows must begin an episode now; or -1
+    less the flat index of the first action that is out of bounds, and nothing has moved then.
+    ``moves``: 0 shows the start of those rows that ``begin_rows`` has prepared; 2 checks no bound.
     """
+    X, Y = numbers_at(places, 0), numbers_at(places, 1)
+    K, table = whole_at(places, 3), cube_at(places, 4)
+    Z, numbers = small_at(places, 2), row_at(places, 5)
+    lengths, w, v, ended = (
+        row_at(places, 6), row_at(places, 7), row_at(places, 8), row_at(places, 9)
+    )
+    whole = whole_at(places, 10)[0]
+    if moves == 1:
+        bad = refused(action, first, last)
+        if bad >= 0:
+            return -1 - bad
     preview, kept, new = whole[PREVIEW], whole[ACTIONS], 0
     actions, step = 3 + 3 * (preview + 1), LANES if moves else 1
     for row in range(first, last, step):
@@ -107,8 +119,8 @@ def begin_rows(X, Y, Z, K, w, v, table, tick, numbers, whole, lengths, draws, st
             continue
         x, y, z, k = X[b, i:], Y[b, i:], Z[b, i:], K[b, i:]
         if final.shape[0]:
-            for column in range(seen.shape[1]):
-                final[row, column] = seen[row, column]
+            for column in range(seen.shape[0]):
+                final[row, column] = seen[column, row]
             for column in range(final_report.shape[1] if report.shape[0] else 0):
                 final_report[row, column] = report[row, column]
         key, episode = np.uint64(k[KEY * LANES]), k[EPISODE * LANES]

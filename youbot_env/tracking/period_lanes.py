@@ -9,7 +9,7 @@ Arrays of a block
 -----------------
 x : state, parameters
 y : ``Fields`` of the task: gains and coming samples of the reference, past actions, encoder counts
-z : (single precision) phases [turns] and harmonics of the reference's tones
+z : (uint16) phases [turns / 65536] and harmonics of the reference's tones
 k : (int64) ``CLOCK`` ... : a row's counters
 v : workspace of the thread: ``Work``
 """
@@ -19,12 +19,12 @@ from __future__ import annotations
 import math
 
 import numpy as np
-from numba import njit
+from numba import carray, njit  # pyright: ignore[reportPrivateImportUsage]
 
 from youbot_env.simulation.lane_code import LANES
-from youbot_env.simulation.lane_math import fma, log_of_share, real, sine_of_turns
+from youbot_env.simulation.lane_math import fma, log_of_share, pointer, real, sine_of_turns
 from youbot_env.tracking.actuation import AT_LIMIT, BOUND_TOLERANCE
-from youbot_env.tracking.episode_draws import draw_reference
+from youbot_env.tracking.episode_draws import PHASES, draw_reference
 from youbot_env.tracking.random_numbers import NOISE, words
 
 CLOCK, KEY, EPISODE, PENDING, TABLE = range(5)
@@ -87,6 +87,47 @@ MEASURED_AT, SPEED_AT, COMMANDED_AT, APPLIED_AT, SATURATED_AT, TIME_AT = 26, 29,
 REPORT_COLUMNS = 46
 
 
+PHASE_STEP = 1.0 / PHASES
+"""Turns of a step of a phase."""
+
+PLACE = 4
+"""Numbers for each array in a list of places: its address and up to three lengths."""
+
+
+@njit(cache=True, error_model="numpy", nogil=True)
+def numbers_at(places, at):
+    """A matrix of numbers from a list of places."""
+    shape = (places[PLACE * at + 1], places[PLACE * at + 2])
+    return carray(pointer(places[PLACE * at]), shape, np.float64)
+
+
+@njit(cache=True, error_model="numpy", nogil=True)
+def small_at(places, at):
+    """A matrix of small whole numbers."""
+    shape = (places[PLACE * at + 1], places[PLACE * at + 2])
+    return carray(pointer(places[PLACE * at]), shape, np.uint16)
+
+
+@njit(cache=True, error_model="numpy", nogil=True)
+def whole_at(places, at):
+    """A matrix of whole numbers."""
+    shape = (places[PLACE * at + 1], places[PLACE * at + 2])
+    return carray(pointer(places[PLACE * at]), shape, np.int64)
+
+
+@njit(cache=True, error_model="numpy", nogil=True)
+def cube_at(places, at):
+    """An array of three axes."""
+    shape = (places[PLACE * at + 1], places[PLACE * at + 2], places[PLACE * at + 3])
+    return carray(pointer(places[PLACE * at]), shape, np.float64)
+
+
+@njit(cache=True, error_model="numpy", nogil=True)
+def row_at(places, at):
+    """Numbers in a row."""
+    return carray(pointer(places[PLACE * at]), (places[PLACE * at + 1],), np.float64)
+
+
 @njit(cache=True, error_model="numpy", nogil=True)
 def refused(action, first, last):
     """Flat index of the first action of rows first to last - 1 that is out of bounds; -1."""
@@ -145,7 +186,7 @@ def reference(y, z, k, v, table, lanes, slot, ahead, numbers, whole):
         for tone in range(axis * tones, (axis + 1) * tones):
             pair = z[2 * tone * LANES :]
             for i in range(lanes):
-                turns = fma(real(pair[LANES + i]), tau[i], real(pair[i]))
+                turns = fma(real(pair[LANES + i]), tau[i], real(pair[i]) * PHASE_STEP)
                 total[i] += sine_of_turns(turns)
         wanted, gain = y[(3 + 3 * slot + axis) * LANES :], y[axis * LANES :]
         for i in range(lanes):
@@ -174,7 +215,7 @@ def slopes(z, k, v, i, numbers, whole):
         value, slope = 0.0 * turn, 0.0 * turn
         for tone in range(axis * tones, (axis + 1) * tones):
             harmonic = real(z[(2 * tone + 1) * LANES + i])
-            turns = fma(harmonic, now * turn, real(z[2 * tone * LANES + i]))
+            turns = fma(harmonic, now * turn, real(z[2 * tone * LANES + i]) * PHASE_STEP)
             value += sine_of_turns(turns)
             slope += harmonic * speed * sine_of_turns(turns + 0.25)
         v[(SUM + axis) * LANES + i] = value
@@ -289,24 +330,24 @@ def within(value, limit):
 
 @njit(cache=True, error_model="numpy", nogil=True)
 def observe(y, v, lanes, row, tick, at, numbers, whole, seen):
-    """Observations (n, D) of rows from ``row`` on."""
+    """Observations of rows from ``row`` on; ``seen`` (D, n), so that rows lie side by side."""
     preview, history = whole[PREVIEW], whole[HISTORY]
     limit = numbers[TWIST_LIMIT]
     for axis in range(3):
         share = 1.0 / numbers[SCALE + axis]
-        measured, column = v[(MEASURED + axis) * LANES :], seen[row:, axis]
+        measured, column = v[(MEASURED + axis) * LANES :], seen[axis, row:]
         for i in range(lanes):
             column[i] = within(measured[i] * share, limit)
         for ahead in range(1 + preview):
             wanted = y[(3 + 3 * ((tick + ahead) % (preview + 1)) + axis) * LANES :]
-            column = seen[row:, 3 + 3 * ahead + axis]
+            column = seen[3 + 3 * ahead + axis, row:]
             for i in range(lanes):
                 column[i] = within(wanted[i] * share, limit)
     for age in range(history):
         slot = (tick - age) % whole[ACTIONS]
         for wheel in range(4):
             action = y[(at + 4 * slot + wheel) * LANES :]
-            column = seen[row:, 6 + 3 * preview + 4 * age + wheel]
+            column = seen[6 + 3 * preview + 4 * age + wheel, row:]
             for i in range(lanes):
                 column[i] = action[i]
 
@@ -378,7 +419,7 @@ def draw_references(Y, Z, K, whole, peaks, limits, jacobian, sines, first, last)
             *(phase, harmonic, gain),
         )
         for tone in range(3 * tones):
-            Z[b, 2 * tone * LANES + i] = phase[tone]
-            Z[b, (2 * tone + 1) * LANES + i] = harmonic[tone]
+            Z[b, 2 * tone * LANES + i] = np.uint16(phase[tone] * PHASES)
+            Z[b, (2 * tone + 1) * LANES + i] = np.uint16(harmonic[tone])
         for axis in range(3):
             Y[b, axis * LANES + i] = gain[axis]
