@@ -93,6 +93,10 @@ class Results:
             np.zeros((rows, lanes.REPORT_COLUMNS)) if reported else NO_REPORT,
         )
 
+    def __reduce__(self) -> tuple[Any, ...]:
+        # A copy's observation is a view of its own columns.
+        return _restored, (self.columns, self.reward, self.over, self.report)
+
     def unused(self) -> bool:
         """Whether nobody but this object refers to the arrays, so that they can be filled anew."""
         # 2: the attribute, and the argument of getrefcount. A view refers to its base.
@@ -103,6 +107,13 @@ class Results:
             and sys.getrefcount(self.over) <= 2
             and (self.report is NO_REPORT or sys.getrefcount(self.report) <= 2)
         )
+
+
+def _restored(
+    columns: NDArray[np.float32], reward: Array, over: NDArray[np.bool_], report: Array
+) -> Results:
+    columns = np.ascontiguousarray(columns)
+    return Results(columns, columns.T, reward, over, report if len(report) else NO_REPORT)
 
 
 class Batch:

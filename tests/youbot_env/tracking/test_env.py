@@ -213,7 +213,9 @@ def test_torque_limit_is_the_nominal_motor_torque_through_the_gear():
 def test_delay_holds_torque_back_by_whole_periods():
     env = YouBotTrackingEnv(delay=3)
     env.reset(seed=0)
-    plant, actions = Plant("paper"), np.random.default_rng(0).uniform(-1, 1, (30, 4))
+    # In single precision, in which actions count.
+    actions = np.random.default_rng(0).uniform(-1, 1, (30, 4)).astype(np.float32)
+    plant = Plant("paper")
     late = np.vstack([np.zeros((3, 4)), actions]) * env.torque_limit
     for action, torque in zip(actions, late[:30], strict=True):
         *_, info = env.step(action)
