@@ -2,6 +2,7 @@
 # make test   the tests, less the slow ones; sets up .venv with every extra
 # make lint   ruff and pyright
 # make slow   the slow tests
+# make fuzz   mutated files for every reader, FUZZ_SECONDS long (600); faults go to fuzz_failures/
 # make figures  draws the README's pictures anew
 # make clean  removes .venv and everything generated
 #
@@ -18,7 +19,7 @@ PIP := PYTHONWARNINGS=ignore PIP_ROOT_USER_ACTION=ignore PIP_DISABLE_PIP_VERSION
 DEMO_READY := $(VENV)/.ready-demo
 ALL_READY := $(VENV)/.ready-all
 
-.PHONY: demo test lint slow figures clean
+.PHONY: demo test lint slow fuzz figures clean
 
 demo: $(DEMO_READY)
 	$(BIN)/youbot demo
@@ -34,6 +35,15 @@ lint: $(ALL_READY)
 slow: $(ALL_READY)
 	$(BIN)/python -m pytest -m slow
 
+# Half of the time mutations that know the formats, half those that atheris chooses by the code that
+# they reach. Atheris has no wheels for every Python: without it all of the time is the former's.
+FUZZ_SECONDS ?= 600
+FUZZ_SEED ?= 0
+fuzz: $(ALL_READY)
+	-@$(PIP) -e '.[fuzz]' 2>/dev/null
+	$(BIN)/python -m tests.fuzz --seconds $$(($(FUZZ_SECONDS) / 2)) --seed $(FUZZ_SEED)
+	$(BIN)/python -m tests.fuzz --seconds $$(($(FUZZ_SECONDS) / 2)) --seed $(FUZZ_SEED) --guided
+
 figures: $(ALL_READY)
 	$(BIN)/youbot demo --output demo_output
 	mkdir -p docs/figures
@@ -43,7 +53,7 @@ figures: $(ALL_READY)
 
 clean:
 	rm -rf $(VENV) build dist *.egg-info demo_output
-	rm -rf .pytest_cache .ruff_cache .hypothesis
+	rm -rf .pytest_cache .ruff_cache .hypothesis fuzz_failures
 	find youbot_env identification controllers scripts tests -name __pycache__ -prune -exec rm -rf {} +
 
 # The order matters: pip's success is what the stamp stands for, and a failed set-up leaves none.

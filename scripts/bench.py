@@ -34,7 +34,9 @@ DEFAULT_KINDS = "none,one,quarter,two,unknown"
 
 
 def main(
-    cases: Annotated[int, typer.Option(min=1, metavar="N", help="Cases of each kind.")] = 15,
+    cases: Annotated[
+        int, typer.Option(min=1, max=100_000, metavar="N", help="Cases of each kind.")
+    ] = 15,
     kinds: Annotated[
         str,
         typer.Option(metavar="A,B,...", help=f"Of {', '.join(KINDS)}, or an effect or noise."),

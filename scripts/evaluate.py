@@ -11,7 +11,7 @@ import typer
 from controllers.policy.policy_file import shipped_policies
 from controllers.registry import CONTROLLERS
 from youbot_scripts.cli import run_script
-from youbot_scripts.evaluation.conditions import BASIC
+from youbot_scripts.evaluation.conditions import BASIC, MOST_SEEDS
 from youbot_scripts.evaluation.evaluation import Evaluation, evaluate
 from youbot_scripts.evaluation.suites import SUITES, settings_from_options
 from youbot_scripts.shared import options as common
@@ -70,7 +70,8 @@ def main(
         typer.Option("--bands", metavar="LOW-HIGH,...", help="Reference frequencies [rad/s]."),
     ] = None,
     seeds: Annotated[
-        int | None, typer.Option(min=1, metavar="N", help="References for each band: 5.")
+        int | None,
+        typer.Option(min=1, max=MOST_SEEDS, metavar="N", help="References for each band: 5."),
     ] = None,
     peaks: Annotated[
         str | None,

@@ -14,7 +14,7 @@ from youbot_scripts.cli import run_script
 from youbot_scripts.shared import options as common
 from youbot_scripts.shared.tables import show
 from youbot_scripts.training import require_learning
-from youbot_scripts.training.settings import SHARE
+from youbot_scripts.training.settings import MOST_ENVS, MOST_STEPS, SHARE
 from youbot_scripts.training.tables import progress_line, summary_line, tested
 
 EXAMPLES = (
@@ -40,13 +40,15 @@ def main(
         str | None, typer.Option(metavar="MODEL", help="Model file; default: paper.")
     ] = None,
     steps: Annotated[
-        int | None, typer.Option(min=1, metavar="N", help="Control periods, of all platforms.")
+        int | None,
+        typer.Option(min=1, max=MOST_STEPS, metavar="N", help="Control periods, of all platforms."),
     ] = None,
     seed: Annotated[
         int | None, typer.Option(min=0, metavar="N", help="Seed of all random numbers; default 0.")
     ] = None,
     envs: Annotated[
-        int | None, typer.Option(min=1, metavar="N", help="Platforms side by side.")
+        int | None,
+        typer.Option(min=1, max=MOST_ENVS, metavar="N", help="Platforms side by side."),
     ] = None,
     randomise: Annotated[
         str | None,

@@ -71,11 +71,15 @@ def finite(what: str, value: Any, *, positive: bool = False, least: float | None
     return number
 
 
-def count(what: str, value: Any, least: int = 1) -> int:
-    """``value`` as a whole number of at least ``least``, or InputError that names ``what``."""
+def count(what: str, value: Any, least: int = 1, most: int | None = None) -> int:
+    """``value`` as a whole number between ``least`` and ``most``, or InputError that names
+    ``what``."""
     if isinstance(value, bool) or not isinstance(value, Integral) or value < least:
         raise InputError(f"{what}: {value!r} is not a whole number of at least {least}")
-    return int(value)
+    number = int(value)
+    if most is not None and number > most:
+        raise InputError(f"{what}: {value!r} is more than {most}")
+    return number
 
 
 @dataclass(frozen=True)

@@ -249,13 +249,20 @@ def channel_slope(model: Model) -> Array:
     InputError
         If a channel does not pass the command on.
     """
-    zero, one = (
-        dynamics.channel_torque(
-            np, model.structure, model.geometry, model.theta, (torque,) * 4, Instant((0.0,) * 3)
+    # Of small torques: below any limit of the drives, and beyond what a dead zone takes.
+    torques = (2.0**-10, 2.0**-9)
+    commands = [
+        dynamics.interface_torque(
+            np,
+            model.structure,
+            model.geometry,
+            model.theta,
+            Instant((0.0,) * 3, torque=(torque,) * 4),
         )
-        for torque in (0.0, 1.0)
-    )
-    slope = np.array([float(b) - float(a) for a, b in zip(zero, one, strict=True)])
+        for torque in torques
+    ]
+    rise = np.array([float(b) - float(a) for a, b in zip(*commands, strict=True)])
+    slope = (torques[1] - torques[0]) / rise
     if not (np.isfinite(slope).all() and np.abs(slope).min() > 0.0):
         raise InputError(f"model {model.name}: a wheel's torque does not follow its command")
     return slope

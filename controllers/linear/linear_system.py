@@ -144,17 +144,23 @@ def _about(model: Model, twist: Array) -> tuple[Array, Array]:
     to_wheels = model.geometry.wheel_torque(np.eye(3)).T
     if not model.structure.has_actuator:
         return a[TWIST, TWIST], b[TWIST] @ to_wheels
+    order = model.structure.drive_order
+    states = slice(DRIVES.start, DRIVES.start + 4 * order)
+    # The torques and, in drives of second order, their rates alike.
+    forces, wheels = np.kron(np.eye(order), to_force), np.kron(np.eye(order), to_wheels)
     drives = np.block(
         [
-            [a[TWIST, TWIST], a[TWIST, DRIVES] @ to_wheels],
-            [to_force @ a[DRIVES, TWIST], to_force @ a[DRIVES, DRIVES] @ to_wheels],
+            [a[TWIST, TWIST], a[TWIST, states] @ wheels],
+            [forces @ a[states, TWIST], forces @ a[states, states] @ wheels],
         ]
     )
-    return drives, np.vstack([b[TWIST], to_force @ b[DRIVES]]) @ to_wheels
+    return drives, np.vstack([b[TWIST], forces @ b[states]]) @ to_wheels
 
 
 def drive_lag(model: Model) -> float:
     """Time constant T [s] of the drives, T M' + M = M_command; 0 where torques act at once.
+
+    Drives of second order are taken for such a lag, which is their slope at low frequency.
 
     Read from the actuator's own function, so that no rounding of a linearisation is in it.
     """

@@ -27,7 +27,12 @@ from identification.diagnosis.structures import (
 from identification.fitting.cross_validation import block_sums, cross_validate, make_folds
 from identification.fitting.noise_bias import extrapolated_fit, joint_fit
 from identification.fitting.observability import log_observability, refuse_blind
-from identification.fitting.regression import Indices, filtered_residual, filtered_rows
+from identification.fitting.regression import (
+    Indices,
+    filtered_residual,
+    filtered_rows,
+    residual_ends,
+)
 from identification.mechanisms.mechanism import Mechanism
 from identification.mechanisms.samples import DemandedForce, Samples
 from identification.threads import side_by_side
@@ -71,7 +76,7 @@ def try_candidate(base: FittedStructure, name: str) -> Candidate:
     # Coordinate search: one shape constant after the other, each from the best values so far.
     for shape, grid in grids.items():
         parameter = mechanism.catalogue[name].parameter(shape)
-        if parameter.whole:
+        if parameter.whole or not parameter.is_shape:
             continue
         for halving in range(1, settings.grid_halvings + 1):
             here = best.shapes[shape]
@@ -115,24 +120,47 @@ def _linear_candidate(
     own = np.arange(len(base.theta), len(theta), dtype=np.intp)
     new = own[mechanism.free[own]]
     # At zero strength the effect changes no force, so the structure's known demand can be reused.
-    columns = tuple(
-        _columns(base, mechanism, mechanism.demand(theta, item.for_fit, known), item, new)
+    demands = [
+        mechanism.demand(theta, item.for_fit, known)
         for item, known in zip(base.samples, base.demands, strict=True)
+    ]
+    columns = tuple(
+        _columns(base, mechanism, demand, item, new)
+        for item, demand in zip(base.samples, demands, strict=True)
     )
+    declared = mechanism.catalogue[name].parameters
+    starts = {p.name for p in declared if p.grid and not p.is_shape}
+    residual = base.residual
+    if starts:
+        residual = [
+            filtered_rows(
+                residual_ends(mechanism, demand, item.for_fit), mechanism, item, base.settings.rows
+            )
+            for item, demand in zip(base.samples, demands, strict=True)
+        ]
     joined = [np.concatenate([a, b], axis=-1) for a, b in zip(base.columns, columns, strict=True)]
     free = np.concatenate([base.free, new])
     basis = visible_directions(mechanism, free)
     folds = make_folds(base.rows, joined, base.settings.fit)
-    judged = cross_validate(base.residual, joined, folds, basis, base.settings.fit)
+    judged = cross_validate(residual, joined, folds, basis, base.settings.fit)
+    shapes = {key: value for key, value in shapes.items() if key not in starts}
     found = Candidate(
         *(name, mechanism, theta, free, columns, judged, shapes),
         directions=basis.shape[1] - base.basis.shape[1],
         fold_ratio=base.fold_ratio(folds),
     )
+    if _takes_too_much(demands, base.settings):
+        return replace(found, lost_fall=max(base.held_out.square - found.square, 0.0))
     lost = _lost_at_bounds(base, found, new, theta[new] + judged.step[len(base.free) :])
     # Another shape may do as well with a sign that can be; where none does, the effect explains
     # nothing.
     return replace(found, lost_fall=min(lost, max(base.held_out.square - found.square, 0.0)))
+
+
+def _takes_too_much(demands: Sequence[DemandedForce], settings: DiagnosisSettings) -> bool:
+    """Whether channels leave so little of the logged torques that any model would fit the rest."""
+    taken, logged = map(sum, zip(*(demand.taken for demand in demands), strict=True))
+    return bool(taken > settings.max_taken_share * logged)
 
 
 def _lost_at_bounds(base: FittedStructure, item: Candidate, which: Indices, values: Array) -> float:
@@ -168,6 +196,7 @@ def rank(
 ) -> Ranking:
     """Try each candidate on top of a structure."""
     needed = _needed(data, base)
+    names = [name for name in names if base.mechanism.structure.can_hold(name)]
     if not names:
         return Ranking((), {}, (), None, base.held_out.square, needed)
     _ = base.demands  # a cached property: computed here once, or each thread would compute it
@@ -271,7 +300,12 @@ def _joint_fit(
     """The candidate fitted jointly; ``base_noise``: squares that noise leaves in the structure."""
     square = base.held_out.square
     joint = fit_structure(data, item.mechanism, item.theta)
-    added = joint.noise_square(data.noise, data.seed) - base_noise
+    if joint.mechanism.structure.has_nonlinear_channel:
+        both = (joint, base)
+        with_effect, without = (f.noise_square(data.noise, data.seed, True) for f in both)
+        added = with_effect - without
+    else:
+        added = joint.noise_square(data.noise, data.seed) - base_noise
     new = replace(
         item,
         theta=joint.theta,
@@ -284,6 +318,8 @@ def _joint_fit(
     # Fall of the fitted squares, scaled to held-out squares. Noise that the effect itself amplifies
     # is no loss.
     kept = (base.square - joint.square + added) * square / base.square
+    if _takes_too_much(joint.demands, data.settings):
+        return replace(new, lost_fall=max(square - new.square, 0.0))
     if kept < data.settings.min_kept_share_of_fall * (square - new.square):
         return replace(new, lost_fall=square - kept - new.square)
     return new

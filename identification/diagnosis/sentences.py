@@ -211,6 +211,28 @@ def _cable_twist(values: Values, base: Values) -> str:
     )
 
 
+def _saturation(values: Values, base: Values) -> str:
+    return (
+        f"no wheel gets more than {values['limit']:.2f} N m, whatever its channel says; to "
+        "confirm, look for a current limit in the drives"
+    )
+
+
+def _dead_zone(values: Values, base: Values) -> str:
+    return (
+        f"torques below {values['width']:.3f} N m do nothing, and larger ones act by as much less; "
+        "to confirm, raise the torque of a lifted wheel slowly from zero"
+    )
+
+
+def _resonance(values: Values, base: Values) -> str:
+    return (
+        f"the drives follow their commands as a swing of {values['frequency']:.1f} rad/s with a "
+        f"damping of {values['damping']:.2f}; to confirm, command a step of torque with the wheels "
+        "held"
+    )
+
+
 def _warmup(values: Values, base: Values) -> str:
     # One axis has no such switch.
     clock = "the session" if values.get("shared_clock", 0.0) > 0.5 else "each log"
@@ -233,6 +255,9 @@ WORDS: dict[str, Callable[[Values, Values], str]] = {
     "payload_change": _payload,
     "friction_warmup": _warmup,
     "torque_offset": _offset,
+    "torque_saturation": _saturation,
+    "dead_zone": _dead_zone,
+    "drive_resonance": _resonance,
     "torque_constant_drift": _drift,
     "speed_dependent_gain": _speed_gain,
     "uneven_coulomb_friction": _uneven_dry,

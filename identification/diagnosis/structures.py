@@ -117,13 +117,21 @@ class FittedStructure:
         own = self.held_out
         return 1.0 if tuple(folds) == own.folds else own.square / self.judged(folds).square
 
-    def noise_square(self, noise: Sequence[NoiseLevel], seed: int) -> float:
-        """Squares that noise on the speeds leaves in the residual, by putting it on once more."""
+    def noise_square(
+        self, noise: Sequence[NoiseLevel], seed: int, with_torques: bool = False
+    ) -> float:
+        """Squares that noise on the speeds leaves in the residual, by putting it on once more.
+
+        ``with_torques``: noise on the torques too, to compare structures that pass it on
+        differently.
+        """
         rng = np.random.default_rng(seed)
         total = 0.0
         for item, level, row in zip(self.samples, noise, self.rows, strict=True):
-            # Noise on the torques adds the same squares to the residual of every structure.
-            noisy = self.mechanism.noisy(item, level.speed, 0.0 * level.torque, rng)
+            # Noise on the torques adds the same squares to the residual of every structure, unless
+            # a channel takes its share of them: a dead zone lets no noise through.
+            torque = level.torque if with_torques else 0.0 * level.torque
+            noisy = self.mechanism.noisy(item, level.speed, torque, rng)
             again = filtered_residual(self.mechanism, self.theta, noisy, self.settings.rows)
             total += float(((again - row.residual) ** 2).sum())
         return total

@@ -10,7 +10,7 @@ from scipy import signal
 
 from identification.importing.clock_columns import clock_named
 from identification.importing.clocks import spread
-from identification.importing.import_map import QUANTITIES, ROW, Channels, ImportMap, Pose
+from identification.importing.import_map import QUANTITIES, ROW, UNKNOWN, Channels, ImportMap, Pose
 from identification.importing.settings import ImportSettings
 from identification.importing.tables import Array, Table, find, rate_of
 from identification.importing.vocabulary import POSITION, UNITS
@@ -90,7 +90,10 @@ def assemble(
     parts: dict[str, Series] = {}
     for quantity in QUANTITIES:
         found = chosen.of(quantity)
-        if found is not None and not found.lacks():
+        if found is not None and found.unit == UNKNOWN and quantity in ("effort", "command"):
+            message = "left out: the map says no unit of it (N m at the wheel, or A ...)"
+            made.findings.append(Finding("warning", message, column=quantity))
+        elif found is not None and not found.lacks():
             parts[quantity] = _joint_series(found, quantity, chosen, tables, made, settings)
         elif found is not None:
             message = f"left out: its {found.unit} need {found.lacks()} in the map"

@@ -59,7 +59,7 @@ def read_bag(paths: Sequence[Path], settings: ImportSettings = ImportSettings())
     except LogError:
         raise
     except Exception as error:  # rosbags raises its own, struct's, sqlite's, yaml's ... kinds
-        raise fault(source, f"cannot be read as a bag ({_reason(error)})", _DAMAGED) from None
+        raise fault(source, f"cannot be read as a bag ({_reason(error)})", _cure(error)) from None
     return _tables(source, readers)
 
 
@@ -101,7 +101,7 @@ def read_mcap(path: Path, settings: ImportSettings = ImportSettings()) -> list[T
     except Exception as error:  # mcap raises its own, struct's, zstd's ... kinds
         if not readers:
             message = f"cannot be read as MCAP ({_reason(error)})"
-            raise fault(source, message, _DAMAGED) from None
+            raise fault(source, message, _cure(error)) from None
         # A recorder that was killed leaves the last chunk unfinished: what came before is whole.
         next(iter(readers.values())).note(f"the file ends in mid-record ({_reason(error)})")
     if not readers and unread:
@@ -158,6 +158,12 @@ def _decoder(schema: Any, channel: Any) -> Any:
     if encoding == "ros1":
         return lambda data: store.deserialize_ros1(data, full)
     return lambda data: store.deserialize_cdr(data, full)
+
+
+def _cure(error: Exception) -> str:
+    if "ompression" in str(error):
+        return "decompress it first (rosbag decompress, ros2 bag convert, mcap compress)"
+    return _DAMAGED
 
 
 def _reason(error: Exception) -> str:

@@ -152,6 +152,15 @@ class ImportMap:
     gyro: Gyro | None = None
     time: Time = field(default_factory=Time)
 
+    def references(self) -> list[str]:
+        """Names of all columns that it reads, those of time aside."""
+        found = [name for q in QUANTITIES if (c := self.of(q)) is not None for name in c.columns]
+        if self.pose is not None:
+            found += [self.pose.x, self.pose.y, self.pose.yaw, *self.pose.quaternion]
+        if self.gyro is not None:
+            found.append(self.gyro.z)
+        return [name for name in found if name]
+
     def of(self, quantity: str) -> Channels | None:
         """The four channels of a quantity."""
         return getattr(self, quantity)

@@ -17,7 +17,7 @@ from identification.importing.map_file import map_text
 from identification.importing.proposal import Proposal, propose
 from identification.importing.readers import read_sources
 from identification.importing.settings import ImportSettings
-from identification.importing.tables import Table
+from identification.importing.tables import Table, find
 from identification.logs.findings import Finding, fault
 from identification.logs.formats import parser_for, read_bytes
 from identification.logs.writing import write_table
@@ -87,7 +87,9 @@ def open_source(
     tables = read_sources(paths, settings)
     if chosen is not None:
         return Source(tables, None, chosen)
-    proposal = propose(_first_run(tables, settings), settings)
+    # A file may hold any number; what overflows is no number of a wheel, and is judged as such.
+    with np.errstate(all="ignore"):
+        proposal = propose(_first_run(tables, settings), settings)
     return Source(tables, proposal, proposal.map)
 
 
@@ -99,10 +101,23 @@ def import_source(source: Source, settings: ImportSettings = ImportSettings()) -
     InputError
         If the map names what is not there, or the source holds two runs.
     """
-    made = assemble(source.chosen, source.tables, settings)
-    used = [finding for table in source.tables for finding in table.findings]
+    with np.errstate(all="ignore"):
+        made = assemble(source.chosen, source.tables, settings)
+    used = [finding for table in _used_tables(source) for finding in _of_topic(table)]
     delays = channel_delays(made.time, made.channels, settings)
     return Imported(made, [*used, *made.findings], delays)
+
+
+def _used_tables(source: Source) -> list[Table]:
+    """The tables from which the map takes a column."""
+    named = [find(source.tables, name) for name in source.chosen.references()]
+    return list({id(place[0]): place[0] for place in named if place is not None}.values())
+
+
+def _of_topic(table: Table) -> list[Finding]:
+    """What a table's reader found, each with the topic's name."""
+    topic = f"{table.topic}: " if table.topic else ""
+    return [replace(found, message=topic + found.message) for found in table.findings]
 
 
 def runs_of_source(source: Source, settings: ImportSettings = ImportSettings()) -> list[Source]:

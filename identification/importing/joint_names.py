@@ -45,7 +45,8 @@ def _rename(table: Table, renamed: dict[str, str]) -> None:
 
 def _name_echoed(table: Table, settings: ImportSettings) -> None:
     """Names the columns of an echoed JointState: stamp, frame, names, then a list a quantity."""
-    texts = {int(name.split("_")[1]): text for name, text in table.texts.items()}
+    unnamed = ((_UNNAMED.fullmatch(name), text) for name, text in table.texts.items())
+    texts = {int(match[1]): text for match, text in unnamed if match}
     numbers = {int(name.split("_")[1]): name for name in table.columns}
     joints = [texts[k] for k in sorted(texts) if meaning(texts[k]).wheel]
     if len(joints) < 4:
@@ -85,7 +86,8 @@ def _name_by_place(table: Table) -> None:
     if len(names) < 5 or not all(_UNNAMED.fullmatch(name) for name in names):
         return
     first = table.columns[names[0]]
-    if not (np.diff(first[np.isfinite(first)]) > 0).mean() > ImportSettings.min_number_share:
+    rising = np.diff(first[np.isfinite(first)]) > 0
+    if not rising.size or not rising.mean() > ImportSettings.min_number_share:
         return
     parts = (VELOCITY, EFFORT, POSITION)
     named = {names[0]: "time"}

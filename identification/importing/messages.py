@@ -121,7 +121,7 @@ class _Rows:
         if np.isfinite(stamps).all() and distinct > ImportSettings.min_distinct_share:
             table.clocks[STAMP] = stamps
         elif len(stamps) > 1 and kind:
-            table.note("its stamps are empty: the times of arrival are taken")
+            table.note("no stamps of measurement: the times of arrival are taken")
         table.clocks[RECEIVED] = np.array(self.received, float) * 1e-9
         return table
 
@@ -202,6 +202,8 @@ def _leaves(message: Any, settings: ImportSettings, path: str = "") -> Iterator[
     if not path and _is_joint_state(message):
         yield from _joints(message)
         return
+    if not path and _field(message, "joint_names") is not None:
+        yield from _interfaces(message)
     for name, value in _fields(message):
         if name.endswith(_SKIPPED) or (not path and name == "header"):
             continue
@@ -228,6 +230,24 @@ def _is_joint_state(message: Any) -> bool:
     names = _field(message, "name")
     listed = isinstance(names, Sequence) and not isinstance(names, str) and len(names) > 0
     return listed and any(_field(message, part) is not None for part in _JOINT_LISTS)
+
+
+def _interfaces(message: Any) -> Iterator[tuple[str, Any]]:
+    """Numbers by joint of messages that list their names beside: ros2_control's joint states."""
+    names = [str(name) for name in _field(message, "joint_names")]
+    for part, value in _fields(message):
+        if part == "interface_values":
+            for name, one in zip(names, value, strict=False):
+                said, values = _field(one, "interface_names"), _field(one, "values")
+                for interface, number in zip(said or (), values if said else (), strict=False):
+                    yield f"{interface}[{name}]", float(number)
+            continue
+        # Of a controller's state: one point of positions, velocities, efforts in the same order.
+        for quantity in ("positions", "velocities", "effort"):
+            values = _field(value, quantity)
+            if values is not None and len(values) == len(names):
+                for name, number in zip(names, values, strict=True):
+                    yield f"{part}.{quantity}[{name}]", float(number)
 
 
 def _joints(message: Any) -> Iterator[tuple[str, Any]]:

@@ -313,6 +313,16 @@ def _effort_channels(
     if unit:
         found.say(part, f"unit {unit}: its header says so")
         return Channels(columns, unit, 1.0, sign)
+    speeds = found.map.velocity
+    if speeds.unit == UNKNOWN or speeds.gear != 1:
+        constant, gear = hardware.TORQUE_CONSTANT, hardware.GEAR_RATIO
+        found.doubt(
+            part,
+            f"{part} stands beside speeds of a motor, so it may be the motor's torque (N m, with "
+            "gear) or current (A, with gear and torque_constant): left out until the map says "
+            f"which; the youBot has torque_constant = {constant}, gear = {gear:.2f}",
+        )
+        return Channels(columns, UNKNOWN, 1.0, sign)
     if group.peak > settings.max_effort:
         found.ask(part, f"efforts up to {group.peak:.4g} are no N m of a wheel: which unit? mN m?")
         return Channels(columns, "mN m", 1.0, sign)

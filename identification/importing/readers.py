@@ -62,6 +62,7 @@ def read_source(
         table = read_json_table(source, content, settings)
     else:
         table = read_text_table(source, content)
+    table.drop_absurd(settings.max_number)
     name_joints(table, settings)
     if not table.clocks:
         add_clocks(table, settings)

@@ -54,6 +54,14 @@ class ImportSettings(Settings):
         },
     )
 
+    max_number: float = field(
+        default=1e100,
+        metadata={
+            "unit": "1",
+            "reason": "no sensor gives more; larger ones count as missing: their squares overflow",
+        },
+    )
+
     # Time
     min_step: float = field(
         default=2e-4,

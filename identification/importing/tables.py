@@ -44,6 +44,12 @@ class Table:
     questions: list[str] = field(default_factory=list)
     findings: list[Finding] = field(default_factory=list)
 
+    def drop_absurd(self, most: float) -> None:
+        """Take numbers beyond +-``most`` for missing ones."""
+        for values in self.columns.values():
+            # Written so that NaN stays without a warning.
+            values[~(np.abs(values) <= most)] = np.nan
+
     @property
     def rows(self) -> int:
         """Number of rows, or of messages."""

@@ -434,6 +434,7 @@ class Mechanism(Generic[Known]):
             at = Instant(tuple(s.twist[0]), time=s.time[0], start=s.start)
             torque = tuple(s.torque[0])
             start += dynamics.channel_torque(np, self.structure, self.geometry, theta, torque, at)
+            start += [0.0] * (len(torque) * (self.structure.drive_order - 1))
         if self.structure.reads_start:
             start.append(s.start)
         duration = np.full(len(s) - 1, s.dt)

@@ -90,7 +90,8 @@ def well_inside(mechanism: Mechanism[Any], theta: Array) -> Array:
     base = len(mechanism.structure.base_names)
     lower, upper = mechanism.bounds
     shapes = np.array([label.parameter.is_shape for label in mechanism.labels])
-    strength = np.where(shapes | (np.arange(len(theta)) < base), theta, 0.0)
+    none = np.array([label.parameter.without for label in mechanism.labels])
+    strength = np.where(shapes | (np.arange(len(theta)) < base), theta, none)
     found = np.clip(np.where(np.isfinite(strength), strength, 0.0), lower, upper)
     found[:base] = mechanism.conventions.inside(
         mechanism.geometry, found[:base], mechanism.settings

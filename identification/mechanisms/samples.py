@@ -194,6 +194,18 @@ class DemandedForce(Generic[Geometry]):
         )
 
     @cached_property
+    def taken(self) -> tuple[float, float]:
+        """Squares that channels which are not affine take from the logged torques, and of these."""
+        s = self.samples
+        if not self.structure.has_nonlinear_channel:
+            return 0.0, float((s.torque**2).sum())
+        at = Instant(tuple(s.twist.T), time=s.time, start=s.start)
+        taken = dynamics.taken_torque(
+            np, self.structure, self.geometry, self.theta, tuple(s.torque.T), at
+        )
+        return float((np.stack(taken) ** 2).sum()), float((s.torque**2).sum())
+
+    @cached_property
     def force(self) -> Array:
         """(2, N - 1, A) in units of the interface torque (as logged or commanded)."""
         return self._finish(self._body_force, self.theta)
@@ -209,9 +221,13 @@ class DemandedForce(Generic[Geometry]):
         )
 
     def _component(
-        self, item: Effect, values: Array, points: EffectPoints[Geometry, Array]
+        self,
+        item: Effect,
+        values: Array,
+        points: EffectPoints[Geometry, Array],
+        joint: int | None = None,
     ) -> Array:
-        return self._scaled(component_force(item, values, points))
+        return self._scaled(component_force(item, values, points, joint))
 
     @property
     def _no_force(self) -> Array:
@@ -278,8 +294,10 @@ class DemandedForce(Generic[Geometry]):
         if structure.only_wrenches:
             return force
         torque = self.mechanism.torque_of(geometry, self._unscaled(force))
-        at = replace(self.instant, torque=torque, torque_rate=self._rates(torque))
-        logged = dynamics.interface_torque(np, structure, geometry, theta, at)
+        rate, second = self._rates(torque)
+        at = replace(self.instant, torque=torque, torque_rate=rate, torque_second_rate=second)
+        said = self._said(theta)
+        logged = dynamics.interface_torque(np, structure, geometry, theta, at, said)
         if structure.at(CHANNEL) and self.mechanism.internal:
             logged = self._with_internal(logged, theta, at)
         return self._scaled(self.mechanism.force_of(geometry, logged))
@@ -294,13 +312,22 @@ class DemandedForce(Generic[Geometry]):
         internal = np.array(self.mechanism.internal)
         more = tuple(torque + part for torque, part in zip(at.torque, internal, strict=True))
         along = dynamics.interface_torque(
-            np, self.structure, self.geometry, theta, replace(at, torque=more)
+            np, self.structure, self.geometry, theta, replace(at, torque=more), self._said(theta)
         )
         way = [b - a for a, b in zip(logged, along, strict=True)]
         size = internal @ internal
         lacking = self._internal - internal @ np.stack(logged, axis=1) / size
         amount = lacking / (internal @ np.stack(way, axis=1) / size)
         return tuple(torque + amount * step for torque, step in zip(logged, way, strict=True))
+
+    def _said(self, theta: Array) -> Components[Array]:
+        """Logged torques behind what acts, (2, N - 1) each: of channels that need to know them."""
+        if not self.structure.has_nonlinear_channel:
+            return ()
+        torque = self.samples.torque
+        delay = float(dynamics.torque_delay(np, self.structure, theta)) / self.samples.dt
+        said = moved(np.stack([torque[:-1], torque[1:]]), -delay)
+        return tuple(np.moveaxis(said, -1, 0))
 
     @cached_property
     def _internal(self) -> Array:
@@ -323,19 +350,26 @@ class DemandedForce(Generic[Geometry]):
         amount = smoothed(torque @ internal / (internal @ internal), window)
         return _ends(amount[:, None])[0]
 
-    def _rates(self, torque: tuple[Array, ...]) -> tuple[Array, ...]:
-        """Rates of the acting torques: differences between smoothed samples."""
-        if not self.structure.has_actuator:
-            return torque  # nobody asks
+    def _rates(
+        self, torque: tuple[Array, ...]
+    ) -> tuple[tuple[Array, ...], Components[Array | float]]:
+        """First and second rates of the acting torques: differences between smoothed samples."""
+        order, dt = self.structure.drive_order, self.samples.dt
+        if order == 0:
+            return torque, torque  # nobody asks
         rates: list[Array] = []
-        window = self.settings.torque_rate_smoothing_time / self.samples.dt
+        second: list[Array] = []
+        window = self.settings.torque_rate_smoothing_time / dt
         for value in torque:
             node = np.concatenate(
                 [value[0, :1], 0.5 * (value[1, :-1] + value[0, 1:]), value[1, -1:]]
             )
-            slope = np.diff(smoothed(node, window)) / self.samples.dt
+            slope = np.diff(smoothed(node, window)) / dt
             rates.append(np.broadcast_to(slope, value.shape))
-        return tuple(rates)
+            if order > 1:
+                bend = np.gradient(smoothed(slope, window), dt)
+                second.append(np.broadcast_to(bend, value.shape))
+        return tuple(rates), tuple(second) or (0.0,) * len(torque)
 
     def columns(self, indices: Iterable[int]) -> Array:
         """d force / d theta[i] for each index: (len(indices), 2, N - 1, A).
@@ -385,7 +419,10 @@ class DemandedForce(Generic[Geometry]):
             shapes = [parameter.is_shape for parameter in self.declared]
             values = np.where(shapes, self.theta, 0.0)
             values[index] = size
-            return self._component(owner, values[where], self._points) / size
+            parameter = self.declared[index]
+            name = self.structure.parameter_names[index].rpartition(".")[2]
+            joint = parameter.names.index(name) if parameter.each_wheel else None
+            return self._component(owner, values[where], self._points, joint) / size
         theta, width = self._apart(index, step)
         ahead, behind = (self._entered(owner, moved) for moved in theta)
         return (ahead - behind) / width

@@ -15,7 +15,7 @@ from controllers.recording import generator
 from youbot_env.errors import InputError, count, finite
 from youbot_env.model.model import Model
 from youbot_env.model.model_file import load_model
-from youbot_env.motions.base import Motion
+from youbot_env.motions.base import Motion, check_length
 from youbot_env.motions.multisine import multisine
 from youbot_env.physics.effect import CATALOGUE
 from youbot_env.simulation.plant import Plant
@@ -38,6 +38,9 @@ BASIC = ("kinematic", "kinematic_tuned", "pid", "lqi", "computed_torque")
 
 WIDE: tuple[Band, ...] = ((0.5, 3.0),)
 """The whole band of the tracking task, undivided."""
+
+MOST_SEEDS = 10_000
+"""Most references of a band: their means are then known to a hundredth of their spread."""
 
 SHORTEST = 20.0
 """Shortest judged duration [s], unless a duration is given."""
@@ -280,10 +283,11 @@ class Settings:
         for name in ("plants", "models", "controllers", "bands"):
             if not getattr(self, name):
                 raise InputError(f"{name}: none is named")
-        count("seeds", self.seeds)
+        count("seeds", self.seeds, most=MOST_SEEDS)
         finite("lag [s]", self.lag, least=0.0)
         if self.duration is not None:
             finite("duration [s]", self.duration, positive=True)
+            check_length("duration", self.duration)
         # Makes one reference, so that a wrong band or amplitude is refused here and not after
         # hours.
         self.references()[0].motion(self.conditions()[0].plant, 0, 0)

@@ -28,7 +28,13 @@ FIELDS: dict[str, tuple[str, str]] = {
     "actuator.torque": ("N m", "that acts at the joint"),
     "actuator.torque_rate": ("N m/s", "its derivative"),
     "channel.torque": ("N m", "as the log, or the command, has it"),
+    "channel.rate": ("rad/s", "of the wheel joint"),
+    "torque": ("N m", "of the wheel joint"),
+    "torque_second_rate": ("N m/s^2", "second derivative of the torque"),
+    "speed": ("rad/s", "of the wheel joint"),
+    "speed_rate": ("rad/s^2", "its derivative"),
     "time": ("s", "since the log's start"),
+    "start": ("s", "that start, on the clock that the logs share"),
     "base": ("", "parameters: " + ", ".join(f"base.{name}" for name in Base._fields)),
 }
 """Unit and meaning of the fields of a site's point, by "SITE.FIELD", or the field where it is the

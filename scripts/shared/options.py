@@ -122,7 +122,7 @@ EffectsOption = Annotated[
         help="Your own effects; runs this file.",
     ),
 ]
-JobsOption = Annotated[int, typer.Option("--jobs", min=1, metavar="N", help="Processes.")]
+JobsOption = Annotated[int, typer.Option("--jobs", min=1, max=256, metavar="N", help="Processes.")]
 LogsOfOption = Annotated[
     str,
     typer.Option("--mechanism", metavar="NAME", help="What the logs are of: mecanum, axis."),

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import hashlib
 import json
 import multiprocessing
 import os
@@ -46,6 +47,20 @@ def _plain(value: object) -> object:
     return value.tolist() if hasattr(value, "tolist") else str(value)  # type: ignore[attr-defined]
 
 
+SEAL = "sha256"
+"""Field of a line that holds a hash of the others. What is made of a record trusts its fields, so a
+line that was changed by hand must not be taken for a result."""
+
+
+def sealed(record: Record) -> str:
+    """A record as a line of the file."""
+    return json.dumps({**record, SEAL: _seal(record)}) + "\n"
+
+
+def _seal(record: Record) -> str:
+    return hashlib.sha256(json.dumps(record).encode()).hexdigest()[:16]
+
+
 def read_results(
     folder: Path, key: Callable[[Record], str], what: str = "trial"
 ) -> dict[str, Record]:
@@ -54,28 +69,46 @@ def read_results(
     Raises
     ------
     InputError
-        If a line is no such record, or the file cannot be read.
+        If a line is no such record or was changed, or the file cannot be read or mended.
     """
     path = folder / RESULTS
     if not path.exists():
         return {}
     content = read_bytes(path, MAX_RESULTS)
-    # An interrupted run may have written a part of its last line.
-    whole = content[: content.rfind(b"\n") + 1]
-    found = {}
-    for row, line in enumerate(whole.splitlines(), 1):
-        source = f"{path}: row {row}"
+    found: dict[str, Record] = {}
+    lines = content.split(b"\n")
+    for row, line in enumerate(lines, 1):
+        if not line.strip():
+            continue
         try:
-            record = RECORD.from_text(line, source)
+            record = _record(line, f"{path}: row {row}", what)
             found[key(record)] = record
-        except InputError as error:
-            cause = str(error).removeprefix(f"{source}: ")
-            raise InputError(f"{source}: not a {what} ({cause}); name another folder") from None
+        except InputError:
+            # An interrupted run may have written a part of its last line.
+            if row == len(lines):
+                write_atomically(path, content[: len(content) - len(line)])
+                return found
+            raise
         except (KeyError, TypeError):
-            raise InputError(f"{source}: not a {what}; name another folder") from None
-    if whole != content:
-        write_atomically(path, whole)
+            raise InputError(f"{path}: row {row}: not a {what}; name another folder") from None
+    # A whole last line without its end, as some editors leave it: the next one must not join it.
+    if lines[-1].strip():
+        write_atomically(path, content + b"\n")
     return found
+
+
+def _record(line: bytes, source: str, what: str) -> Record:
+    try:
+        record = RECORD.from_text(line, source)
+    except InputError as error:
+        cause = str(error).removeprefix(f"{source}: ")
+        raise InputError(f"{source}: not a {what} ({cause}); name another folder") from None
+    if record.pop(SEAL, None) != _seal(record):
+        raise InputError(
+            f"{source}: this {what} was changed by hand, or by another version; remove the line, "
+            "and it is done again, or name another folder"
+        )
+    return record
 
 
 def append_result(folder: Path, record: Record) -> None:
@@ -89,7 +122,7 @@ def append_result(folder: Path, record: Record) -> None:
     try:
         folder.mkdir(parents=True, exist_ok=True)
         with (folder / RESULTS).open("a", encoding="utf-8") as file:
-            file.write(json.dumps(record) + "\n")
+            file.write(sealed(record))
     except OSError as error:
         raise InputError(f"{folder}: cannot be written: {error.strerror}") from None
 

@@ -11,6 +11,7 @@ from youbot_env.errors import visible
 
 if TYPE_CHECKING:
     from rich.console import Console
+    from rich.text import Text
 
 
 @dataclass(frozen=True)
@@ -97,14 +98,21 @@ def _print(out: Console, table: Table) -> None:
     drawn = RichTable(title=title, title_justify="left", box=box.SIMPLE_HEAD, pad_edge=False)
     for column in table.columns:
         drawn.add_column(
-            Text(visible(column.header)),
+            _text(column.header),
             justify="left" if column.is_text else "right",
             overflow="fold",
             no_wrap=not column.is_text,
         )
     for row in table.cells:
-        drawn.add_row(*(Text("\n".join(map(visible, cell.split("\n")))) for cell in row))
+        drawn.add_row(*map(_text, row))
     out.print(drawn)
+
+
+def _text(cell: str) -> Text:
+    """A cell as Rich's text, line by line."""
+    from rich.text import Text
+
+    return Text("\n".join(map(visible, cell.split("\n"))))
 
 
 # --- formats ---------------------------------------------------------------------------------

@@ -18,7 +18,13 @@ from youbot_env.model.model import Model
 from youbot_env.model.model_file import model_from_dict, model_to_dict
 from youbot_scripts.shared import options as common
 from youbot_scripts.training.conditions import Conditions
-from youbot_scripts.training.settings import Choice, Learner, choice_from_dict
+from youbot_scripts.training.settings import (
+    MOST_ENVS,
+    MOST_STEPS,
+    Choice,
+    Learner,
+    choice_from_dict,
+)
 
 
 @dataclass(frozen=True)
@@ -133,6 +139,8 @@ def _fields_of(kind: type, required: list[str], **known: Schema) -> Schema:
 
 
 COUNT: Schema = {"type": "integer", "minimum": 1}
+STEPS: Schema = {**COUNT, "maximum": MOST_STEPS}
+ENVS: Schema = {**COUNT, "maximum": MOST_ENVS}
 TABLE: Schema = {"type": "object"}
 
 RUN_FILE = FileKind(
@@ -148,12 +156,16 @@ RUN_FILE = FileKind(
                 learner=_fields_of(
                     Learner,
                     ["steps", "envs", "learning", "policy"],
-                    steps=COUNT,
-                    envs=COUNT,
+                    steps=STEPS,
+                    envs=ENVS,
                     evaluations=COUNT,
                     learning=TABLE,
                     policy=TABLE,
                     conditions=TABLE,
+                    final_learning_rate={"type": "number", "minimum": 0},
+                    activation={"type": "string"},
+                    features={"type": "string"},
+                    mixed={"type": "boolean"},
                 ),
                 conditions=_fields_of(Conditions, []),
                 effects={"type": "array", "items": {"type": "string"}},

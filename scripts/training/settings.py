@@ -13,6 +13,12 @@ from youbot_env.model.model import Model
 from youbot_env.model.model_file import load_model
 from youbot_scripts.training.conditions import CONDITION_NAMES, Conditions
 
+MOST_STEPS = 10**10
+"""Most control periods of a training: a year of one core."""
+
+MOST_ENVS = 4096
+"""Most platforms side by side: each has its references in memory."""
+
 
 @dataclass(frozen=True)
 class Learner:

@@ -33,6 +33,8 @@ def catalogue_values(name: str, share: float = 1.0) -> dict[str, float]:
     for parameter in CATALOGUE[name].public_parameters:
         for i, key in enumerate(parameter.names):
             part = share * (SLOT_PATTERN[i] if parameter.each_wheel else 1.0)
+            if parameter.without > parameter.size:
+                part = 1 / share  # the larger, the weaker
             values[key] = part * parameter.size if parameter.default is None else parameter.default
     return values
 
@@ -83,13 +85,15 @@ def random_instant(rng: np.random.Generator, count: int | None = None) -> Instan
         # As often before as after the moment at which an effect begins.
         time=draw(30.0)[0] + 30.0,
         start=draw(30.0)[0] + 30.0,
+        torque_second_rate=draw(2e2, 2e2, 2e2, 2e2),
     )
 
 
 def state_of(structure: ModelStructure, at: Instant) -> list[float]:
     """The state of a platform in a motion."""
     state = [*at.twist, *at.pose, *at.wheel_angle, at.time]
-    state += list(at.torque) if structure.has_actuator else []
+    drives = [*at.torque, *at.torque_rate]
+    state += drives[: 4 * structure.drive_order]
     return state + ([at.start] if structure.reads_start else [])
 
 

@@ -41,6 +41,7 @@ from youbot_env.simulation.platforms import (
     TWIST,
     WHEEL_ANGLE,
     StateRows,
+    checked_duration,
     checked_torque,
 )
 
@@ -119,7 +120,8 @@ class ContactPlant(StateRows):
 
     def step(self, torque: ArrayLike, duration: float) -> Array:
         """Move on by ``duration`` [s] under torques (4,) or (n, 4) [N m] that are held."""
-        self.advance(checked_torque(torque, len(self.states), single=self._single), duration)
+        held = checked_torque(torque, len(self.states), single=self._single)
+        self.advance(held, checked_duration(duration))
         return self.state
 
     def advance(self, torque: Array, duration: float) -> None:

@@ -118,8 +118,10 @@ def formula(
     """
     notation = notation or PLATFORM
     if item.public is not None and item.name not in BASE:
-        stated = real_symbols(parameter.name for parameter in item.public_parameters)
-        values = item.public.inverse(symbols(), _LENGTHS, *stated)
+        # A parameter that each wheel has of its own is printed for one: each gets its symbol.
+        stated = real_symbols(p.name for p in item.public_parameters for _ in p.names)
+        of_all = iter(item.public.inverse(symbols(), _LENGTHS, *stated))
+        values = [[next(of_all) for _ in p.names][0] for p in item.parameters]
     else:
         values = real_symbols(
             _SPACED.get(parameter.name, parameter.name) for parameter in item.parameters
@@ -223,7 +225,7 @@ _POINTS: dict[Place, Any] = {
     WHEEL: Wheel(*real_symbols("phi' phi'' phi M t"), base=_NAMED, start=_START),
     ROLLER: Roller(*real_symbols("gamma' gamma'' t"), base=_NAMED, start=_START),
     WORLD: World(*real_symbols("x y psi x' y' xC yC t"), base=_NAMED, start=_START),
-    ACTUATOR: Actuator(*real_symbols("M M' t")),
+    ACTUATOR: Actuator(*real_symbols("M M' t M''")),
     CHANNEL: Channel(*real_symbols("M phi' t"), start=_START),
     CLOCK: Clock(),
 }

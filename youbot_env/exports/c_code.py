@@ -414,12 +414,15 @@ class _Parts:
         rates = [f"rate_{identifier(name)}" for name in self.mechanism.joints]
         motion, places = self._motion()
         lengths, theta = self._lengths(), self._theta()
+        # The second rates, which drives of second order read, are taken as zero.
+        second = [f"second_{identifier(name)}" for name in self.mechanism.joints]
         formulas = command_formulas(
-            self.structure, dynamics, lengths, theta, motion, torques, rates
+            self.structure, dynamics, lengths, theta, motion, torques, rates, second
         )
         places |= {
             **{name: f"torque[{k}]" for k, name in enumerate(torques)},
             **{name: f"torque_rate[{k}]" for k, name in enumerate(rates)},
+            **dict.fromkeys(second, "0.0"),
             **self._parameters(),
         }
         head = (

@@ -18,7 +18,7 @@ from youbot_env.model.model_file import load_model
 from youbot_env.physics import inverse_dynamics as dynamics
 from youbot_env.physics.effect import WORLD
 from youbot_env.physics.geometry import WHEELS
-from youbot_env.physics.mecanum import DRIVE_STATE, STATE
+from youbot_env.physics.mecanum import STATE
 from youbot_env.physics.mechanism import Instant
 from youbot_env.physics.stated_parameters import to_theta
 from youbot_env.simulation.compiled import kernel
@@ -161,10 +161,10 @@ class Signals:
     @cached_property
     def states(self) -> tuple[str, ...]:
         """Names of the platform's states in the system."""
-        kept = (*TWIST, *DRIVE_STATE) if self.twist_only else self.model.structure.state_names
-        known = self.model.structure.state_names
+        structure = self.model.structure
+        kept = (*TWIST, *structure.drive_states) if self.twist_only else structure.state_names
         # Both times go on, or stay, by themselves.
-        return tuple(name for name in known if name in kept and name not in ("time", "start"))
+        return tuple(name for name in kept if name not in ("time", "start"))
 
     @cached_property
     def places(self) -> list[int]:

@@ -194,7 +194,8 @@ class Model(Generic[Known]):
     def with_effect(self, name: str, **values: float) -> Model:
         """The model plus (or with other values of) one effect of the catalogue.
 
-        Parameters that are not named keep their default: zero, or the shape constant's.
+        Parameters that are not named keep their default: no strength, or the shape constant's. Of
+        what each wheel has its own the bare name ("phase") stands for all four.
 
         Raises
         ------
@@ -204,7 +205,7 @@ class Model(Generic[Known]):
         effect = self.effect(name)
         estimates = {
             key: Estimate(float(value), effect.public_parameter(key).unit)
-            for key, value in (effect.public_defaults | values).items()
+            for key, value in (effect.public_defaults | effect.for_each_wheel(values)).items()
         }
         effects = dict(self.effects) | {name: estimates}
         return replace(self, effects=effects, covariance=None, covariance_names=())
@@ -251,8 +252,9 @@ class Model(Generic[Known]):
         """Interface torques (..., 4) [N m] that drive a motion (see :meth:`wrench`).
 
         A model with an actuator reads ``torque_rate`` (..., 4) [N m/s], the rate of the torques
-        that act at the wheels. Where torques act late they must be commanded ``delay`` before the
-        motion: feed forward from the reference that much ahead.
+        that act at the wheels, one of second order also
+        ``torque_second_rate`` [N m/s^2]. Where torques act late they must be commanded ``delay``
+        before the motion: feed forward from the reference that much ahead.
         """
         instant = _instant(twist, acceleration, at)
         return _stack(
@@ -311,7 +313,7 @@ def _parts(array: ArrayLike) -> tuple[Any, ...]:
 
 
 def _instant(twist: ArrayLike, acceleration: ArrayLike, at: Mapping[str, ArrayLike]) -> Instant:
-    known = {"pose", "wheel_angle", "torque", "torque_rate", "time", "start"}
+    known = {"pose", "wheel_angle", "torque", "torque_rate", "torque_second_rate", "time", "start"}
     for key in at:
         if key not in known:
             raise InputError(f"unknown argument {key!r}; known are {', '.join(sorted(known))}")

@@ -9,6 +9,8 @@ from importlib import resources
 from importlib.resources.abc import Traversable
 from typing import Any
 
+import numpy as np
+
 from youbot_env.errors import InputError, finite
 from youbot_env.files import (
     MAX_BYTES,
@@ -234,12 +236,32 @@ def model_from_dict(data: Any, source: str = "model") -> Model[Geometry]:
 
 
 def _model(content: dict[str, Any], source: str) -> Model[Geometry]:
+    effects = {name: _effect(name, of) for name, of in content.get("effects", {}).items()}
     return Model(
         geometry=_geometry(content, source),
         parameters=estimates(content["parameters"], BASE_UNITS, "parameters"),
-        effects={name: _effect(name, of) for name, of in content.get("effects", {}).items()},
-        **history_from_dict(content),
+        effects=effects,
+        **_with_wheels(history_from_dict(content), effects),
     )
+
+
+def _with_wheels(history: dict[str, Any], effects: Iterable[str]) -> dict[str, Any]:
+    """A history whose covariance names each wheel's parameter, where a file knew one for all."""
+    known = {
+        f"{effect}.{parameter.name}": [f"{effect}.{name}" for name in parameter.names]
+        for effect in effects
+        for parameter in CATALOGUE[effect].public_parameters
+        if parameter.each_wheel
+    }
+    names, matrix = history["covariance_names"], history["covariance"]
+    if matrix is None or not any(name in known for name in names):
+        return history
+    wider = [(name, k) for k, old in enumerate(names) for name in known.get(old, [old])]
+    rows = [k for _, k in wider]
+    return history | {
+        "covariance_names": tuple(name for name, _ in wider),
+        "covariance": matrix[np.ix_(rows, rows)],
+    }
 
 
 def _geometry(content: dict[str, Any], source: str) -> Geometry:
@@ -256,7 +278,8 @@ def _effect(name: str, entry: Mapping[str, Any]) -> dict[str, Estimate]:
         for key, value in effect.public_defaults.items()
         if effect.public_parameter(key).is_shape
     }
-    return estimates({**shapes, **entry.get("parameters", {})}, units, f"effects.{name}.parameters")
+    given = effect.for_each_wheel(entry.get("parameters", {}))
+    return estimates({**shapes, **given}, units, f"effects.{name}.parameters")
 
 
 GEOMETRY: Schema = numbers_schema(LENGTHS)

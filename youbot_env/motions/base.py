@@ -15,6 +15,15 @@ from youbot_env.files import FileKind
 
 Array = NDArray[np.float64]
 
+LONGEST = 86400.0
+"""[s] Longest motion, a day: its samples must fit into memory."""
+
+
+def check_length(what: str, duration: float) -> None:
+    """Refuse a duration [s] over ``LONGEST``."""
+    if duration > LONGEST:
+        raise InputError(f"{what}: {duration:g} s is longer than a day ({LONGEST:g} s)")
+
 
 def window(t: Array, duration: float, ramp: float) -> tuple[Array, Array, Array]:
     """Quintic window over [0, duration] and its first and second derivative, each like t.
@@ -63,6 +72,7 @@ class Motion(ABC):
         if not isinstance(self.name, str) or not self.name:
             raise InputError(f"motion name: {self.name!r} is not a text")
         self._check("duration", positive=True)
+        check_length(f"motion '{self.name}' duration", self.duration)
 
     def _check(self, *names: str, positive: bool = False) -> None:
         """Turns the named fields into floats, or raises InputError."""

@@ -9,7 +9,7 @@ from typing import Any, ClassVar, NamedTuple
 import numpy as np
 
 from youbot_env.errors import InputError, count, finite
-from youbot_env.motions.base import Array, Motion, window
+from youbot_env.motions.base import Array, Motion, check_length, window
 from youbot_env.motions.limits import MotionLimits
 from youbot_env.physics.geometry import Geometry
 
@@ -133,6 +133,7 @@ def multisine(
     peak = np.array([finite("multisine amplitude", value) for value in amplitude])
     tones, draws = count("multisine tones", tones), count("multisine draws", draws)
     plateau = finite("multisine duration", duration) - 2 * finite("multisine ramp", ramp)
+    check_length("multisine duration", duration)
     if not low < high:
         raise InputError(f"multisine band: {low:g} to {high:g} rad/s is empty")
     if len(peak) != 3 or (peak < 0).any():

@@ -230,6 +230,43 @@ def actuator_lag(xp: Namespace, drive: Actuator, time_constant: Number) -> Numbe
     return drive.torque + time_constant * drive.torque_rate
 
 
+STIFF = 1000.0
+"""Natural frequency [rad/s] of a drive above which no log shows it."""
+
+
+def _frequency_and_damping(geometry: object, first: float, second: float) -> tuple[float, ...]:
+    frequency = STIFF if second <= 0 else min(second**-0.5, STIFF)
+    return frequency, 0.5 * first * frequency
+
+
+def _first_and_second(
+    xp: Namespace, geometry: object, frequency: Number, damping: Number
+) -> tuple[Number, ...]:
+    return 2 * damping / frequency, frequency**-2
+
+
+@effect(
+    acts_at=ACTUATOR,
+    parameters=[
+        Parameter("first", "s", lower=0.0, upper=1.0, size=0.02),
+        Parameter("second", "s^2", lower=STIFF**-2, upper=0.1, size=1e-3),
+    ],
+    public=Public(
+        parameters=(
+            Parameter("frequency", "rad/s", lower=3.0, upper=STIFF, size=30.0, without=STIFF),
+            Parameter("damping", "1", lower=0.0, upper=500.0, size=0.3),
+        ),
+        forward=_frequency_and_damping,
+        inverse=_first_and_second,
+    ),
+    source="Second-order model of a drive with an elastic gear or a current loop that overshoots",
+    recognise="The robot swings after each step of torque, at one frequency.",
+)
+def drive_resonance(xp: Namespace, drive: Actuator, first: Number, second: Number) -> Number:
+    """Command behind a drive of second order [N m]: M + 2 z M'/w + M''/w^2."""
+    return drive.torque + first * drive.torque_rate + second * drive.torque_second_rate
+
+
 @effect(
     acts_at=CHANNEL,
     parameters=[
@@ -284,6 +321,54 @@ def torque_constant_drift(
     """
     time = channel.time + shared_clock * channel.start
     return (1 - fraction * (1 - xp.exp(-time / time_constant))) * channel.torque
+
+
+def _within(xp: Namespace, torque: Number, limit: Number) -> Number:
+    """A torque clipped at both limits; odd in the limit, so that it has a slope at zero too."""
+    return 0.5 * (xp.abs(torque + limit) - xp.abs(torque - limit))
+
+
+def _saturated(xp: Namespace, channel: Channel, limit: Number) -> Number:
+    return _within(xp, channel.torque, limit)
+
+
+@effect(
+    acts_at=CHANNEL,
+    parameters=[
+        Parameter(
+            "limit",
+            "N m",
+            lower=0.05,
+            upper=100.0,
+            size=1.0,
+            without=100.0,
+            grid=(0.3, 0.5, 0.8, 1.1, 1.5, 2.0, 2.7),
+        )
+    ],
+    source="Current limit of a drive that the command or its log does not know",
+    recognise="The residual is there at the largest torques only, and takes from them.",
+    # Nothing beyond the limit can be had: the limit is the nearest.
+    inverse=_saturated,
+)
+def torque_saturation(xp: Namespace, channel: Channel, limit: Number) -> Number:
+    """True torque of a drive with a limit [N m]: M clipped at -M_max and M_max."""
+    return _saturated(xp, channel, limit)
+
+
+def _beyond_zone(xp: Namespace, channel: Channel, width: Number) -> Number:
+    return channel.torque + width * xp.sign(channel.torque)
+
+
+@effect(
+    acts_at=CHANNEL,
+    parameters=[Parameter("width", "N m", lower=0.0, upper=2.0, size=0.1)],
+    source="Dead time of bridges and stiction of gears: no torque below a threshold",
+    recognise="Torques below a threshold do nothing, larger ones act by as much less.",
+    inverse=_beyond_zone,
+)
+def dead_zone(xp: Namespace, channel: Channel, width: Number) -> Number:
+    """True torque of a drive with a dead zone [N m]: M less M clipped at -w and w."""
+    return channel.torque - _within(xp, channel.torque, width)
 
 
 LOSS_SPEED = 10.0
@@ -512,29 +597,42 @@ _CYCLES = Parameter(
 )
 
 
-def _amplitude_and_phase(
-    geometry: object, sine: float, cosine: float, cycles: float
-) -> tuple[float, ...]:
-    return hypot(sine, cosine), atan2(cosine, sine), cycles
+def _amplitudes_and_phases(geometry: object, *values: float) -> tuple[float, ...]:
+    sine, cosine, cycles = values[:4], values[4:8], values[8]
+    sizes = [hypot(*pair) for pair in zip(sine, cosine, strict=True)]
+    amplitude = sum(sizes) / len(sizes)
+    shares = [size / amplitude if amplitude else 1.0 for size in sizes]
+    phases = [atan2(c, s) for s, c in zip(sine, cosine, strict=True)]
+    return amplitude, *phases, *shares, cycles
 
 
-def _sine_and_cosine(
-    xp: Namespace, geometry: object, amplitude: Number, phase: Number, cycles: Number
+def _sines_and_cosines(
+    xp: Namespace, geometry: object, amplitude: Number, *values: Number
 ) -> tuple[Number, ...]:
-    return amplitude * xp.cos(phase), amplitude * xp.sin(phase), cycles
+    phases, shares, cycles = values[:4], values[4:8], values[8]
+    rows = list(zip(phases, shares, strict=True))
+    sine = [amplitude * share * xp.cos(phase) for phase, share in rows]
+    cosine = [amplitude * share * xp.sin(phase) for phase, share in rows]
+    return *sine, *cosine, cycles
 
 
 @effect(
     acts_at=WHEEL,
-    parameters=[Parameter("sine", "N m", size=0.2), Parameter("cosine", "N m", size=0.2), _CYCLES],
+    parameters=[
+        Parameter("sine", "N m", size=0.2, each_wheel=True),
+        Parameter("cosine", "N m", size=0.2, each_wheel=True),
+        _CYCLES,
+    ],
     public=Public(
         parameters=(
             Parameter("amplitude", "N m", lower=0.0, upper=5.0, size=0.2),
-            Parameter("phase", "rad", lower=-6.3, upper=6.3, size=0.5),
+            Parameter("phase", "rad", lower=-6.3, upper=6.3, size=0.5, each_wheel=True),
+            # Of a wheel's amplitude in the mean one.
+            Parameter("share", "1", default=1.0, lower=0.0, upper=4.0, each_wheel=True),
             _CYCLES,
         ),
-        forward=_amplitude_and_phase,
-        inverse=_sine_and_cosine,
+        forward=_amplitudes_and_phases,
+        inverse=_sines_and_cosines,
     ),
     source="Cogging and gear errors: Holtz, Springob, IEEE Trans. Ind. Electron. 43(2), 1996",
     recognise="The residual swings with the angle of each wheel, faster the faster it turns.",
@@ -542,7 +640,8 @@ def _sine_and_cosine(
 def torque_ripple(
     xp: Namespace, wheel: Wheel, sine: Number, cosine: Number, cycles: Number
 ) -> Number:
-    """Periodic resistance of each wheel [N m]: a sin(n phi + p) = a cos p sin(n phi) + ..."""
+    """Periodic resistance of each wheel [N m]: a_i sin(n phi_i + p_i) = a_i cos p_i sin(n phi_i)
+    + a_i sin p_i cos(n phi_i)."""
     return sine * xp.sin(cycles * wheel.angle) + cosine * xp.cos(cycles * wheel.angle)
 
 

@@ -27,7 +27,7 @@ effect has a :class:`Public` form, and models, files and tables hold that one.
 from __future__ import annotations
 
 import inspect
-from collections.abc import Callable, Generator, Iterable
+from collections.abc import Callable, Generator, Iterable, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass
 from math import isfinite
@@ -41,6 +41,9 @@ Effort = Number | tuple[Number, ...]
 """What an effect returns: one number, or the components of a generalised force."""
 
 EffectFunction = TypeVar("EffectFunction", bound=Callable[..., Effort])
+
+
+V = TypeVar("V")
 
 
 class BaseParameters(Protocol):
@@ -108,11 +111,16 @@ class World(NamedTuple):
 
 
 class Actuator(NamedTuple):
-    """One drive. An effect here returns the command [N m] that ``torque`` and its rate demand."""
+    """One drive. An effect here returns the command [N m] that ``torque`` and its rates demand.
+
+    A drive whose command depends on ``torque_second_rate``, the second derivative [N m/s^2], has
+    the torque's rate as a state beside the torque.
+    """
 
     torque: Number
     torque_rate: Number
     time: Number
+    torque_second_rate: Number | float = 0.0
 
 
 class Channel(NamedTuple):
@@ -173,7 +181,9 @@ class Parameter:
     relative_to : "mean" or "least" for values of which only differences can be seen; the common
         part belongs to ``absorbed_by``, a base parameter (None: it cannot be known). "internal" for
         torques of which the part that exerts no force on the mechanism cannot be seen
-    grid : values of a shape constant that a search should try
+    grid : values of a shape constant that a search should try; of a parameter that is identified,
+        where its search begins: some show nothing where they have no strength
+    without : value at which a parameter that is identified has no strength
     instant : whether a shape constant is a time in the log, so that a search goes to its end
     whole : whether a shape constant counts something, so that nothing lies between two values and
         a search has the last word; others are fitted with the rest in the end
@@ -191,6 +201,7 @@ class Parameter:
     grid: tuple[float, ...] = ()
     instant: bool = False
     whole: bool = False
+    without: float = 0.0
     joints: tuple[str, ...] = WHEELS
 
     @property
@@ -254,6 +265,7 @@ class Effect:
     dissipative: bool = False
     public: Public | None = None
     carries: Callable[..., tuple[Number, ...]] | None = None
+    inverse: Callable[..., Number] | None = None
 
     @property
     def parameter_names(self) -> tuple[str, ...]:
@@ -276,7 +288,7 @@ class Effect:
 
     @property
     def defaults(self) -> dict[str, float]:
-        """A value for each parameter name: shape constants at their default, others at zero."""
+        """A value for each parameter name: shape constants at their default, others at none."""
         return _defaults(self.parameters)
 
     @property
@@ -287,6 +299,15 @@ class Effect:
     def public_parameter(self, name: str) -> Parameter:
         """The declaration behind a scalar public name."""
         return self._declared(name, self.public_parameters)
+
+    def for_each_wheel(self, values: Mapping[str, V]) -> dict[str, V]:
+        """Public values by name, where the bare name of what each wheel has stands for all four."""
+        found = dict(values)
+        for parameter in self.public_parameters:
+            if parameter.each_wheel and parameter.name in found:
+                common = found.pop(parameter.name)
+                found = {**dict.fromkeys(parameter.names, common), **found}
+        return found
 
     def _declared(self, name: str, parameters: Iterable[Parameter]) -> Parameter:
         for parameter in parameters:
@@ -310,13 +331,21 @@ class Effect:
         self, xp: Namespace, point: object, values: Values[Number], wheel: int = 0
     ) -> Effort:
         """Call the function at ``point`` (of wheel number ``wheel``) with scalar ``values``."""
+        return self.function(xp, point, *self._arguments(values, wheel))
+
+    def undo(self, xp: Namespace, point: object, values: Values[Number], wheel: int = 0) -> Number:
+        """The same of the function that takes a channel's true torque back."""
+        assert self.inverse is not None
+        return self.inverse(xp, point, *self._arguments(values, wheel))
+
+    def _arguments(self, values: Values[Number], wheel: int) -> list[Number]:
         arguments: list[Number] = []
         start = 0
         for parameter in self.parameters:
             # Values of ``each_wheel`` parameters stand side by side, one for each joint.
             arguments.append(values[start + wheel] if parameter.each_wheel else values[start])
             start += len(parameter.names)
-        return self.function(xp, point, *arguments)
+        return arguments
 
 
 def _names(parameters: Iterable[Parameter]) -> tuple[str, ...]:
@@ -324,7 +353,11 @@ def _names(parameters: Iterable[Parameter]) -> tuple[str, ...]:
 
 
 def _defaults(parameters: Iterable[Parameter]) -> dict[str, float]:
-    return {name: item.default or 0.0 for item in parameters for name in item.names}
+    return {
+        name: item.without if item.default is None else item.default
+        for item in parameters
+        for name in item.names
+    }
 
 
 class Registry:
@@ -396,6 +429,7 @@ def effect(
     dissipative: bool = False,
     public: Public | None = None,
     carries: Callable[..., tuple[Number, ...]] | None = None,
+    inverse: Callable[..., Number] | None = None,
     registry: Registry = CATALOGUE,
 ) -> Callable[[EffectFunction], EffectFunction]:
     """Register the decorated function as an effect under its own name.
@@ -410,6 +444,8 @@ def effect(
     public : how people state the parameters, if not as the function takes them
     carries : for a load, ``carries(xp, time, *parameters)``: the m0, I0, m aX, m aY that other
         effects (a slope) must reckon with beyond the platform's own
+    inverse : of a channel that is not affine in the torque: ``inverse(xp, channel, *parameters)``,
+        an interface torque behind which ``channel.torque`` is true, or as near as the channel comes
 
     Raises
     ------
@@ -439,6 +475,7 @@ def effect(
                     dissipative,
                     public,
                     carries,
+                    inverse,
                 )
             )
         )

@@ -82,10 +82,13 @@ def _wrench_of(
 def actuator_command(
     xp: Namespace, structure: ModelStructure[Geometry], theta: Values[N], at: Instant[N]
 ) -> Components[N]:
-    """Commands (J) behind the drives that ``at.torque`` and ``at.torque_rate`` demand."""
+    """Commands (J) behind the drives that ``at.torque`` and its rates demand."""
     command, joints = cast("Components[N]", at.torque), range(len(structure.mechanism.joints))
     for item, where in structure.at(ACTUATOR):
-        points = [Actuator(at.torque[i], at.torque_rate[i], at.time) for i in joints]
+        points = [
+            Actuator(at.torque[i], at.torque_rate[i], at.time, at.torque_second_rate[i])
+            for i in joints
+        ]
         command = _of_joints(item, xp, points, theta[where])
     return command
 
@@ -102,14 +105,30 @@ def channel_torque(
 
     Of ``at`` the twist and the times are read.
     """
-    true = tuple(torque)
+    return _passed(xp, structure, geometry, theta, torque, at)[-1]
+
+
+def _passed(
+    xp: Namespace,
+    structure: ModelStructure[Geometry],
+    geometry: Geometry,
+    theta: Values[N],
+    torque: Values[N],
+    at: Instant[N],
+) -> list[Components[N]]:
+    """Torques (J) at the interface, behind the first channel, behind the second, ... ."""
+    found = [tuple(torque)]
     for item, where in structure.at(CHANNEL):
-        rates = structure.mechanism.joint_rates(geometry, at.twist)
-        points = [
-            Channel(value, rate, at.time, at.start) for value, rate in zip(true, rates, strict=True)
-        ]
-        true = _of_joints(item, xp, points, theta[where])
-    return true
+        points = _channels(structure, geometry, found[-1], at)
+        found.append(_of_joints(item, xp, points, theta[where]))
+    return found
+
+
+def _channels(
+    structure: ModelStructure[Geometry], geometry: Geometry, torque: Values[N], at: Instant[N]
+) -> list[Channel]:
+    rates = structure.mechanism.joint_rates(geometry, at.twist)
+    return [Channel(*pair, at.time, at.start) for pair in zip(torque, rates, strict=True)]
 
 
 def _of_joints(
@@ -137,20 +156,68 @@ def interface_torque(
     geometry: Geometry,
     theta: Values[N],
     at: Instant[N],
+    logged: Values[N] = (),
 ) -> Components[N]:
     """Torque (J) at the interface (command, log) where ``at.torque`` acts on the joints.
 
-    It is the command of the actuator, taken back through the channels, which are affine in the
-    torque. It belongs to a time earlier than ``at`` by :func:`torque_delay`.
+    It is the command of the actuator, taken back through the channels. It belongs to a time
+    earlier than ``at`` by :func:`torque_delay`.
+
+    ``logged`` (J): torques that the interface did say. What a channel that is not affine (a dead
+    zone) took from them is known, where its inverse is not unique or does not exist.
     """
-    # Two evaluations give offset and slope of an affine function. 0 * value, not 0: arrays, symbols
-    # and tensors keep their shape and type.
-    joints = range(len(structure.mechanism.joints))
-    wanted = actuator_command(xp, structure, theta, at)
-    of = (xp, structure, geometry, theta)
-    zero = channel_torque(*of, [0.0 * value for value in wanted], at)
-    one = channel_torque(*of, [0.0 * value + 1.0 for value in wanted], at)
-    return tuple((wanted[i] - zero[i]) / (one[i] - zero[i]) for i in joints)
+    torque = actuator_command(xp, structure, theta, at)
+    known = _passed(xp, structure, geometry, theta, logged, at) if len(logged) else None
+    channels = structure.at(CHANNEL)
+    for k in range(len(channels) - 1, -1, -1):
+        item, where = channels[k]
+        if item.inverse is None:
+            torque = _affine_inverse(xp, structure, geometry, item, theta[where], torque, at)
+        elif known:
+            rows = zip(torque, known[k], known[k + 1], strict=True)
+            torque = tuple(value + (before - after) for value, before, after in rows)
+        else:
+            points = enumerate(_channels(structure, geometry, torque, at))
+            back = tuple(item.undo(xp, point, theta[where], i) for i, point in points)
+            torque = cast("Components[N]", back)
+    return torque
+
+
+def taken_torque(
+    xp: Namespace,
+    structure: ModelStructure[Geometry],
+    geometry: Geometry,
+    theta: Values[N],
+    torque: Values[N],
+    at: Instant[N],
+) -> Components[N]:
+    """What channels that are not affine take from interface torques (J)."""
+    passed = _passed(xp, structure, geometry, theta, torque, at)
+    taken = tuple(0.0 * value for value in torque)
+    for k, (item, _) in enumerate(structure.at(CHANNEL)):
+        if item.inverse is not None:
+            rows = zip(taken, passed[k], passed[k + 1], strict=True)
+            taken = tuple(value + (before - after) for value, before, after in rows)
+    return taken
+
+
+def _affine_inverse(
+    xp: Namespace,
+    structure: ModelStructure[Geometry],
+    geometry: Geometry,
+    item: Effect,
+    values: Values[N],
+    true: Components[N],
+    at: Instant[N],
+) -> Components[N]:
+    """Torques (J) before a channel that is affine in them, from those behind it."""
+    # Two evaluations give offset and slope. 0 * value, not 0: arrays, symbols and tensors keep
+    # their shape and type.
+    zero, one = (
+        _of_joints(item, xp, _channels(structure, geometry, before, at), values)
+        for before in ([0.0 * value for value in true], [0.0 * value + 1.0 for value in true])
+    )
+    return tuple((value - a) / (b - a) for value, a, b in zip(true, zero, one, strict=True))
 
 
 def acting_torque(
@@ -214,7 +281,8 @@ def inverse_dynamics(
 ) -> Components[N]:
     """Interface torques (J) that drive a motion: the feed-forward.
 
-    With an actuator ``at.torque_rate`` must hold the rate of the acting torques. With a delay the
+    With an actuator ``at.torque_rate`` must hold the rate of the acting torques, with one of second
+    order ``at.torque_second_rate`` the rate of that. With a delay the
     torques must be commanded that much before the motion: evaluate them on the reference
     :func:`torque_delay` ahead.
     """
@@ -309,8 +377,11 @@ def state_derivative(
     at = Instant(twist, pose=pose, wheel_angle=angle, time=time, start=start)
     command = channel_torque(xp, structure, geometry, theta, torque, at)
     first = len(mechanism.state)
-    drives = tuple(state[first : first + len(mechanism.drive_state)])
-    at = replace(at, torque=drives if structure.has_actuator else command)
+    joints = len(mechanism.joints)
+    drives = tuple(state[first : first + structure.drive_order * joints])
+    at = replace(at, torque=drives[:joints] if drives else command)
+    if structure.drive_order > 1:
+        at = replace(at, torque_rate=drives[joints:])
     # Without an actuator the true command acts at once; with one the acting torques are states.
     moved = (
         *forward_dynamics(xp, structure, geometry, theta, at),
@@ -330,9 +401,19 @@ def drive_rates(
     at: Instant[N],
     command: Sequence[N],
 ) -> Components[N]:
-    """Rates (J) of the acting torques under a command."""
-    # An actuator is affine in the rate: two evaluations invert it.
+    """Rates of the drives' states under a command: (J) of the torques, in drives of second order
+    (2 J): ``at.torque_rate``, and the rates of that."""
+    # An actuator is affine in the highest rate: two evaluations invert it.
     joints = len(structure.mechanism.joints)
-    zero = actuator_command(xp, structure, theta, replace(at, torque_rate=(0.0,) * joints))
-    one = actuator_command(xp, structure, theta, replace(at, torque_rate=(1.0,) * joints))
-    return tuple((command[i] - zero[i]) / (one[i] - zero[i]) for i in range(joints))
+    second = structure.drive_order > 1
+
+    def commanded(rate: float) -> Components[N]:
+        rates = (rate,) * joints
+        at_rate = (
+            replace(at, torque_second_rate=rates) if second else replace(at, torque_rate=rates)
+        )
+        return actuator_command(xp, structure, theta, at_rate)
+
+    zero, one = commanded(0.0), commanded(1.0)
+    highest = tuple((command[i] - zero[i]) / (one[i] - zero[i]) for i in range(joints))
+    return (*cast("Components[N]", at.torque_rate), *highest) if second else highest

@@ -21,6 +21,7 @@ from youbot_env.physics.effect import (
     ACTUATOR,
     CHANNEL,
     CLOCK,
+    Actuator,
     BaseParameters,
     Channel,
     Effect,
@@ -51,6 +52,7 @@ class Instant(Generic[N_co]):
     torque_rate : (J) only actuators read them
     time : [s] from the log's start
     start : [s] of the log, on the clock that the logs share; 0 where there is none
+    torque_second_rate : (J) only actuators of second order read it
 
     What is left out is zero, in as many components as a platform has.
     """
@@ -63,6 +65,7 @@ class Instant(Generic[N_co]):
     torque_rate: Components[N_co | float] = (0.0,) * 4
     time: N_co | float = 0.0
     start: N_co | float = 0.0
+    torque_second_rate: Components[N_co | float] = (0.0,) * 4
 
 
 @dataclass(frozen=True)
@@ -123,11 +126,20 @@ class EffectPoints(Generic[Geometry, N_co]):
 
 
 def component_force(
-    item: Effect, values: Values[Number], points: EffectPoints[Geometry, N]
+    item: Effect,
+    values: Values[Number],
+    points: EffectPoints[Geometry, N],
+    joint: int | None = None,
 ) -> Components[N]:
-    """Generalised force (A) of one component: its formula at each point, mapped to the axes."""
+    """Generalised force (A) of one component: its formula at each point, mapped to the axes.
+
+    ``joint``: the only one at which it acts; None for all.
+    """
     efforts: list[Number] = []
     for i, point in enumerate(points.of(item.acts_at)):
+        if joint is not None and i != joint:
+            efforts.append(cast(Number, 0.0))
+            continue
         effort = item.evaluate(points.xp, point, values, i)
         efforts += effort if isinstance(effort, tuple) else (effort,)
     force = points.mechanism.site(item.acts_at).force(points, efforts)
@@ -332,8 +344,34 @@ class ModelStructure(Generic[Geometry]):
     @cached_property
     def state_names(self) -> tuple[str, ...]:
         """Components of the state of a mechanism with these effects."""
-        drives = self.mechanism.drive_state if self.has_actuator else ()
-        return (*self.mechanism.state, *drives, *(("start",) if self.reads_start else ()))
+        return (
+            *self.mechanism.state,
+            *self.drive_states,
+            *(("start",) if self.reads_start else ()),
+        )
+
+    @cached_property
+    def drive_order(self) -> int:
+        """How many derivatives of the torque the drives' command depends on: 0 without drives."""
+        orders = [0]
+        for item, where in self.at(ACTUATOR):
+            points = (Actuator(0.6, 0.5, 0.7, second) for second in (0.0, 30.0))
+            values = [0.5] * (where.stop - where.start)
+            first, second = (item.evaluate(floats, point, values) for point in points)
+            orders.append(1 if first == second else 2)
+        return max(orders)
+
+    @cached_property
+    def drive_states(self) -> tuple[str, ...]:
+        """States of the drives: what acts and, in drives of second order, its rate."""
+        names = self.mechanism.drive_state
+        rates = tuple(f"{name}_rate" for name in names)
+        return (names + rates)[: self.drive_order * len(names)]
+
+    def can_hold(self, name: str) -> bool:
+        """Whether an effect fits beside those that it holds: there is one kind of drive."""
+        item = self.mechanism.catalogue[name]
+        return not (self.has_actuator and item.acts_at is ACTUATOR)
 
     @cached_property
     def carriers(self) -> tuple[tuple[Effect, slice], ...]:
@@ -344,6 +382,11 @@ class ModelStructure(Generic[Geometry]):
     def only_wrenches(self) -> bool:
         """Whether the interface torque acts unchanged, at most later: no drive, no channel."""
         return all(item.acts_at.kind in ("wrench", "shift") for item, _ in self.slices)
+
+    @cached_property
+    def has_nonlinear_channel(self) -> bool:
+        """Whether a channel is not affine in the torque, and so has an inverse of its own."""
+        return any(item.inverse is not None for item, _ in self.at(CHANNEL))
 
     # What effects read: found by evaluating them ------------------------------------------------
 
@@ -409,11 +452,13 @@ class ModelStructure(Generic[Geometry]):
     @cached_property
     def nonlinear(self) -> frozenset[str]:
         """Names of the effects in whose own parameters the interface force is not linear, even if
-        all else is given: shifts, and wrenches that are found so by trying."""
+        all else is given: shifts, channels with an inverse of their own, and wrenches that are
+        found so by trying."""
         return frozenset(
             item.name
             for item, _ in self.slices
             if item.acts_at is CLOCK
+            or item.inverse is not None
             or (item.acts_at.kind == "wrench" and not self._is_linear(item))
         )
 

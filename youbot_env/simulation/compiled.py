@@ -80,13 +80,15 @@ class InverseKernel:
         ``tolerance`` [N m] in sum.
     several(motion, lengths, thetas, tolerance, torque)
         The same, ``torque`` (k, n, 4), at each of several parameters ``thetas`` (k, P).
-    interface(torque, rate, motion, lengths, theta, out)
+    interface(torque, rate, second, motion, lengths, theta, out)
         Interface torques ``out`` (4,) behind which ``torque`` (4,) acts and changes at ``rate``
-        (4,) [N m/s] in a motion (14,); they belong to a time earlier by ``Model.delay``.
+        (4,) [N m/s], and that at ``second`` (4,) [N m/s^2], in a motion (14,); they belong to a
+        time earlier by ``Model.delay``.
     held(motion, hold, lengths, theta, tolerance, torque, mean, out)
         The interface torques ``out`` (4,) that, held for ``hold`` [s], do best what the motions
         (3, 14) at the start, the middle and the end of the hold demand: they make the mean (4,) of
-        the acting torques (Simpson's rule) and their mean rate. ``torque`` (3, 4) as above.
+        the acting torques (Simpson's rule), their mean rate and their second difference.
+        ``torque`` (3, 4) as above.
     """
 
     structure: Structure
@@ -178,7 +180,7 @@ def _compiled_inverse(structure: Structure, path: Path) -> InverseKernel:
     found.held(motion, 1.0, lengths, theta, 1.0, torque, np.empty(4), np.empty(4))
     found.acting(motion, lengths, theta, 1.0, torque)
     found.several(motion, lengths, theta[None], 1.0, torque[None])
-    found.interface(torque[0], torque[0], motion[0], lengths, theta, np.empty(4))
+    found.interface(torque[0], torque[0], torque[0], motion[0], lengths, theta, np.empty(4))
     return found
 
 

@@ -55,6 +55,8 @@ def initial_state(
     parts = [_vector(name, *value) for name, value in given.items()] + [np.array([time])]
     if model.structure.has_actuator:
         parts.append(_vector("torque", torque, 4))
+        # The rates of what drives of second order exert begin at zero.
+        parts.append(np.zeros(4 * (model.structure.drive_order - 1)))
     if model.structure.reads_start:
         parts.append(np.array([start]))
     return np.concatenate(parts)
@@ -94,21 +96,28 @@ def stiffness(structure: ModelStructure[Lengths], geometry: Lengths, theta: Arra
         return float("nan")
     rates = [float(np.abs(np.linalg.eigvals(jacobian)).max())]
     if structure.has_actuator:
-        slow, quick = (
-            dynamics.drive_rates(
-                np,
-                structure,
-                theta,
-                Instant((0.0,) * size, torque=(t,) * joints),
-                (0.0,) * joints,
-            )
-            for t in (0.0, 1.0)
-        )
-        # A lag is linear: the rate at torque 1 less that at 0 is -1 / time constant.
-        rates.append(float(np.max(np.abs(np.subtract(quick, slow)))))
+        rates.append(_drive_stiffness(structure, theta))
     if structure.depends_on_angle:
         rates.append(PHASE_SHARE * ripple_rate(structure, geometry, theta))
     return float(np.max(rates))  # not max(): a rate that is no number must show
+
+
+def _drive_stiffness(structure: ModelStructure[Lengths], theta: Array) -> float:
+    """Fastest rate [1/s] of the drives: linear systems in the torque and, of second order, its
+    rate."""
+    size, joints = len(structure.mechanism.axes), len(structure.mechanism.joints)
+
+    def rates(torque: float, rate: float) -> Array:
+        at = Instant((0.0,) * size, torque=(torque,) * joints, torque_rate=(rate,) * joints)
+        found = dynamics.drive_rates(np, structure, theta, at, (0.0,) * joints)
+        return np.array(found, float).reshape(structure.drive_order, joints)
+
+    still = rates(0.0, 0.0)
+    columns = [rates(1.0, 0.0) - still, rates(0.0, 1.0) - still][: structure.drive_order]
+    matrices = np.moveaxis(np.array(columns), -1, 0)
+    if not np.isfinite(matrices).all():
+        return float("nan")
+    return float(np.abs(np.linalg.eigvals(matrices)).max())
 
 
 def ripple_rate(structure: ModelStructure[Lengths], geometry: Lengths, theta: Array) -> float:

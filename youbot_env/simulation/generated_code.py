@@ -260,6 +260,8 @@ TORQUES = ("u1", "u2", "u3", "u4")
 
 RATES = ("w1", "w2", "w3", "w4")
 
+SECOND_RATES = ("z1", "z2", "z3", "z4")
+
 LENGTHS = ("l", "h", "R", "r")
 """Lengths of the platform, in the order in which its kernels take them."""
 
@@ -338,18 +340,25 @@ def command_formulas(
     motion: Sequence[str] = MOTION,
     torque: Sequence[str] = TORQUES,
     rate: Sequence[str] = RATES,
+    second: Sequence[str] = SECOND_RATES,
 ) -> Formulas:
     """Interface torques behind which given torques act and change at given rates in a motion.
 
     The arguments are named as those of `demand_formulas`.
     """
     mechanism = structure.mechanism
-    names = torque, rate, motion, lengths, _theta(structure) if theta is None else theta
-    acting, changing, moving, length, parameter = (real_symbols(group) for group in names)
+    names = torque, rate, second, motion, lengths, _theta(structure) if theta is None else theta
+    acting, changing, bending, moving, length, parameter = (real_symbols(group) for group in names)
     geometry = SimpleNamespace(**dict(zip(mechanism.lengths, length, strict=True)))
     # Drives and channels read no acceleration, pose or angle.
     twist = tuple(moving[: len(mechanism.axes)])
-    at = Instant(twist, torque=tuple(acting), torque_rate=tuple(changing), time=moving[-1])
+    at = Instant(
+        twist,
+        torque=tuple(acting),
+        torque_rate=tuple(changing),
+        torque_second_rate=tuple(bending),
+        time=moving[-1],
+    )
     results = dynamics.interface_torque(symbols(), structure, geometry, parameter, at)
     return Formulas("command", tuple(name for group in names for name in group), tuple(results))
 
@@ -383,10 +392,11 @@ def several(motion, lengths, thetas, tolerance, torque):
 
 
 @njit(cache=True, error_model='numpy')
-def interface(torque, rate, motion, lengths, theta, out):
+def interface(torque, rate, second, motion, lengths, theta, out):
     out[0], out[1], out[2], out[3] = command(
         torque[0], torque[1], torque[2], torque[3],
         rate[0], rate[1], rate[2], rate[3],
+        second[0], second[1], second[2], second[3],
         {place}, {lengths}, {theta}
     )
 
@@ -394,8 +404,10 @@ def interface(torque, rate, motion, lengths, theta, out):
 @njit(cache=True, error_model='numpy')
 def held(motion, hold, lengths, theta, tolerance, torque, mean, out):
     acting(motion, lengths, theta, tolerance, torque)
+    second = torque[0].copy()
     for i in range(4):
+        second[i] = 4.0 * (torque[0, i] - 2.0 * torque[1, i] + torque[2, i]) / hold**2
         mean[i] = (torque[0, i] + 4.0 * torque[1, i] + torque[2, i]) / 6.0
         out[i] = (torque[2, i] - torque[0, i]) / hold
-    interface(mean, out, motion[1], lengths, theta, out)
+    interface(mean, out, second, motion[1], lengths, theta, out)
 """

@@ -24,6 +24,7 @@ from youbot_env.simulation.platforms import (
     DRIVES,
     TWIST,
     StateRows,
+    checked_duration,
     checked_torque,
     drive_delay,
 )
@@ -128,7 +129,8 @@ class Plant(StateRows):
 
         Returns the new state, (S,) or (n, S).
         """
-        self.advance(checked_torque(torque, len(self.states), single=self._single), duration)
+        held = checked_torque(torque, len(self.states), single=self._single)
+        self.advance(held, checked_duration(duration))
         return self.state
 
     def advance(self, torque: Array, duration: float) -> None:

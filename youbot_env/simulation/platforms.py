@@ -8,7 +8,7 @@ from typing import Any, Protocol
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from youbot_env.errors import InputError
+from youbot_env.errors import InputError, finite
 from youbot_env.model.model import Model
 from youbot_env.physics.geometry import Geometry
 from youbot_env.physics.mecanum import DRIVE_STATE, STATE
@@ -101,8 +101,19 @@ def drive_delay(model: Model) -> DelayLine:
 
 
 def checked_torque(torque: ArrayLike, platforms: int, *, single: bool) -> Array:
-    """The torques of a step as rows (n, 4), or InputError if they have another shape."""
-    wheel_torque = np.array(torque, float)
+    """The torques of a step as rows (n, 4), or InputError if they are none or of another shape."""
+    try:
+        wheel_torque = np.array(torque, float)
+    except (TypeError, ValueError):
+        raise InputError(f"plant: {torque!r} does not hold numbers") from None
     if wheel_torque.shape != ((4,) if single else (platforms, 4)):
         raise InputError(f"plant: four torques per platform, not shape {wheel_torque.shape}")
+    # A state that is once no number stays so, and nothing would tell when it began.
+    if not np.isfinite(wheel_torque).all():
+        raise InputError(f"plant: torques {wheel_torque.tolist()} hold what is no finite number")
     return wheel_torque.reshape(-1, 4)
+
+
+def checked_duration(duration: float) -> float:
+    """The duration of a step [s], or InputError if it is none."""
+    return finite("plant: duration [s]", duration, least=0.0)

@@ -111,10 +111,10 @@ def test_damaged_bags_end_in_one_line_or_in_what_was_whole(make, tmp_path: Path)
     whole = make(tmp_path).read_bytes()
     rng = np.random.default_rng(1)
     piece = tmp_path / f"piece{'.bag' if make is ros1_bag else '.mcap'}"
-    for length in (0, 5, 13, 100, 4096, len(whole) // 2, len(whole) - 7):
+    for length in (0, 5, 13, 4096, len(whole) - 7):
         piece.write_bytes(whole[:length])
         read_or_refused(piece)
-    for _ in range(6):
+    for _ in range(3):
         broken = bytearray(whole)
         for at in rng.integers(0, len(whole), 20):
             broken[at] = rng.integers(0, 256)

@@ -248,3 +248,20 @@ def test_one_log_as_other_tools_export_it(path: Path, tmp_path: Path) -> None:
         target = tmp_path / f"{name}_{k}.csv"
         write_imported(target, piece)
         assert read_log(target).joints == WHEELS
+
+
+def test_efforts_beside_speeds_of_a_motor_are_left_out_until_their_unit_is_said(
+    tmp_path: Path,
+) -> None:
+    """They may be amperes: taken for newton metres they would make a wrong model in silence."""
+    time = LOG.time
+    place = [f"{np.sin(t):.5f}" for t in time]
+    body = [
+        [*row, p, "0.0", "0.0"] for row, p in zip(rows(LOG, 25.84 * 30 / np.pi), place, strict=True)
+    ]
+    header = ["time", *names("velocity_{}"), *names("effort_{}"), "x", "y", "yaw"]
+    source, found = imported(written(tmp_path, joined(header, body)))
+    assert not source.undecided and source.proposal is not None
+    assert any("kinematics" in doubt for doubt in source.proposal.doubts)
+    assert any("torque_constant" in doubt for doubt in source.proposal.doubts)
+    assert set(found.made.channels) == {"velocity", "pose"}

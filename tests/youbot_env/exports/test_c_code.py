@@ -108,7 +108,8 @@ def assert_equal_to_python(m: Model, code: ctypes.CDLL, rows: int) -> None:
     code.forward_rows(pointer(state), pointer(torque), pointer(rates), rows)
     assert apart(rates, m.state_derivative(state, torque)) < 1e-12
 
-    at = replace(at, start=0.0)  # a controller's clock is its own
+    # A controller's clock is its own, and the code takes second rates as zero.
+    at = replace(at, start=0.0, torque_second_rate=(0.0,) * 4)
     motion, rate, command = columns(at), np.column_stack(at.torque_rate), np.empty((rows, 4))
     code.inverse_rows(pointer(motion), pointer(rate), pointer(command), rows)
     wanted = dynamics.inverse_dynamics(np, m.structure, m.geometry, m.theta, at)

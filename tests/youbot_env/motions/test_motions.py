@@ -528,3 +528,12 @@ def test_every_kind_can_be_read_whatever_is_imported_first():
     )
     run = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, timeout=60)
     assert (run.stdout, run.stderr) == ("multisine\n", "")
+
+
+@pytest.mark.parametrize("duration", (1e308, 1e12, 86401.0))
+def test_a_motion_lasts_a_day_at_most(duration: float):
+    """Its samples must fit into memory."""
+    with pytest.raises(InputError, match="is longer than a day"):
+        multisine(np.random.default_rng(0), duration=duration)
+    with pytest.raises(InputError, match="is longer than a day"):
+        motion_from_dict(motion_iii().to_dict() | {"duration": duration})

@@ -112,6 +112,7 @@ def test_symbols_evaluate_to_the_numbers(case: str):
         "wheel_angle": 4,
         "torque": 4,
         "torque_rate": 4,
+        "torque_second_rate": 4,
     }
     symbolic = {n: tuple(sympy.symbols(f"{n}0:{k}", real=True)) for n, k in names.items()}
     time, start = sympy.symbols("time start", real=True)

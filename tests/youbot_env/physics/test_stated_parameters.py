@@ -87,10 +87,10 @@ def test_jacobian_survives_the_wrap_of_a_phase():
     """At a phase of pi a small step to the other side changes it by two pi."""
     m = load_model("paper").with_effect("torque_ripple", amplitude=0.2, phase=np.pi)
     theta = m.theta.copy()
-    where = m.structure.parameter_names.index("torque_ripple.cosine")
+    where = m.structure.parameter_names.index("torque_ripple.cosine_fl")
     theta[where] = 0.0
     found = jacobian(m.structure, m.geometry, theta)
-    phase = list(public_parameters(m.structure, m.geometry)).index("torque_ripple.phase")
+    phase = list(public_parameters(m.structure, m.geometry)).index("torque_ripple.phase_fl")
     assert found[phase, where] == pytest.approx(-1 / 0.2, rel=1e-6)
 
 

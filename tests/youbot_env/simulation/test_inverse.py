@@ -37,7 +37,10 @@ def row(at: Instant) -> np.ndarray:
 def interface_torque(code: Any, found: Model, at: Instant, guess: float = 0.0) -> np.ndarray:
     torque, out = np.full((1, 4), guess), np.empty(4)
     code.acting(row(at), found.lengths, found.theta, 1e-13, torque)
-    code.interface(torque[0], np.array(at.torque_rate), row(at)[0], found.lengths, found.theta, out)
+    code.interface(
+        *(torque[0], np.array(at.torque_rate), np.array(at.torque_second_rate)),
+        *(row(at)[0], found.lengths, found.theta, out),
+    )
     return out
 
 
@@ -48,6 +51,7 @@ def stated(found: Model, at: Instant) -> np.ndarray:
         pose=at.pose,
         wheel_angle=at.wheel_angle,
         torque_rate=at.torque_rate,
+        torque_second_rate=at.torque_second_rate,
         time=at.time,
     )
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import copy
+import math
 import pickle
 
 import numpy as np
@@ -170,3 +171,19 @@ def test_what_cannot_be_is_one_clear_line():
         Plant(platforms=0)
     with pytest.raises(InputError, match="no such file"):
         Plant("nowhere.json")
+
+
+@pytest.mark.parametrize("torque", ([math.nan] * 4, [1.0, math.inf, 0.0, 0.0], ["a"] * 4, None))
+def test_torques_that_are_no_numbers_are_refused_and_nothing_moves(torque):
+    plant = Plant("paper")
+    plant.reset(twist=(0.1, 0.0, 0.0))
+    before = plant.state
+    with pytest.raises(InputError, match="^plant: "):
+        plant.step(torque, 0.01)
+    np.testing.assert_array_equal(plant.state, before)
+
+
+@pytest.mark.parametrize("duration", (math.nan, math.inf, -1.0, "a", None))
+def test_durations_that_are_none_are_refused(duration):
+    with pytest.raises(InputError, match="^plant: duration"):
+        Plant("paper").step(np.zeros(4), duration)

@@ -1,0 +1,61 @@
+"""Text that is damaged anywhere is read or refused in one line: no traceback, no warning."""
+
+from __future__ import annotations
+
+import warnings
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from identification.importing.importing import import_source, open_source, runs_of_source
+from tests.identification.importing.layouts import LAYOUTS
+from youbot_env.errors import InputError
+
+PIECES = (b",", b";", b"\n", b'"', b"nan", b"[", b"\x00", b"1e309", b"\xff", b"time", b"9" * 19)
+SEEDS = {name: b"\n".join(write().encode().split(b"\n")[:70]) for name, write in LAYOUTS.items()}
+
+
+def damaged(content: bytes, rng: np.random.Generator) -> bytes:
+    """The content with some of its bytes changed, lost, doubled, or put in between."""
+    found = bytearray(content)
+    for _ in range(rng.integers(1, 10)):
+        at, kind = int(rng.integers(0, len(found) + 1)), rng.random()
+        if kind < 0.4:
+            found[at:at] = PIECES[rng.integers(len(PIECES))]
+        elif kind < 0.6:
+            del found[at : at + int(rng.integers(1, 60))]
+        elif kind < 0.8:
+            found[at : at + 1] = bytes([rng.integers(0, 256)])
+        else:
+            start = int(rng.integers(0, len(found) + 1))
+            found[at:at] = found[start : start + int(rng.integers(1, 200))]
+    return bytes(found)
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_damaged_text(seed: int, tmp_path: Path) -> None:
+    rng, path = np.random.default_rng(seed), tmp_path / "damaged.csv"
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        for content in SEEDS.values():
+            path.write_bytes(damaged(content, rng))
+            read_or_refused(path)
+
+
+@pytest.mark.parametrize("layout", LAYOUTS)
+def test_cut_text(layout: str, tmp_path: Path) -> None:
+    content, path = SEEDS[layout], tmp_path / "cut.csv"
+    for share in (0.003, 0.03, 0.3, 0.6, 0.99):
+        path.write_bytes(content[: int(share * len(content))])
+        read_or_refused(path)
+
+
+def read_or_refused(path: Path) -> None:
+    try:
+        source = open_source([path])
+        import_source(source)
+        runs_of_source(source)
+        assert source.map_text
+    except InputError as error:
+        assert "\n" not in str(error)
