@@ -15,8 +15,6 @@ from typing import Any
 import gymnasium as gym
 import numpy as np
 
-from youbot_env.physics.effect import CATALOGUE
-
 FULL = {
     "wheel_speed_noise": 0.01,
     "delay": 1,
@@ -150,8 +148,6 @@ def speeds(
     copies: Sequence[int], threads: Sequence[int], effects: Sequence[int], settings: SpeedSettings
 ) -> list[Speed]:
     """One environment; every number of copies and threads; every number of effects."""
-    unknown = [count for count in effects if not 0 <= count <= len(EFFECTS)]
-    assert not unknown and all(name in CATALOGUE for name, _ in EFFECTS)
     found = [single(settings)]
     found += [batch(n, many, 0, settings) for n in copies for many in threads]
     largest = 8192 if 8192 in copies else copies[-1]
