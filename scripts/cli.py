@@ -44,6 +44,7 @@ COMMANDS = (
     "train",
     "tune",
     "bench",
+    "benchmark",
     "effects",
     "export",
     "workbench",

@@ -13,10 +13,10 @@ from concurrent.futures import ProcessPoolExecutor, as_completed
 from pathlib import Path
 from typing import Any, TypeVar
 
-from identification.threads import THREADS
 from youbot_env.errors import InputError
 from youbot_env.files import FileKind, read_bytes, write_atomically
 from youbot_env.plugins import load_effects, loaded_files
+from youbot_env.threads import THREADS
 
 Record = dict[str, Any]
 Item = TypeVar("Item")

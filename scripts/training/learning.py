@@ -22,7 +22,7 @@ from youbot_env.errors import InputError
 from youbot_env.model.model import Model
 from youbot_scripts.shared import options as common
 from youbot_scripts.training.exporting import ALGORITHMS, network_of
-from youbot_scripts.training.platforms import TrackingVecEnv
+from youbot_scripts.training.platforms import FeatureVecEnv
 from youbot_scripts.training.run_folder import RunFolder
 from youbot_scripts.training.settings import (
     ACTION_NOISE,
@@ -103,7 +103,7 @@ def _learner(trainee: Trainee, begun: int, device: str, board: RunFolder | None)
     choice, learner = trainee.choice, trainee.choice.learner
     # The state of random generators is not saved. The same seed would repeat the first references.
     seed = choice.seed if begun == 0 else choice.seed + begun
-    env = TrackingVecEnv(
+    env = FeatureVecEnv(
         trainee.fleet(learner.envs), trainee.features, trainee.mix, (choice.seed, begun)
     )
     options = dict(learner.learning)

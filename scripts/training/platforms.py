@@ -12,19 +12,18 @@ from typing import Any
 import numpy as np
 from gymnasium import spaces
 from numpy.typing import NDArray
-from stable_baselines3.common.vec_env import VecEnv
 
 from controllers.interface import Array, Controller, Observation
 from controllers.loop import ReferenceTable, preview_needed
 from controllers.policy.inputs import Layout
 from controllers.policy.policy import FEATURE_LIMIT, combined_action
-from youbot_env.errors import finite
 from youbot_env.model.model import Model
-from youbot_env.tracking.actuation import Actuation
-from youbot_env.tracking.randomisation import Ranges, source
-from youbot_env.tracking.sensors import Sensors
-from youbot_env.tracking.stepper import Setup, Stepper, episode_steps
-from youbot_env.tracking.task import TrackingTask, twist_scale
+from youbot_env.sb3 import TrackingVecEnv, spread_keys
+from youbot_env.tracking.batch import INFO, Batch
+from youbot_env.tracking.options import tracking_setup
+from youbot_env.tracking.randomisation import Ranges
+from youbot_env.tracking.setup import Setup
+from youbot_env.tracking.task import twist_scale
 from youbot_scripts.training.conditions import Conditions
 
 MakeBase = Callable[[], Controller]
@@ -32,7 +31,7 @@ MakeBase = Callable[[], Controller]
 
 
 class BaseControllers:
-    """Base controllers, one for each platform of ``stepper``.
+    """Base controllers, one for each row of ``rows``, which report.
 
     They get the same observations as in ``policy.without_torque``.
 
@@ -41,35 +40,37 @@ class BaseControllers:
     action : (n, 4) torques that they command now, over the torque limit
     """
 
-    def __init__(self, make: MakeBase, stepper: Stepper) -> None:
-        self._stepper = stepper
-        count = len(stepper.clock)
-        self._controllers = [make() for _ in range(count)]
+    def __init__(self, make: MakeBase, rows: Batch) -> None:
+        self._rows = rows
+        self._controllers = [make() for _ in range(rows.platforms)]
         self._ahead = preview_needed(self._controllers)
         self._tables: dict[int, ReferenceTable] = {}
-        self.action = np.zeros((count, 4))
+        self.action = np.zeros((rows.platforms, 4))
 
-    def begin(self, row: int) -> None:
-        """Reset the controller of a platform that has been reset."""
-        setup, motion = self._stepper.setup, self._stepper.references[row]
-        assert motion is not None
-        self._tables[row] = ReferenceTable(motion, setup.period, setup.steps + 1, self._ahead)
-        self._controllers[row].reset()
-        self._ask(row)
+    def begin(self, chosen: NDArray[np.bool_]) -> None:
+        """Reset the controllers of the rows that have been reset."""
+        setup, clock = self._rows.setup, self._rows.clock
+        for row in np.flatnonzero(chosen).tolist():
+            motion = self._rows.reference(row)
+            assert motion is not None
+            self._tables[row] = ReferenceTable(motion, setup.period, setup.steps + 1, self._ahead)
+            self._controllers[row].reset()
+            self._ask(row, clock)
 
     def follow(self) -> None:
         """Compute the actions of all controllers, after a step."""
+        clock = self._rows.clock
         for row in range(len(self._controllers)):
-            self._ask(row)
+            self._ask(row, clock)
 
-    def _ask(self, row: int) -> None:
-        _, _, info = self._stepper.result(row)
+    def _ask(self, row: int, clock: NDArray[np.int64]) -> None:
+        setup, line = self._rows.setup, self._rows.results.report[row]
         observation = Observation(
-            info["time"], info["wheel_speed"], info["measured_twist"], info["pose"]
+            float(clock[row]) * setup.period,
+            *(line[INFO[name]] for name in ("wheel_speed", "measured_twist", "pose")),
         )
-        reference = self._tables[row].at(int(self._stepper.clock[row]))
-        torque = self._controllers[row](observation, reference)
-        self.action[row] = torque / self._stepper.setup.actuation.torque_limit
+        torque = self._controllers[row](observation, self._tables[row].at(int(clock[row])))
+        self.action[row] = torque / setup.actuation.torque_limit
 
 
 class PlatformBatch:
@@ -81,46 +82,52 @@ class PlatformBatch:
     count : how many
     make_base : makes the base controllers; None for a policy alone
     share : largest share of the torque limit that the policy may use
+    reports : whether steps fill ``rows.results.report``; base controllers need it
     """
 
     def __init__(
-        self, setup: Setup, count: int, make_base: MakeBase | None = None, share: float = 1.0
+        self,
+        setup: Setup,
+        count: int,
+        make_base: MakeBase | None = None,
+        share: float = 1.0,
+        reports: bool = True,
     ) -> None:
-        self.stepper = Stepper(setup, count)
+        self.rows = Batch(setup, count, reports=reports or make_base is not None)
         self.share = share
-        self._beneath = None if make_base is None else BaseControllers(make_base, self.stepper)
+        self._beneath = None if make_base is None else BaseControllers(make_base, self.rows)
 
     @property
     def layout(self) -> Layout:
         """Of what ``observe`` gives."""
-        setup, scale = self.stepper.setup, twist_scale(self.stepper.plant.geometry)
-        task, base = setup.task, self._beneath is not None
+        task, scale = self.rows.setup.task, twist_scale(self.rows.geometry)
+        base = self._beneath is not None
         return Layout(tuple(scale.tolist()), task.preview, task.action_history, base)
 
-    def reset(self, row: int, rng: np.random.Generator) -> None:
-        """Begin an episode of one platform."""
-        self.stepper.reset(row, rng)
+    def begin(
+        self, chosen: NDArray[np.bool_] | None = None, keys: NDArray[np.int64] | None = None
+    ) -> None:
+        """Begin episodes of the rows chosen; see ``Batch.begin``."""
+        self.rows.begin(chosen, keys)
         if self._beneath is not None:
-            self._beneath.begin(row)
+            everyone = np.ones(self.rows.platforms, np.bool_)
+            self._beneath.begin(everyone if chosen is None else chosen)
 
     def step(self, action: Array) -> None:
         """One control period under the policy's wheel actions (n, 4)."""
         base = None if self._beneath is None else self._beneath.action
-        self.stepper.step(combined_action(self.share * action, base))
+        self.rows.step(np.ascontiguousarray(combined_action(self.share * action, base)))
         if self._beneath is not None:
             self._beneath.follow()
 
     def observe(self) -> Array:
         """Observations (n, D) as ``controllers.policy.inputs.Layout`` has them."""
-        seen = self.stepper.observation.astype(np.float64)
+        seen = self.rows.observation.astype(np.float64)
         return seen if self._beneath is None else np.hstack([seen, self._beneath.action])
 
 
-class TrackingVecEnv(VecEnv):
-    """Platforms as a vector environment of Stable-Baselines3.
-
-    A finished episode is followed by a new one at once. The first episodes end early, each at a
-    different time, so that a batch always contains all parts of an episode.
+class FeatureVecEnv(TrackingVecEnv):
+    """Platforms as a vector environment of Stable-Baselines3, with features as observations.
 
     Parameters
     ----------
@@ -134,99 +141,30 @@ class TrackingVecEnv(VecEnv):
         self, fleet: PlatformBatch, features: Array, mix: Array, seed: Sequence[int]
     ) -> None:
         self._fleet, self._features, self._mix = fleet, features, mix
-        count, steps = len(fleet.stepper.clock), fleet.stepper.setup.steps
-        streams = np.random.SeedSequence(list(seed)).spawn(count)
-        self._generators = [np.random.default_rng(stream) for stream in streams]
-        self._steps = steps
-        # Different lengths of the first episodes, spread evenly: see the class's docstring.
-        self._left = steps - steps * np.arange(count) // count
-        self._sum, self._length = np.zeros(count), np.zeros(count, int)
-        self._action = np.zeros((count, mix.shape[1]))
-        super().__init__(
-            count,
-            spaces.Box(-FEATURE_LIMIT, FEATURE_LIMIT, (len(features),), np.float32),
-            spaces.Box(-1.0, 1.0, (mix.shape[1],), np.float32),
+        super().__init__(fleet.rows)
+        self._keys: NDArray[np.int64] | None = spread_keys(seed, self.num_envs)
+
+    def _spaces(self) -> tuple[spaces.Box, spaces.Box]:
+        return (
+            spaces.Box(-FEATURE_LIMIT, FEATURE_LIMIT, (len(self._features),), np.float32),
+            spaces.Box(-1.0, 1.0, (self._mix.shape[1],), np.float32),
         )
 
-    def _see(self) -> NDArray[np.float32]:
+    def observe(self) -> NDArray[np.float32]:
         found = self._fleet.observe() @ self._features.T
         return np.clip(found, -FEATURE_LIMIT, FEATURE_LIMIT).astype(np.float32)
 
-    def reset(self) -> NDArray[np.float32]:
-        for row, generator in enumerate(self._generators):
-            self._fleet.reset(row, generator)
-        return self._see()
+    def act(self, actions: NDArray[Any]) -> None:
+        self._fleet.step(actions.astype(np.float64) @ self._mix.T)
 
-    def step_async(self, actions: NDArray[Any]) -> None:
-        self._action = np.clip(actions.astype(np.float64), -1.0, 1.0)
-
-    def step_wait(self) -> Any:
-        stepper = self._fleet.stepper
-        self._fleet.step(self._action @ self._mix.T)
-        # Copies: the resets below write into the stepper's arrays.
-        reward, terminated = stepper.reward.copy(), stepper.terminated.copy()
-        self._left -= 1
-        self._sum += reward
-        self._length += 1
-        done = terminated | (self._left <= 0)
-        seen = self._see()
-        infos: list[dict[str, Any]] = [{} for _ in range(self.num_envs)]
-        for row in np.flatnonzero(done).tolist():
-            # Before the reset: a truncated episode is continued by the value of its last
-            # observation.
-            infos[row] = self._ended(row, seen[row], bool(terminated[row]))
-            self._fleet.reset(row, self._generators[row])
-        if done.any():
-            seen = self._see()
-        return seen, reward.astype(np.float32), done, infos
-
-    def _ended(self, row: int, seen: NDArray[np.float32], terminated: bool) -> dict[str, Any]:
-        total, length = float(self._sum[row]), int(self._length[row])
-        self._left[row], self._sum[row], self._length[row] = self._steps, 0.0, 0
-        return {
-            "terminal_observation": seen.copy(),
-            "TimeLimit.truncated": not terminated,
-            "episode": {"r": total, "l": length, "t": 0.0},
-        }
-
-    def close(self) -> None:
-        """Nothing to close."""
-
-    def get_attr(self, attr_name: str, indices: Any = None) -> list[Any]:
-        return [getattr(self, attr_name, None) for _ in self._get_indices(indices)]
-
-    def set_attr(self, attr_name: str, value: Any, indices: Any = None) -> None:
-        raise AttributeError(f"{attr_name}: these platforms have no attributes to set")
-
-    def env_method(self, method_name: str, *args: Any, indices: Any = None, **kwargs: Any) -> Any:
-        raise AttributeError(f"{method_name}: these platforms have no methods of their own")
-
-    def env_is_wrapped(self, wrapper_class: Any, indices: Any = None) -> list[bool]:
-        return [False for _ in self._get_indices(indices)]
+    def begin(self, chosen: NDArray[np.bool_], keys: NDArray[np.int64] | None) -> None:
+        # The run's own seed counts, not the one that Stable-Baselines3 hands on; once.
+        self._fleet.begin(chosen, self._keys)
+        self._keys = None
 
 
-def tracking_setup(
+def platform_setup(
     conditions: Conditions, model: Model, ranges: Ranges | str | None = None
 ) -> Setup:
-    """Setup of a ``Stepper``; with ``ranges`` each episode draws a new model."""
-    added = {}
-    if conditions.lag is not None:
-        added["actuator_lag"] = {"time_constant": finite("lag", conditions.lag, positive=True)}
-    period = 1.0 / finite("control_rate", conditions.control_rate, positive=True)
-    return Setup(
-        source=source(ranges, model, added),
-        task=TrackingTask(
-            conditions.band,
-            conditions.tones,
-            conditions.amplitude,
-            conditions.ramp,
-            conditions.preview,
-            conditions.action_history,
-            conditions.reward_weights,
-            conditions.reward_margins,
-        ),
-        actuation=Actuation(conditions.torque_limit, conditions.delay),
-        sensors=Sensors(conditions.wheel_speed_noise, conditions.encoder_ticks),
-        period=period,
-        steps=episode_steps(conditions.episode_length, period),
-    )
+    """Setup of the platforms; with ``ranges`` each episode draws a new model."""
+    return tracking_setup(model, randomise=ranges, **conditions.to_dict())

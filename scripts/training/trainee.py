@@ -15,10 +15,11 @@ from controllers.policy.policy import Description, Network
 from controllers.registry import CONTROLLERS, entry
 from youbot_env.errors import InputError
 from youbot_env.model.model import Model
-from youbot_env.tracking.stepper import Setup
+from youbot_env.tracking.batch import INFO, SATURATED, keys_of
+from youbot_env.tracking.setup import Setup
 from youbot_scripts.recording.named_motions import with_effects
 from youbot_scripts.training.conditions import Conditions, ranges_from
-from youbot_scripts.training.platforms import MakeBase, PlatformBatch, tracking_setup
+from youbot_scripts.training.platforms import MakeBase, PlatformBatch, platform_setup
 from youbot_scripts.training.settings import TEST_SEED, Choice
 
 AXES = ("velocity_x", "velocity_y", "yaw_rate")
@@ -76,18 +77,17 @@ def track(
     make_base, share : the base controller, see ``PlatformBatch``
     """
     fleet = PlatformBatch(setup, references, make_base, share)
-    for row in range(references):
-        fleet.reset(row, np.random.default_rng(seed + row))
+    fleet.begin(keys=keys_of(range(seed, seed + references)))
     error, wanted, torque = (np.empty((setup.steps, references, k)) for k in (3, 3, 4))
     saturated = np.empty((setup.steps, references, 4), bool)
     for step in range(setup.steps):
         fleet.step(act(fleet.observe()))
-        for row in range(references):
-            _, _, info = fleet.stepper.result(row)
-            error[step, row] = info["tracking_error"]
-            wanted[step, row] = info["reference_twist"]
-            torque[step, row] = info["commanded_torque"]
-            saturated[step, row] = info["saturated"]
+        report = fleet.rows.results.report
+        error[step], wanted[step] = (
+            report[:, INFO[name]] for name in ("tracking_error", "reference_twist")
+        )
+        torque[step] = report[:, INFO["commanded_torque"]]
+        saturated[step] = report[:, SATURATED] != 0.0
     # An axis at rest divides by zero.
     with np.errstate(all="ignore"):
         ratio = np.sqrt((error**2).mean(axis=0) / (wanted**2).mean(axis=0))
@@ -117,7 +117,7 @@ class Trainee:
     ----------
     training, nominal : setups with models drawn anew, and with the one model
     make_base : makes the base controller, built on the model without the plant's effects; or None
-    features, mix : see ``TrackingVecEnv``
+    features, mix : see ``FeatureVecEnv``
     description : of the policy that is exported
     """
 
@@ -131,7 +131,7 @@ class Trainee:
 
     def fleet(self, count: int) -> PlatformBatch:
         """Platforms to train on."""
-        return PlatformBatch(self.training, count, self.make_base, self.choice.share)
+        return PlatformBatch(self.training, count, self.make_base, self.choice.share, reports=False)
 
     def judge(self, network: Network, seed: int, references: int = 20) -> Tracking:
         """True errors on the nominal plant, on references from ``seed`` on."""
@@ -161,8 +161,8 @@ def prepare(choice: Choice, model: Model) -> Trainee:
     """
     conditions, learner = choice.conditions, choice.learner
     plant = with_effects(model, choice.effects)
-    training = tracking_setup(conditions, plant, ranges_from(choice.randomise, plant))
-    nominal = tracking_setup(conditions, plant)
+    training = platform_setup(conditions, plant, ranges_from(choice.randomise, plant))
+    nominal = platform_setup(conditions, plant)
     make_base = None
     if choice.base is not None:
         make_base = base_maker(choice.base, believed(model, conditions), loop_of(conditions))

@@ -7,8 +7,9 @@ import time
 
 import pytest
 
-from identification.threads import MAX_THREADS, THREADS, side_by_side, threads
+from identification.threads import side_by_side
 from youbot_env.errors import InputError
+from youbot_env.threads import MAX_THREADS, THREADS, threads
 
 
 @pytest.mark.parametrize("count", ["1", "3"])

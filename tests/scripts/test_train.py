@@ -17,6 +17,7 @@ from controllers.policy.inputs import plain_features, tracking_features
 from controllers.policy.policy_file import load_policy
 from youbot_env.errors import InputError
 from youbot_env.model.model_file import load_model
+from youbot_env.tracking.batch import keys_of
 from youbot_env.tracking.env import YouBotTrackingEnv
 from youbot_scripts.cli import main
 from youbot_scripts.training.conditions import Conditions, ranges_from
@@ -26,7 +27,7 @@ sb3 = pytest.importorskip("stable_baselines3")
 
 from youbot_scripts.training import learning  # noqa: E402 - they need what is skipped for
 from youbot_scripts.training.exporting import ALGORITHMS, network_of  # noqa: E402
-from youbot_scripts.training.platforms import PlatformBatch, TrackingVecEnv, tracking_setup  # noqa: E402
+from youbot_scripts.training.platforms import FeatureVecEnv, PlatformBatch, platform_setup  # noqa: E402
 from youbot_scripts.training.run_folder import RunFolder  # noqa: E402
 from youbot_scripts.training.trainee import (  # noqa: E402
     idle,
@@ -74,9 +75,8 @@ def weights(path) -> np.ndarray:
 
 def test_the_fleet_is_the_environment():
     conditions = Conditions(reward_margins={}, reward_weights={})
-    fleet = PlatformBatch(tracking_setup(conditions, PAPER, {"m0": ("80%", "120%")}), 3)
-    for row in range(3):
-        fleet.reset(row, np.random.default_rng(row))
+    fleet = PlatformBatch(platform_setup(conditions, PAPER, {"m0": ("80%", "120%")}), 3)
+    fleet.begin(keys=keys_of(range(3)))
     env = YouBotTrackingEnv(
         delay=1, wheel_speed_noise=0.01, encoder_ticks=conditions.encoder_ticks,
         randomise={"m0": ("80%", "120%")},
@@ -87,13 +87,13 @@ def test_the_fleet_is_the_environment():
         assert np.array_equal(fleet.observe()[1], seen.astype(np.float64))
         fleet.step(action)
         seen, reward, *_ = env.step(np.clip(action[1], -1, 1))
-        assert fleet.stepper.reward[1] == reward
+        assert fleet.rows.reward[1] == reward
 
 
-def vector(count: int = 5, length: float = 0.1, **options) -> TrackingVecEnv:
-    setup = tracking_setup(Conditions(episode_length=length, **options), PAPER)
+def vector(count: int = 5, length: float = 0.1, **options) -> FeatureVecEnv:
+    setup = platform_setup(Conditions(episode_length=length, **options), PAPER)
     fleet = PlatformBatch(setup, count)
-    return TrackingVecEnv(fleet, tracking_features(fleet.layout), np.eye(4), (0, 0))
+    return FeatureVecEnv(fleet, tracking_features(fleet.layout), np.eye(4), (0, 0))
 
 
 def test_first_episodes_end_one_after_another_and_later_ones_last():
@@ -127,7 +127,7 @@ def test_a_run_away_ends_at_once_and_is_no_time_out():
 def test_stable_baselines3_sees_the_features_that_the_policy_will():
     choice = quick("ppo")
     trainee = prepare(choice, PAPER)
-    env = TrackingVecEnv(trainee.fleet(4), trainee.features, trainee.mix, (0, 0))
+    env = FeatureVecEnv(trainee.fleet(4), trainee.features, trainee.mix, (0, 0))
     seen = env.reset()
     model = ALGORITHMS["ppo"]("MlpPolicy", env, device="cpu", policy_kwargs={"net_arch": [8]})
     for _ in range(50):
@@ -140,7 +140,7 @@ def test_stable_baselines3_sees_the_features_that_the_policy_will():
 
 def test_a_controller_beneath_drives_as_it_would_alone():
     exact = Conditions(episode_length=3.0, wheel_speed_noise=0.0, encoder_ticks=None)
-    setup = tracking_setup(exact, PAPER)
+    setup = platform_setup(exact, PAPER)
     found = track(
         idle, setup, references=2, seed=7, make_base=lambda: KinematicControl(sample_time=0.01)
     )
@@ -385,7 +385,7 @@ def test_ranges():
     names = tuple(PAPER.values)
     sure = replace(PAPER, covariance=1e-8 * np.eye(len(names)), covariance_names=names)
     assert ranges_from("auto", sure) == "covariance"
-    drawn = tracking_setup(Conditions(), sure, "covariance").source.draw(np.random.default_rng(0))
+    drawn = platform_setup(Conditions(), sure, "covariance").source.draw(np.random.default_rng(0))
     assert drawn.values != PAPER.values
     assert drawn.values["m0"] == pytest.approx(PAPER.values["m0"], abs=1e-3)
 

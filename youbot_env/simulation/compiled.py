@@ -12,7 +12,7 @@ from dataclasses import dataclass
 from functools import lru_cache
 from pathlib import Path
 from types import CodeType, FunctionType, ModuleType
-from typing import Any
+from typing import Any, Protocol
 
 import numpy as np
 
@@ -27,6 +27,28 @@ from youbot_env.simulation.generated_code import (
     Structure,
     System,
 )
+
+
+class Generated(Protocol):
+    """What a module is generated from, beside a structure. A value of it can be hashed.
+
+    Attributes
+    ----------
+    prefix : of the file's name
+    dynamics : the functions that state the physics
+    sources : modules that the code follows from, beside ``SOURCES``
+    variant : what else it depends on
+    """
+
+    @property
+    def prefix(self) -> str: ...
+    @property
+    def dynamics(self) -> Dynamics: ...
+    @property
+    def sources(self) -> tuple[str, ...]: ...
+    @property
+    def variant(self) -> str: ...
+    def source(self, structure: Structure) -> str: ...
 
 
 @dataclass(frozen=True)
@@ -81,7 +103,7 @@ def kernel(structure: Structure, dynamics: Dynamics) -> Kernel:
 
     A cached file that is torn or damaged is written again.
     """
-    return _built(structure, System(dynamics), _compiled)
+    return built(structure, System(dynamics), _compiled)
 
 
 def rollout(structure: Structure, dynamics: Dynamics) -> Callable[..., None]:
@@ -91,18 +113,20 @@ def rollout(structure: Structure, dynamics: Dynamics) -> Callable[..., None]:
         From ``start`` (S,) under ``torque`` (N, 4), linear between samples that lie ``duration``
         (N - 1,) [s] apart; fills ``out`` (N, S).
     """
-    return _built(structure, System(dynamics), _compiled_rollout)
+    return built(structure, System(dynamics), _compiled_rollout)
 
 
 def inverse_kernel(structure: Structure, dynamics: Dynamics) -> InverseKernel:
     """The same of the platform's inverse dynamics: a module of its own, since few need it."""
-    return _built(structure, Inverse(dynamics), _compiled_inverse)
+    return built(structure, Inverse(dynamics), _compiled_inverse)
 
 
 @lru_cache(maxsize=192)
-def _built(
-    structure: Structure, system: System | Inverse, compiled: Callable[[Any, Path], Any]
-) -> Any:
+def built(structure: Structure, system: Generated, compiled: Callable[[Any, Path], Any]) -> Any:
+    """What ``compiled(structure, path)`` makes of a structure's generated module, kept on disk.
+
+    A cached file that is torn or damaged is written again.
+    """
     # The second attempt compiles what the first found damaged and removed.
     for _ in range(2):
         path = _cached_source(structure, system)
@@ -117,7 +141,7 @@ def _built(
 
 def _compiled(structure: Structure, path: Path) -> Kernel:
     """Load a generated module and call its functions once, so that a damaged cache fails here."""
-    module = _load(path)
+    module = load(path)
     size, count = len(structure.state_names), len(structure.parameter_names)
     found = Kernel(structure, module.advance, module.derivative)
     # Arrays of the types and layout of later calls: numba compiles for just these.
@@ -129,7 +153,7 @@ def _compiled(structure: Structure, path: Path) -> Kernel:
 
 
 def _compiled_rollout(structure: Structure, path: Path) -> Callable[..., None]:
-    run = _load(path).rollout
+    run = load(path).rollout
     size, count = len(structure.state_names), len(structure.parameter_names)
     start, torque, out = (
         np.zeros(size),
@@ -149,7 +173,7 @@ def _compiled_rollout(structure: Structure, path: Path) -> Callable[..., None]:
 
 
 def _compiled_inverse(structure: Structure, path: Path) -> InverseKernel:
-    module = _load(path)
+    module = load(path)
     found = InverseKernel(structure, module.acting, module.several, module.interface, module.held)
     motion, torque = np.zeros((3, len(MOTION))), np.zeros((3, 4))
     lengths, theta = np.ones(len(LENGTHS)), np.ones(len(structure.parameter_names))
@@ -160,7 +184,7 @@ def _compiled_inverse(structure: Structure, path: Path) -> InverseKernel:
     return found
 
 
-def _cached_source(structure: Structure, system: System | Inverse) -> Path:
+def _cached_source(structure: Structure, system: Generated) -> Path:
     folder = cache_folder()
     if folder is None:
         return _private_source(structure, system)
@@ -175,13 +199,13 @@ def _cached_source(structure: Structure, system: System | Inverse) -> Path:
         return _private_source(structure, system)
 
 
-def _private_source(structure: Structure, system: System | Inverse) -> Path:
+def _private_source(structure: Structure, system: Generated) -> Path:
     """Source in a temporary folder of this process, for a cache folder that cannot be used."""
     path = private_folder() / f"{system.prefix}_{_key(structure, system)}.py"
     return _write(path, _sealed_source(structure, system))
 
 
-def _sealed_source(structure: Structure, system: System | Inverse) -> str:
+def _sealed_source(structure: Structure, system: Generated) -> str:
     source = system.source(structure)
     return f"{_SEAL}{_checksum(source)}\n{source}"
 
@@ -231,16 +255,19 @@ def _forget(path: Path) -> None:
             continue  # not ours to remove; the next attempt goes elsewhere or fails by itself
 
 
-def _key(structure: Structure, system: System | Inverse) -> str:
+def _key(structure: Structure, system: Generated) -> str:
     """Changes with whatever could change the generated source."""
     digest = hashlib.sha256(youbot_env.__version__.encode())
-    for name in (*SOURCES, system.dynamics.__name__, structure.mechanism.module):
+    digest.update(system.variant.encode())
+    for name in (*SOURCES, *system.sources, system.dynamics.__name__, structure.mechanism.module):
         # The source files, not the version alone: an edit of the physics must give a new kernel.
         digest.update(Path(str(sys.modules[name].__file__)).read_bytes())
     for item in structure.components:
         digest.update(repr((item.name, item.acts_at.name, item.parameter_names)).encode())
         digest.update(repr([parameter.each_wheel for parameter in item.parameters]).encode())
-        _digest_function(digest, item.function, set())
+        used = (item.function, item.carries, item.public and item.public.inverse)
+        for function in (one for one in used if one):
+            _digest_function(digest, function, set())
     return digest.hexdigest()[:24]
 
 
@@ -283,7 +310,7 @@ def _module_name(path: Path) -> str:
     return f"_youbot_{path.stem}"
 
 
-def _load(path: Path) -> ModuleType:
+def load(path: Path) -> ModuleType:
     name = _module_name(path)
     if name in sys.modules:
         return sys.modules[name]

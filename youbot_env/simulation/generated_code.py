@@ -45,6 +45,12 @@ class Dynamics(Protocol):
     def state_derivative(self) -> Callable[..., Components[Number]]: ...
     @property
     def rolling_geometry(self) -> Callable[..., Any]: ...
+    @property
+    def channel_torque(self) -> Callable[..., Components[Number]]: ...
+    @property
+    def torque_delay(self) -> Callable[..., Number | float]: ...
+    @property
+    def mass_matrix(self) -> Callable[..., tuple[Components[Number], ...]]: ...
 
 
 @dataclass(frozen=True)
@@ -52,6 +58,8 @@ class System:
     """What a stepper is generated from: the state's derivative, of any mechanism."""
 
     prefix: ClassVar[str] = "kernel"
+    sources: ClassVar[tuple[str, ...]] = ()
+    variant: ClassVar[str] = ""
 
     dynamics: Dynamics
 
@@ -273,6 +281,8 @@ class Inverse:
     """What the inverse dynamics of the platform is generated from, for the cache of kernels."""
 
     prefix: ClassVar[str] = "inverse"
+    sources: ClassVar[tuple[str, ...]] = ()
+    variant: ClassVar[str] = ""
 
     dynamics: Dynamics
 

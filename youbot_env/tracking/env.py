@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import difflib
-import inspect
 import os
 from collections.abc import Mapping, Sequence
 from typing import Any
@@ -14,18 +12,18 @@ from gymnasium import spaces
 from gymnasium.error import ResetNeeded
 from numpy.typing import ArrayLike, NDArray
 
-from youbot_env.contact.settings import Contact, contact_named
-from youbot_env.errors import InputError, finite
+from youbot_env.contact.settings import Contact
+from youbot_env.errors import InputError
 from youbot_env.model.model import Model
-from youbot_env.model.model_file import load_model
 from youbot_env.motions.base import Motion
 from youbot_env.physics import hardware
 from youbot_env.physics.geometry import Geometry
 from youbot_env.tracking import randomisation
-from youbot_env.tracking.actuation import Actuation, action_rows
-from youbot_env.tracking.sensors import Sensors
-from youbot_env.tracking.stepper import Setup, Stepper, episode_steps
-from youbot_env.tracking.task import TrackingTask
+from youbot_env.tracking.actuation import action_rows
+from youbot_env.tracking.batch import Batch, StepInfo
+from youbot_env.tracking.contact_row import ContactRow
+from youbot_env.tracking.options import check_motion, refuse_unknown, tracking_setup
+from youbot_env.tracking.setup import Setup
 
 RESET_OPTIONS = ("initial_state", "reference")
 
@@ -52,9 +50,9 @@ class YouBotTrackingEnv(gym.Env[NDArray[np.float32], NDArray[np.float32]]):
     | 2   | back left wheel, bl   | -1  | 1   | x 2.32 A (nominal current)      |
     | 3   | back right wheel, br  | -1  | 1   | x 9405/364 (gear)               |
 
-    An action that is NaN, or outside by more than rounding (1e-6), is an `InputError` and moves
-    nothing: a controller that asks for more must clip, and so know that it saturates
-    (`env.unwrapped.to_action(torque)` does both).
+    Actions count in single precision. One that is NaN, or outside by more than rounding (1e-6),
+    is an `InputError` and moves nothing: a controller that asks for more must clip, and so know
+    that it saturates (`env.unwrapped.to_action(torque)` does both).
 
     ## Observation Space
     `Box(-5, 5, (25,), float32)`; the size is 6 + 3 `preview` + 4 `action_history`. A twist is
@@ -144,8 +142,9 @@ class YouBotTrackingEnv(gym.Env[NDArray[np.float32], NDArray[np.float32]]):
     what is not physical is drawn again.
 
     `reset(options={"initial_state": {...}, "reference": motion})` overrides both for one episode.
-    The same seed gives the same episode to the bit. Model, reference and noise are drawn from
-    separate streams: with noise on, a seed still gives the same reference.
+    The same seed gives the same episode to the bit, alone or as a row of any vector environment.
+    Model, reference and noise are drawn from separate streams of a counter-based generator
+    (Philox4x32-10): with noise on, a seed still gives the same reference.
 
     ## Version History
     * v0: first version.
@@ -184,43 +183,43 @@ class YouBotTrackingEnv(gym.Env[NDArray[np.float32], NDArray[np.float32]]):
         refuse_unknown(unknown)
         if render_mode not in (None, *self.metadata["render_modes"]):
             raise InputError(f"render_mode: {render_mode!r} is none of 'human', 'rgb_array', None")
-        _check_motion(reference)
-        rate = finite("control_rate", control_rate, positive=True)
-        added = dict(effects or {})
-        if lag is not None:
-            added["actuator_lag"] = {"time_constant": finite("lag", lag, positive=True)}
-        setup = Setup(
-            source=randomisation.source(randomise, load_model(model), added),
-            task=TrackingTask(
-                band=band,
-                tones=tones,
-                amplitude=amplitude,
-                ramp=ramp,
-                preview=preview,
-                action_history=action_history,
-                reward_weights=reward_weights or {},
-                reward_margins=reward_margins or {},
-            ),
-            actuation=Actuation(torque_limit, delay),
-            sensors=Sensors(wheel_speed_noise, encoder_ticks),
-            period=1.0 / rate,
-            steps=episode_steps(episode_length, 1.0 / rate),
-            start=initial_state or {},
+        setup = tracking_setup(
+            model=model,
+            effects=effects,
+            plant=plant,
+            lag=lag,
+            delay=delay,
+            torque_limit=torque_limit,
+            wheel_speed_noise=wheel_speed_noise,
+            encoder_ticks=encoder_ticks,
+            randomise=randomise,
             reference=reference,
-            contact=contact_named(plant),
+            band=band,
+            tones=tones,
+            amplitude=amplitude,
+            ramp=ramp,
+            preview=preview,
+            action_history=action_history,
+            initial_state=initial_state,
+            episode_length=episode_length,
+            control_rate=control_rate,
+            reward_weights=reward_weights,
+            reward_margins=reward_margins,
         )
-        self._stepper = Stepper(setup)
+        self._rows = Batch(setup) if setup.contact is None else ContactRow(setup)
         self._steps_left = 0
+        self._action = np.zeros((1, 4), np.float32)
+        self._parameters: dict[str, float] = {}
         self._renderer: Any = None
         self.render_mode = render_mode
         # A copy: the class's own dictionary is shared by all environments.
-        self.metadata = {**type(self).metadata, "render_fps": max(1, round(rate))}
+        self.metadata = {**type(self).metadata, "render_fps": max(1, round(1.0 / setup.period))}
         self.action_space = spaces.Box(-1.0, 1.0, (4,), np.float32)
         shape = (setup.task.observation_size,)
         limit = setup.task.twist_limit
         self.observation_space = spaces.Box(-limit, limit, shape, np.float32)
         if render_mode is not None:
-            self._renderer = _renderer(setup, self._stepper.plant.geometry, self.metadata)
+            self._renderer = _renderer(setup, self._rows.geometry, self.metadata)
 
     def reset(
         self, *, seed: int | None = None, options: dict[str, Any] | None = None
@@ -232,15 +231,21 @@ class YouBotTrackingEnv(gym.Env[NDArray[np.float32], NDArray[np.float32]]):
             if name not in RESET_OPTIONS:
                 known = ", ".join(RESET_OPTIONS)
                 raise InputError(f"reset: unknown option {name!r}; known are {known}")
-        _check_motion(options.get("reference"))
-        stepper = self._stepper
-        stepper.reset(0, self.np_random, options.get("initial_state"), options.get("reference"))
-        self._steps_left = stepper.setup.steps
-        _, _, info = stepper.result(0)
+        check_motion(options.get("reference"))
+        rows = self._rows
+        rows.begin_alone(
+            seed, self.np_random, options.get("initial_state"), options.get("reference")
+        )
+        self._steps_left = rows.setup.steps
+        self._parameters = rows.parameters(0)
+        info = self._info()
         if self._renderer is not None:
             self._renderer.begin(info)
             self._show_if_human()
-        return stepper.observation[0], info
+        return rows.observation[0], info
+
+    def _info(self) -> dict[str, Any]:
+        return StepInfo(self._rows.results.report[0], self._parameters)
 
     def step(
         self, action: ArrayLike
@@ -256,18 +261,22 @@ class YouBotTrackingEnv(gym.Env[NDArray[np.float32], NDArray[np.float32]]):
         """
         if self._steps_left == 0:
             raise ResetNeeded("the episode is over, or has not begun: call reset() first")
-        stepper = self._stepper
-        stepper.step(action_rows(action, 1, single=True))
-        reward, terminated, info = stepper.result(0)
+        if type(action) is np.ndarray and action.dtype == np.float32 and action.shape == (4,):
+            self._action[0] = action
+            results = self._rows.step(self._action)
+        else:
+            results = self._rows.step(action_rows(action, 1, single=True))
         self._steps_left -= 1
         truncated = self._steps_left == 0
+        terminated = bool(results.over[0, 0])
         # A later step without a reset must raise.
         if terminated:
             self._steps_left = 0
+        info: dict[str, Any] = StepInfo(results.report[0], self._parameters)
         if self._renderer is not None:
             self._renderer.follow(info)
             self._show_if_human()
-        return stepper.observation[0], reward, terminated, truncated, info
+        return results.observation[0], float(results.reward[0]), terminated, truncated, info
 
     def _show_if_human(self) -> None:
         if self.render_mode == "human":
@@ -289,49 +298,32 @@ class YouBotTrackingEnv(gym.Env[NDArray[np.float32], NDArray[np.float32]]):
 
     def to_action(self, wheel_torque: ArrayLike) -> NDArray[np.float64]:
         """The action (4,) that commands wheel torques (4,) [N m], clipped to the torque limit."""
-        return self._stepper.setup.actuation.to_action(wheel_torque)
+        return self._rows.setup.actuation.to_action(wheel_torque)
 
     @property
     def period(self) -> float:
         """Control period [s]."""
-        return self._stepper.setup.period
+        return self._rows.setup.period
 
     @property
     def torque_limit(self) -> float:
         """Wheel torque [N m] that an action of 1 commands."""
-        return self._stepper.setup.actuation.torque_limit
+        return self._rows.setup.actuation.torque_limit
 
     @property
     def model(self) -> Model:
         """The plant of this episode: as drawn, with the effects added."""
-        return self._stepper.plant.models[0]
+        return self._rows.model(0)
 
     @property
     def reference(self) -> Motion | None:
         """The motion that this episode follows, None before the first reset."""
-        return self._stepper.references[0]
+        return self._rows.reference(0)
 
     @property
     def state(self) -> NDArray[np.float64]:
         """(S,), a copy, in the order of ``model.structure.state_names``."""
-        return self._stepper.plant.states[0].copy()
-
-
-def refuse_unknown(options: Mapping[str, Any]) -> None:
-    """InputError for the first of ``options``, with the closest name that exists."""
-    for name in options:
-        # The last one is **unknown itself.
-        known = list(inspect.signature(YouBotTrackingEnv).parameters)[:-1]
-        close = difflib.get_close_matches(name, known, 1)
-        hint = f"did you mean {close[0]!r}?" if close else f"known are {', '.join(known)}"
-        raise InputError(f"YouBotTracking-v0: unknown option {name!r}; {hint}")
-
-
-def _check_motion(reference: object) -> None:
-    if reference is not None and not isinstance(reference, Motion):
-        raise InputError(
-            f"reference: {reference!r} is not a Motion (see youbot_env.motions.calibration)"
-        )
+        return self._rows.state(0)
 
 
 def _renderer(setup: Setup, geometry: Geometry, metadata: Mapping[str, Any]) -> Any:

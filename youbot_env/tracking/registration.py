@@ -12,6 +12,11 @@ from typing import Any
 ENVIRONMENTS = {"YouBotTracking-v0": "youbot_env.tracking.env:YouBotTrackingEnv"}
 """Gymnasium ids and where the classes are. Episodes end by their own ``episode_length``."""
 
+VECTOR_ENVIRONMENTS = {
+    "YouBotTracking-v0": "youbot_env.tracking.vector_env:YouBotTrackingVectorEnv"
+}
+"""Their vector environments, for ``vectorization_mode="vector_entry_point"``."""
+
 AWAITED = "gymnasium.envs"
 
 
@@ -21,7 +26,11 @@ def register() -> None:
 
     for name, entry_point in ENVIRONMENTS.items():
         if name not in registration.registry:
-            registration.register(id=name, entry_point=entry_point)
+            registration.register(
+                id=name,
+                entry_point=entry_point,
+                vector_entry_point=VECTOR_ENVIRONMENTS.get(name),
+            )
 
 
 def register_when_imported() -> None:

@@ -6,22 +6,19 @@ Every array has a leading row per platform, and one platform is a batch of one: 
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from youbot_env.contact.settings import Contact
-from youbot_env.errors import InputError, finite
 from youbot_env.model.model import Model
 from youbot_env.motions.base import Motion
-from youbot_env.simulation.plant import Plant, plant_substeps
+from youbot_env.simulation.plant import Plant
 from youbot_env.simulation.platforms import Platforms
-from youbot_env.tracking.actuation import Actuation, reject, take
-from youbot_env.tracking.randomisation import Same, Source, episode_streams
+from youbot_env.tracking.actuation import reject, take
+from youbot_env.tracking.randomisation import episode_streams
 from youbot_env.tracking.sampled_plant import SampledPlant
-from youbot_env.tracking.sensors import Sensors
+from youbot_env.tracking.setup import Setup, checked_start, integration_steps
 from youbot_env.tracking.task import (
     ENDED,
     REPORT,
@@ -29,50 +26,11 @@ from youbot_env.tracking.task import (
     REWARD,
     REWARD_TERMS,
     TERMS,
-    TrackingTask,
     assess,
     reference_table,
 )
 
 Array = NDArray[np.float64]
-
-START_SIZES = {"twist": 3, "pose": 3, "wheel_angle": 4, "torque": 4, "time": 0}
-"""What an initial state may name, and how many numbers each takes (0: one plain number)."""
-
-
-@dataclass(frozen=True)
-class Setup:
-    """All that an environment is built from; checked once, here and in its parts.
-
-    Attributes
-    ----------
-    source : where each episode's model comes from
-    task, actuation, sensors : see there
-    period : control period [s]
-    steps : control periods in an episode
-    start : initial state by name, see ``START_SIZES``; zero where left out
-    reference : the same motion in each episode, or None for random ones
-    contact : None integrates the model; else MuJoCo moves bodies that have its parameters
-    probes : draws of a randomised model that settle how fine all episodes are integrated
-    """
-
-    source: Source
-    task: TrackingTask = field(default_factory=TrackingTask)
-    actuation: Actuation = field(default_factory=Actuation)
-    sensors: Sensors = field(default_factory=Sensors)
-    period: float = 0.01
-    steps: int = 1000
-    start: Mapping[str, ArrayLike] = field(default_factory=dict)
-    reference: Motion | None = None
-    contact: Contact | None = None
-    probes: int = field(
-        default=32,
-        metadata={
-            "unit": "1",
-            "reason": "chosen: a platform's course must not depend on its neighbours, so one "
-            "fineness serves all draws",
-        },
-    )
 
 
 class Shown:
@@ -135,17 +93,10 @@ class Stepper:
 
     def _plant(self, model: Model, platforms: int) -> Platforms:
         if self.setup.contact is None:
-            return Plant(model, platforms=platforms, substeps=self._substeps())
+            return Plant(model, platforms=platforms, substeps=integration_steps(self.setup))
         from youbot_env.contact.plant import ContactPlant
 
         return ContactPlant(model, self.setup.contact, platforms=platforms)
-
-    def _substeps(self) -> int:
-        """Steps for the finest of several draws: a result must not depend on neighbouring rows."""
-        source, rng = self.setup.source, np.random.default_rng(0)
-        draws = 1 if isinstance(source, Same) else self.setup.probes
-        models = [source.draw(rng) for _ in range(draws)]
-        return max(plant_substeps(model, self.setup.period) for model in models)
 
     def reset(
         self,
@@ -216,6 +167,11 @@ class Stepper:
         )
 
     @property
+    def shown(self) -> Shown:
+        """Results of the last call."""
+        return self._shown
+
+    @property
     def observation(self) -> NDArray[np.float32]:
         """(n, D) float32."""
         return self._shown.observation
@@ -245,33 +201,3 @@ class Stepper:
         info["parameters"] = self._parameters[row].copy()
         info["time"] = float(self.clock[row]) * self.setup.period
         return reward, ended != 0.0, info
-
-
-def checked_start(start: Mapping[str, Any], largest_twist: Array) -> dict[str, Array]:
-    """An initial state's parts as arrays of the right size, or InputError."""
-    found = {}
-    for name, value in start.items():
-        if name not in START_SIZES:
-            known = ", ".join(START_SIZES)
-            raise InputError(f"initial_state: unknown part {name!r}; known are {known}")
-        try:
-            part = np.array(value, float)
-        except (TypeError, ValueError):
-            raise InputError(f"initial_state {name}: {value!r} does not hold numbers") from None
-        size = START_SIZES[name]
-        if part.shape != ((size,) if size else ()) or not np.isfinite(part).all():
-            wanted = f"{size} finite numbers" if size else "a finite number"
-            raise InputError(f"initial_state {name}: {value!r} is not {wanted}")
-        found[name] = part
-    if "twist" in found and (np.abs(found["twist"]) > largest_twist).any():
-        raise InputError(f"initial_state twist: {start['twist']!r} is faster than any platform")
-    return found
-
-
-def episode_steps(length: object, period: float) -> int:
-    """Control periods in an episode of ``length`` [s]."""
-    seconds = finite("episode_length", length, positive=True)
-    steps = round(seconds / period)
-    if steps < 1:
-        raise InputError(f"episode_length: {seconds:g} s is shorter than a control period")
-    return steps

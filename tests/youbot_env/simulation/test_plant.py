@@ -12,8 +12,6 @@ import pytest
 from tests.youbot_env.structures import exact_step
 from youbot_env import InputError, Plant, load_model
 from youbot_env.physics.geometry import Geometry
-from youbot_env.tracking.env import YouBotTrackingEnv
-from youbot_env.tracking.stepper import Stepper
 
 LAG = {"actuator_lag": {"time_constant": 0.03}}
 MODELS = {
@@ -70,34 +68,6 @@ def test_rows_equal_single_plants_to_the_bit():
     assert np.array_equal(side_by_side.state, [plant.state for plant in alone])
     assert side_by_side.twist.shape == (3, 3) and side_by_side.wheel_angle.shape == (3, 4)
     assert side_by_side.wheel_speed[2] == pytest.approx(alone[2].wheel_speed)
-
-
-def test_a_stepper_of_many_rows_equals_environments_one_by_one():
-    options = {
-        "wheel_speed_noise": 0.02,
-        "encoder_ticks": 4000,
-        "delay": 1,
-        "randomise": {"m0": ("80%", "120%")},
-    }
-    singles = [YouBotTrackingEnv(**options) for _ in range(3)]
-    many = Stepper(singles[0]._stepper.setup, platforms=3)
-    for row, env in enumerate(singles):
-        env.reset(seed=row)
-        many.reset(row, np.random.Generator(np.random.PCG64(np.random.SeedSequence(row))))
-    rng = np.random.default_rng(9)
-    for k in range(60):
-        if k == 30:  # a platform that begins anew leaves its neighbours alone
-            before = many.observation[[0, 2]].copy()
-            singles[1].reset(seed=77)
-            many.reset(1, np.random.Generator(np.random.PCG64(np.random.SeedSequence(77))))
-            assert np.array_equal(many.observation[[0, 2]], before)
-        action = rng.uniform(-1, 1, (3, 4))
-        many.step(action)
-        for row, env in enumerate(singles):
-            observation, reward, terminated, _, info = env.step(action[row])
-            assert np.array_equal(observation, many.observation[row])
-            assert reward == many.reward[row] and terminated == many.terminated[row]
-            assert info["parameters"] == many.result(row)[2]["parameters"]
 
 
 def test_states_handed_out_are_copies():

@@ -172,7 +172,7 @@ def test_terminates_only_where_no_platform_can_be():
 def test_a_state_that_is_not_finite_terminates_with_a_valid_observation():
     env = YouBotTrackingEnv()
     env.reset(seed=0)
-    env._stepper.plant.states[0, 0] = np.nan
+    env._rows.set_state(0, np.full(len(env.state), np.nan))  # pyright: ignore
     observation, reward, terminated, truncated, _ = env.step(np.zeros(4))
     assert terminated and not truncated and 0 <= reward <= 1
     assert env.observation_space.contains(observation)
@@ -213,7 +213,9 @@ def test_torque_limit_is_the_nominal_motor_torque_through_the_gear():
 def test_delay_holds_torque_back_by_whole_periods():
     env = YouBotTrackingEnv(delay=3)
     env.reset(seed=0)
-    plant, actions = Plant("paper"), np.random.default_rng(0).uniform(-1, 1, (30, 4))
+    # In single precision, in which actions count.
+    actions = np.random.default_rng(0).uniform(-1, 1, (30, 4)).astype(np.float32)
+    plant = Plant("paper")
     late = np.vstack([np.zeros((3, 4)), actions]) * env.torque_limit
     for action, torque in zip(actions, late[:30], strict=True):
         *_, info = env.step(action)

@@ -1,0 +1,104 @@
+"""Measure the simulator's speed beside Gymnasium's own environments, in one run."""
+
+from __future__ import annotations
+
+import sys
+from typing import Annotated, Any
+
+import typer
+
+from youbot_scripts.cli import run_script
+from youbot_scripts.shared import options as common
+from youbot_scripts.shared.tables import Column, Table, columns, show
+
+EXAMPLES = (
+    "youbot benchmark",
+    "youbot benchmark --copies 1024,8192,1048576 --json speed.json",
+    "youbot benchmark --quick",
+)
+
+
+def main(
+    copies: Annotated[
+        str, typer.Option(metavar="N,...", help="Copies side by side.")
+    ] = "1,64,1024,8192,65536",
+    threads: Annotated[
+        str | None, typer.Option(metavar="N,...", help="Threads; default: 1 and a thread a core.")
+    ] = None,
+    effects: Annotated[
+        str, typer.Option(metavar="N,...", help="Effects in the model, 0 to 6.")
+    ] = "1,6",
+    quick: Annotated[bool, typer.Option("--quick", help="Few, short turns; no imports.")] = False,
+    json: common.JsonOption = None,
+) -> None:
+    """Env steps a second: one environment beside CartPole-v1, batches beside its vector form.
+
+    Ours and the peer take turns, so that a busy machine slows both; the ratio is the median over
+    turns. Batches have noise, one sample of delay, a new reference and a new model in each episode,
+    and begin episodes by themselves.
+    """
+    from youbot_env.threads import threads as usual
+    from youbot_scripts.benchmarks.speed import (
+        EFFECTS,
+        SpeedSettings,
+        import_times,
+        machine,
+        speeds,
+    )
+
+    out = common.console(json)
+    settings = SpeedSettings(rounds=3, steps=2000, warm_up=2) if quick else SpeedSettings()
+    many = _counts("threads", threads or ("1" if usual() == 1 else f"1,{usual()}"), 1, 1024)
+    found = speeds(
+        _counts("copies", copies, 1, 2**24),
+        many,
+        _counts("effects", effects, 0, len(EFFECTS)),
+        settings,
+    )
+    imports = {} if quick else import_times(("youbot_env", "identification", "controllers"))
+    show(out, [_speed_table(found), *([_import_table(imports)] if imports else [])])
+    common.write_result(
+        json,
+        {
+            "speeds": [row.to_dict() for row in found],
+            "import_seconds": imports,
+            "machine": machine(),
+        },
+    )
+
+
+def _counts(name: str, text: str, least: int, most: int) -> list[int]:
+    from youbot_env.errors import InputError
+
+    counts = []
+    for word in text.split(","):
+        if not (word.strip().isascii() and word.strip().isdigit()):
+            raise InputError(f"{name}: {word.strip()!r} is not a whole number")
+        if not least <= int(word) <= most:
+            raise InputError(f"{name}: {int(word)} is outside {least} to {most}")
+        counts.append(int(word))
+    return counts
+
+
+def _speed_table(found: list[Any]) -> Table:
+    million = Column("million env steps/s", lambda rate: f"{rate / 1e6:.2f}")
+    peer = Column("CartPole", lambda rate: f"{rate / 1e6:.2f}")
+    ratio = Column("times as fast", lambda value: f"{value:.2f}")
+    rows = tuple(
+        (
+            *(row.case, row.copies, row.threads, row.effects, row.rate, row.peer_rate, row.ratio),
+            "" if row.bytes_a_copy is None else str(row.bytes_a_copy),
+        )
+        for row in found
+    )
+    shown = columns("case", "copies", "threads", "effects", million, peer, ratio, "bytes a copy")
+    return Table("Speed beside CartPole-v1, in turns", shown, rows)
+
+
+def _import_table(imports: dict[str, float]) -> Table:
+    seconds = Column("seconds", lambda value: f"{value:.2f}")
+    return Table("In a new Python", columns("what", seconds), tuple(imports.items()))
+
+
+if __name__ == "__main__":
+    sys.exit(run_script(__file__))

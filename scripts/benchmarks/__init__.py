@@ -1,0 +1,1 @@
+"""Speed of the simulator beside its peers: what `youbot benchmark` measures."""

@@ -1,0 +1,33 @@
+"""`youbot benchmark` measures what it says; how fast a machine is no test can say."""
+
+from __future__ import annotations
+
+import json
+
+import pytest
+
+from youbot_scripts.cli import main
+
+
+def test_measures_and_writes_what_it_measured(tmp_path, capsys):
+    path = tmp_path / "speed.json"
+    asked = ["benchmark", "--quick", "--copies", "2,64", "--threads", "1", "--effects", "1"]
+    assert main([*asked, "--json", str(path)]) == 0
+    found = json.loads(path.read_text())
+    rows = [(row["case"], row["copies"], row["effects"]) for row in found["speeds"]]
+    assert rows == [("one environment", 1, 0), ("batch", 2, 0), ("batch", 64, 0), ("batch", 64, 1)]
+    for row in found["speeds"]:
+        assert row["rate"] > 100 and row["peer_rate"] > 100
+        assert row["ratio"] == pytest.approx(row["rate"] / row["peer_rate"], rel=2.0)
+    assert found["speeds"][1]["bytes_a_copy"] <= 1024
+    assert found["machine"]["versions"]["numba"]
+    assert "CartPole" in capsys.readouterr().out
+
+
+@pytest.mark.parametrize(
+    ("option", "value"), [("--copies", "many"), ("--copies", "0"), ("--effects", "9")]
+)
+def test_a_wrong_count_is_one_clear_line(option, value, capsys):
+    assert main(["benchmark", "--quick", option, value]) == 2
+    error = capsys.readouterr().err
+    assert error.count("\n") == 1 and value in error

@@ -1,0 +1,102 @@
+"""From an environment's options to the setup that its platforms are built from."""
+
+from __future__ import annotations
+
+import difflib
+import os
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+from numpy.typing import ArrayLike
+
+from youbot_env.contact.settings import Contact, contact_named
+from youbot_env.errors import InputError, finite
+from youbot_env.model.model import Model
+from youbot_env.model.model_file import load_model
+from youbot_env.motions.base import Motion
+from youbot_env.physics import hardware
+from youbot_env.tracking import randomisation
+from youbot_env.tracking.actuation import Actuation
+from youbot_env.tracking.sensors import Sensors
+from youbot_env.tracking.setup import Setup, episode_steps
+from youbot_env.tracking.task import TrackingTask
+
+
+def tracking_setup(
+    model: str | os.PathLike[str] | Model = "paper",
+    *,
+    effects: Mapping[str, Mapping[str, float]] | None = None,
+    plant: str | Contact = "model",
+    lag: float | None = None,
+    delay: int = 0,
+    torque_limit: float = hardware.MAX_WHEEL_TORQUE,
+    wheel_speed_noise: float = 0.0,
+    encoder_ticks: float | None = None,
+    randomise: randomisation.Ranges | str | None = None,
+    reference: Motion | None = None,
+    band: tuple[float, float] = (0.5, 3.0),
+    tones: int = 7,
+    amplitude: Sequence[float] = (0.22, 0.18, 0.6),
+    ramp: float = 1.5,
+    preview: int = 5,
+    action_history: int = 1,
+    initial_state: Mapping[str, ArrayLike] | None = None,
+    episode_length: float = 10.0,
+    control_rate: float = 100.0,
+    reward_weights: Mapping[str, float] | None = None,
+    reward_margins: Mapping[str, float] | None = None,
+) -> Setup:
+    """The options of ``YouBotTracking-v0``, see there, as a checked ``Setup``.
+
+    Raises
+    ------
+    InputError
+        If an option cannot be.
+    """
+    check_motion(reference)
+    rate = finite("control_rate", control_rate, positive=True)
+    added: dict[str, Any] = dict(effects or {})
+    if lag is not None:
+        added["actuator_lag"] = {"time_constant": finite("lag", lag, positive=True)}
+    return Setup(
+        source=randomisation.source(randomise, load_model(model), added),
+        task=TrackingTask(
+            band=band,
+            tones=tones,
+            amplitude=amplitude,
+            ramp=ramp,
+            preview=preview,
+            action_history=action_history,
+            reward_weights=reward_weights or {},
+            reward_margins=reward_margins or {},
+        ),
+        actuation=Actuation(torque_limit, delay),
+        sensors=Sensors(wheel_speed_noise, encoder_ticks),
+        period=1.0 / rate,
+        steps=episode_steps(episode_length, 1.0 / rate),
+        start=initial_state or {},
+        reference=reference,
+        contact=contact_named(plant),
+    )
+
+
+def check_motion(reference: object) -> None:
+    """InputError for what is neither a motion nor None."""
+    if reference is not None and not isinstance(reference, Motion):
+        raise InputError(
+            f"reference: {reference!r} is not a Motion (see youbot_env.motions.calibration)"
+        )
+
+
+OPTIONS = ("model", *(tracking_setup.__kwdefaults__ or {}))
+"""Names of the options, in the order of the environment's table."""
+
+
+def refuse_unknown(options: Mapping[str, Any]) -> None:
+    """InputError for the first of ``options`` that is none, with the closest name that exists."""
+    for name in options:
+        if name in OPTIONS:
+            continue
+        close = difflib.get_close_matches(name, OPTIONS, 1)
+        hint = f"did you mean {close[0]!r}?" if close else f"known are {', '.join(OPTIONS)}"
+        raise InputError(f"YouBotTracking-v0: unknown option {name!r}; {hint}")

@@ -1,0 +1,274 @@
+"""The compiled control period of a structure: generated plant, task around it, episodes in turn."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+from types import ModuleType
+from typing import ClassVar
+
+from youbot_env.physics import inverse_dynamics
+from youbot_env.physics.effect import CLOCK
+from youbot_env.simulation import lane_math
+from youbot_env.simulation.compiled import built, load
+from youbot_env.simulation.generated_code import Dynamics, Structure
+from youbot_env.simulation.lane_code import lane_source
+from youbot_env.tracking import period_lanes
+
+HEADER = '''"""Generated from the effects' own functions; written again when they change."""
+
+from math import log, sqrt
+
+import numpy as np
+from numba import njit
+
+from youbot_env.simulation.lane_code import LANES
+from youbot_env.tracking import episode_draws as draw
+'''
+
+DRIVER = '''
+@njit(cache=True, error_model="numpy", nogil=True)
+def finish(row, x, y, z, k, w, v, table, lanes, tick, numbers, whole, lengths,
+           seen, reward, ended, report):
+    """What follows the plant's motion: reference, sensors, reward and observation."""
+    kept, preview = whole[ACTIONS], whole[PREVIEW]
+    actions = 3 + 3 * (preview + 1)
+    slot, past = tick % kept, (tick - 1) % kept
+    reference(y, z, k, v, table, lanes, (tick + preview) % (preview + 1), preview, numbers, whole)
+    if numbers[RESOLUTION] > 0.0:
+        count(x, y, v, lanes, actions + 4 * kept, tick % whole[WINDOW], whole[ANGLES], numbers)
+    else:
+        joint_rates(x, w, lanes, lengths, v[SPEED * LANES :])
+    noisy = numbers[DEVIATION] > 0.0
+    if noisy:
+        noise(k, v, lanes, numbers[DEVIATION])
+    measure(v, lanes, numbers, noisy)
+    ring = 3 + 3 * (tick % (preview + 1))
+    judge(x, y, lanes, row, ring, actions, slot, past, numbers, reward, ended)
+    observe(y, v, lanes, row, tick, actions, numbers, whole, seen)
+    if report.shape[0]:
+        acting(x, w, lanes, lengths, v[APPLIED * LANES :])
+        for i in range(lanes):
+            describe(x, y, v, i, row + i, tick, actions, k[CLOCK * LANES + i], numbers, whole,
+                     reward, ended, report)
+            wanted_rate(y, z, k, v, table, i, row + i, numbers, whole, report)
+
+
+@njit(cache=True, error_model="numpy", nogil=True)
+def period(action, places, tick, moves, seen, reward, over, report, first, last):
+    """One period of the rows first to last - 1, where ``first`` begins a block.
+
+    ``places``: addresses of the arrays, as ``Batch`` lists them; a call with all of them would take
+    longer than the period of a row. Returns how many of the rows must begin an episode now; or -1
+    less the flat index of the first action that is out of bounds, and nothing has moved then.
+    ``moves``: 0 shows the start of those rows that ``begin_rows`` has prepared; 2 checks no bound.
+    """
+    X, Y = numbers_at(places, 0), numbers_at(places, 1)
+    K, table = whole_at(places, 3), cube_at(places, 4)
+    Z, numbers = small_at(places, 2), row_at(places, 5)
+    lengths, w, v, ended = (
+        row_at(places, 6), row_at(places, 7), row_at(places, 8), row_at(places, 9)
+    )
+    whole = whole_at(places, 10)[0]
+    if moves == 1:
+        bad = refused(action, first, last)
+        if bad >= 0:
+            return -1 - bad
+    preview, kept, new = whole[PREVIEW], whole[ACTIONS], 0
+    actions, step = 3 + 3 * (preview + 1), LANES if moves else 1
+    for row in range(first, last, step):
+        b, i, lanes = row // LANES, row % LANES, last - row
+        lanes = step if lanes > step else lanes
+        x, y, z, k = X[b, i:], Y[b, i:], Z[b, i:], K[b, i:]
+        if moves:
+            take(action, row, y, lanes, actions, tick % kept)
+            move(x, y, w, lanes, tick, actions, numbers, whole, lengths)
+            for lane in range(lanes):
+                k[CLOCK * LANES + lane] += 1
+        elif k[PENDING * LANES] != BEGIN:
+            continue
+        earned = reward[row]
+        finish(row, x, y, z, k, w, v, table, lanes, tick, numbers, whole, lengths,
+               seen, reward, ended, report)
+        if moves:
+            new += ends(row, k, lanes, whole, ended, over)
+        else:
+            # The start of an episode earns nothing: with SAME_STEP the reward is the last one's.
+            reward[row] = earned if whole[RESETS] == SAME_STEP else 0.0
+            ended[row] = 0.0
+            k[PENDING * LANES] = 0
+    return new
+
+
+@njit(cache=True, error_model="numpy", nogil=True)
+def begin_rows(X, Y, Z, K, w, v, table, tick, numbers, whole, lengths, draws, start,
+               seen, report, final, final_report, first, last):
+    """Prepare the episodes of those rows first to last - 1 whose counters ask for one.
+
+    Their references are drawn already. Of the episodes before them the last observation and report
+    are kept in ``final`` and ``final_report``, where these have rows.
+    """
+    (geometry, nominal, mean, spread, lower, upper) = draws
+    states, preview = whole[STATES], whole[PREVIEW]
+    actions, one = 3 + 3 * (preview + 1), last - last + 1
+    theta, stated = np.empty(len(nominal)), np.empty(len(mean))
+    for row in range(first, last):
+        b, i = row // LANES, row % LANES
+        if K[b, PENDING * LANES + i] != BEGIN:
+            continue
+        x, y, z, k = X[b, i:], Y[b, i:], Z[b, i:], K[b, i:]
+        if final.shape[0]:
+            for column in range(seen.shape[0]):
+                final[row, column] = seen[column, row]
+            for column in range(final_report.shape[1] if report.shape[0] else 0):
+                final_report[row, column] = report[row, column]
+        key, episode = np.uint64(k[KEY * LANES]), k[EPISODE * LANES]
+        for field in range(len(theta)):
+            theta[field] = nominal[field]
+        if whole[KIND] != draw.FIXED:
+            for attempt in range(draw.ATTEMPTS):
+                if draw.stated_parameters(
+                    whole[KIND], mean, spread, lower, upper, key, episode, attempt, stated
+                ):
+                    internal(stated, geometry, theta)
+                    if admissible(theta, lengths):
+                        break
+                for field in range(len(theta)):
+                    theta[field] = nominal[field]
+        for field in range(states):
+            x[field * LANES] = start[field]
+        for field in range(len(theta)):
+            x[(states + field) * LANES] = theta[field]
+        k[CLOCK * LANES] = 0
+        for field in range(4 * whole[ACTIONS]):
+            y[(actions + field) * LANES] = 0.0
+        for field in range(4):
+            w[field * LANES] = 0.0
+        for ahead in range(preview):
+            slot = (tick + ahead) % (preview + 1)
+            reference(y, z, k, v, table, one, slot, ahead, numbers, whole)
+        if numbers[RESOLUTION] > 0.0:
+            joint_rates(x, w, one, lengths, v[SPEED * LANES :])
+            window, counts = whole[WINDOW], actions + 4 * whole[ACTIONS]
+            begin_counts(x, y, v, 0, counts, tick % window, window, whole[ANGLES], numbers)
+
+
+@njit(cache=True, error_model="numpy", nogil=True)
+def ends(row, k, lanes, whole, ended, over):
+    """Which episodes are over: by divergence, and else by their length; how many begin now."""
+    new, resets = 0, whole[RESETS]
+    for i in range(lanes):
+        diverged = ended[row + i] != 0.0
+        late = k[CLOCK * LANES + i] >= whole[STEPS]
+        # With NEXT_STEP an episode that was over before this period begins in it.
+        begins = resets == NEXT_STEP and k[PENDING * LANES + i] == OVER
+        over[0, row + i] = diverged and not begins
+        over[1, row + i] = late and not begins
+        is_over = diverged or late
+        begins = begins or (resets == SAME_STEP and is_over)
+        k[PENDING * LANES + i] = BEGIN if begins else OVER if is_over else 0
+        k[EPISODE * LANES + i] += 1 if begins else 0
+        new += 1 if begins else 0
+    return new
+'''
+
+MOVE = '''
+@njit(cache=True, error_model="numpy", nogil=True)
+def move(x, y, w, lanes, tick, actions, numbers, whole, lengths):
+    """The plant under the action of a delay ago."""
+    slot = (tick - whole[DELAY]) % whole[ACTIONS]
+    held_torque(y, lanes, actions, slot, numbers[TORQUE_LIMIT], w, 0)
+    dt = numbers[PERIOD] / real(whole[SUBSTEPS])
+    for i in range(lanes):
+        w[4 * LANES + i] = dt
+    integrate(x, w, lanes, whole[SUBSTEPS], lengths)
+'''
+
+MOVE_LATE = '''
+@njit(cache=True, error_model="numpy", nogil=True)
+def move(x, y, w, lanes, tick, actions, numbers, whole, lengths):
+    """The plant where the model delays torques by any time: two actions act in a period."""
+    shifts(x, w, lanes, lengths, w[WORKSPACE * LANES :])
+    for part in range(2):
+        for i in range(lanes):
+            late = w[WORKSPACE * LANES + i] / numbers[PERIOD]
+            late = late if late > 0.0 else 0.0
+            # A delay of whole periods, to rounding, is one.
+            whole_periods = np.floor(late + 1e-9)
+            share = late - whole_periods
+            share = share if share > 1e-9 else 0.0
+            length = share if part == 0 else 1.0 - share
+            w[4 * LANES + i] = length * numbers[PERIOD] / real(whole[SUBSTEPS])
+            age = whole[DELAY] + np.int64(whole_periods) + (1 if part == 0 else 0)
+            slot = (tick - min(age, whole[ACTIONS] - 1)) % whole[ACTIONS]
+            for wheel in range(4):
+                value = y[(actions + 4 * slot + wheel) * LANES + i]
+                w[wheel * LANES + i] = numbers[TORQUE_LIMIT] * value
+        integrate(x, w, lanes, whole[SUBSTEPS], lengths)
+'''
+
+
+@dataclass(frozen=True)
+class Period:
+    """What a control period is generated from, for the cache of kernels."""
+
+    prefix: ClassVar[str] = "period"
+    sources: ClassVar[tuple[str, ...]] = (
+        *("youbot_env.simulation.lane_code", "youbot_env.simulation.lane_math"),
+        *("youbot_env.tracking.period_lanes", "youbot_env.tracking.period_code"),
+        *("youbot_env.tracking.random_numbers", "youbot_env.tracking.episode_draws"),
+        "youbot_env.physics.stated_parameters",
+    )
+
+    dynamics: Dynamics
+    single: bool = False
+
+    @property
+    def variant(self) -> str:
+        """What else the generated source depends on."""
+        return "single" if self.single else "double"
+
+    def source(self, structure: Structure) -> str:
+        """The whole module."""
+        move = MOVE_LATE if structure.at(CLOCK) else MOVE
+        generated = [lane_source(structure, self.dynamics), move, DRIVER]
+        imports = _imports("youbot_env.simulation.lane_math", lane_math)
+        imports += _imports("youbot_env.tracking.period_lanes", period_lanes)
+        return "\n".join([HEADER + imports, *generated])
+
+
+def _imports(module: str, found: ModuleType) -> str:
+    """An import of what a module itself defines."""
+    names = [
+        name
+        for name, value in vars(found).items()
+        if not name.startswith("_")
+        and (isinstance(value, (int, type)) or getattr(value, "__module__", "") == module)
+    ]
+    return f"from {module} import {', '.join(names)}  # noqa\n"
+
+
+@dataclass(frozen=True)
+class PeriodKernel:
+    """Compiled functions of one structure; their arguments stand in ``DRIVER``."""
+
+    structure: Structure
+    begin_rows: Callable[..., None]
+    period: Callable[..., int]
+    workspace: int
+
+
+def period_kernel(structure: Structure, single: bool = False) -> PeriodKernel:
+    """The compiled control period of a structure; compiles at the first use on a machine."""
+    return built(structure, Period(inverse_dynamics, single), _loaded)
+
+
+def _loaded(structure: Structure, path: Path) -> PeriodKernel:
+    module = load(path)
+    return PeriodKernel(
+        structure,
+        module.begin_rows,
+        module.period,
+        module.WORKSPACE + 1,
+    )

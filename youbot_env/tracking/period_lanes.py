@@ -1,0 +1,425 @@
+"""One control period of a block of rows around the plant: actions, references, sensors, reward.
+
+Every function works on ``lanes`` rows of one block; see ``simulation.lane_code`` for the form of
+its fields. Loops over rows hold no call and no branch, so that the compiler turns them into vector
+instructions; what is rare stands in loops of its own. Generated code in single precision is made
+from this source.
+
+Arrays of a block
+-----------------
+x : state, parameters
+y : ``Fields`` of the task: gains and coming samples of the reference, past actions, encoder counts
+z : (uint16) phases [turns / 65536] and harmonics of the reference's tones
+k : (int64) ``CLOCK`` ... : a row's counters
+v : workspace of the thread: ``Work``
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+from numba import carray, njit  # pyright: ignore[reportPrivateImportUsage]
+
+from youbot_env.simulation.lane_code import LANES
+from youbot_env.simulation.lane_math import fma, log_of_share, pointer, real, sine_of_turns
+from youbot_env.tracking.actuation import AT_LIMIT, BOUND_TOLERANCE
+from youbot_env.tracking.episode_draws import PHASES, draw_reference
+from youbot_env.tracking.random_numbers import NOISE, words
+
+CLOCK, KEY, EPISODE, PENDING, TABLE = range(5)
+"""Counters of a row: periods since its reset, key of its random numbers, episode since the key was
+set, ``OVER`` or ``BEGIN`` where its episode is over or a new one begins, which table its reference
+follows (-1: its tones)."""
+
+COUNTERS = 5
+
+OVER, BEGIN = 1, 2
+
+# Fields of v.
+TAU, RISE, SUM, SPEED, MEASURED, NORMALS, COMMAND, APPLIED, SLOPE = 0, 1, 2, 5, 9, 12, 16, 20, 24
+WORK = 28
+"""Fields of the workspace: time of the reference in periods of its lowest harmonic, its window,
+sums of its tones (3); measured wheel speeds (4) and twist (3), normal numbers (4), torques at the
+interface (4) and at the wheels (4), slopes of the tones' sums (3) and of the window."""
+
+# Whole numbers of a setup.
+(
+    PREVIEW,
+    HISTORY,
+    ACTIONS,
+    DELAY,
+    TONES,
+    WINDOW,
+    STEPS,
+    SUBSTEPS,
+    RESETS,
+    TABLES,
+    STATES,
+    ANGLES,
+    KIND,
+    FIRST,
+    LAST,
+    SHIFTS,
+) = range(16)
+WHOLE = 16
+"""Coming samples and past actions observed, actions kept, periods of delay, tones an axis, periods
+of the encoders' window, periods in an episode, integration steps, what follows an episode
+(``NEVER``, ``NEXT_STEP``, ``SAME_STEP``), whether a row follows a table, size of the state, its
+first wheel angle, how models are drawn, harmonics of the band, whether the model shifts torques."""
+
+NEVER, NEXT_STEP, SAME_STEP = 0, 1, 2
+
+# Numbers of a setup.
+PERIOD, TURN, RAMP, TORQUE_LIMIT, DEVIATION, RESOLUTION, SPAN, TWIST_LIMIT = range(8)
+INVERSE, SCALE, WEIGHT, MARGIN = 8, 20, 23, 28
+NUMBERS = 33
+"""Control period [s], its share of the lowest harmonic's period, ramp [s], torque of an action of 1
+[N m], noise [rad/s], angle of a count [rad], time over which counts are differenced [s], largest
+twist over its scale; then the twist of wheel rates (3, 4), the twist's scales (3), weights and
+margins (5) of the reward."""
+
+# Columns of a report.
+(ERROR, TWIST, POSE, ANGLE, WANTED, WANTED_RATE, TERMS_AT, REWARD_AT, ENDED_AT) = (
+    *(0, 3, 6, 9, 13, 16, 19, 24, 25),
+)
+MEASURED_AT, SPEED_AT, COMMANDED_AT, APPLIED_AT, SATURATED_AT, TIME_AT = 26, 29, 33, 37, 41, 45
+REPORT_COLUMNS = 46
+
+
+PHASE_STEP = 1.0 / PHASES
+"""Turns of a step of a phase."""
+
+PLACE = 4
+"""Numbers for each array in a list of places: its address and up to three lengths."""
+
+
+@njit(cache=True, error_model="numpy", nogil=True)
+def numbers_at(places, at):
+    """A matrix of numbers from a list of places."""
+    shape = (places[PLACE * at + 1], places[PLACE * at + 2])
+    return carray(pointer(places[PLACE * at]), shape, np.float64)
+
+
+@njit(cache=True, error_model="numpy", nogil=True)
+def small_at(places, at):
+    """A matrix of small whole numbers."""
+    shape = (places[PLACE * at + 1], places[PLACE * at + 2])
+    return carray(pointer(places[PLACE * at]), shape, np.uint16)
+
+
+@njit(cache=True, error_model="numpy", nogil=True)
+def whole_at(places, at):
+    """A matrix of whole numbers."""
+    shape = (places[PLACE * at + 1], places[PLACE * at + 2])
+    return carray(pointer(places[PLACE * at]), shape, np.int64)
+
+
+@njit(cache=True, error_model="numpy", nogil=True)
+def cube_at(places, at):
+    """An array of three axes."""
+    shape = (places[PLACE * at + 1], places[PLACE * at + 2], places[PLACE * at + 3])
+    return carray(pointer(places[PLACE * at]), shape, np.float64)
+
+
+@njit(cache=True, error_model="numpy", nogil=True)
+def row_at(places, at):
+    """Numbers in a row."""
+    return carray(pointer(places[PLACE * at]), (places[PLACE * at + 1],), np.float64)
+
+
+@njit(cache=True, error_model="numpy", nogil=True)
+def refused(action, first, last):
+    """Flat index of the first action of rows first to last - 1 that is out of bounds; -1."""
+    bad = 0
+    for row in range(first, last):
+        for wheel in range(4):
+            # Written so that NaN fails too.
+            bad += 0 if abs(action[row, wheel]) <= 1.0 + BOUND_TOLERANCE else 1
+    if bad == 0:
+        return -1
+    for row in range(first, last):
+        for wheel in range(4):
+            if not abs(action[row, wheel]) <= 1.0 + BOUND_TOLERANCE:
+                return 4 * row + wheel
+    return -1
+
+
+@njit(cache=True, error_model="numpy", nogil=True)
+def take(action, row, y, lanes, at, slot):
+    """Put actions from ``row`` on, cut to +-1, into the ring of past ones (from field ``at``)."""
+    for wheel in range(4):
+        kept, given = y[(at + 4 * slot + wheel) * LANES :], action[row:, wheel]
+        for i in range(lanes):
+            value = real(given[i])
+            value = 1.0 if value > 1.0 else value
+            kept[i] = -1.0 if value < -1.0 else value
+
+
+@njit(cache=True, error_model="numpy", nogil=True)
+def held_torque(y, lanes, at, slot, limit, w, field):
+    """Torques [N m] that the actions of a slot command, into four fields of w."""
+    for wheel in range(4):
+        source, target = y[(at + 4 * slot + wheel) * LANES :], w[(field + wheel) * LANES :]
+        for i in range(lanes):
+            target[i] = limit * source[i]
+
+
+@njit(cache=True, error_model="numpy", nogil=True)
+def reference(y, z, k, v, table, lanes, slot, ahead, numbers, whole):
+    """The reference's twist ``ahead`` samples after the clock, into a slot of the ring."""
+    tones = whole[TONES]
+    turn, step = numbers[TURN], numbers[PERIOD] / numbers[RAMP]
+    shift = np.int64(ahead)
+    for i in range(lanes):
+        n = real(k[CLOCK * LANES + i] + shift)
+        v[TAU * LANES + i] = n * turn
+        u = n * step
+        u = 1.0 if u > 1.0 else u
+        v[RISE * LANES + i] = u * u * u * fma(u, fma(6.0, u, -15.0), 10.0)
+    # Views of fields, not their numbers: only so are they known not to overlap.
+    tau, rise = v[TAU * LANES :], v[RISE * LANES :]
+    for axis in range(3):
+        total = v[(SUM + axis) * LANES :]
+        for i in range(lanes):
+            total[i] = 0.0
+        for tone in range(axis * tones, (axis + 1) * tones):
+            pair = z[2 * tone * LANES :]
+            for i in range(lanes):
+                turns = fma(real(pair[LANES + i]), tau[i], real(pair[i]) * PHASE_STEP)
+                total[i] += sine_of_turns(turns)
+        wanted, gain = y[(3 + 3 * slot + axis) * LANES :], y[axis * LANES :]
+        for i in range(lanes):
+            wanted[i] = rise[i] * (gain[i] * total[i])
+    if whole[TABLES]:
+        for i in range(lanes):
+            number = k[TABLE * LANES + i]
+            if 0 <= number < table.shape[0]:
+                n = min(max(k[CLOCK * LANES + i] + shift, 0), table.shape[1] - 1)
+                for axis in range(3):
+                    y[(3 + 3 * slot + axis) * LANES + i] = table[number, n, axis]
+
+
+@njit(cache=True, error_model="numpy", nogil=True)
+def slopes(z, k, v, i, numbers, whole):
+    """Of one row: slopes [1/s] of its tones' sums and of the window, into v; after reference()."""
+    tones = whole[TONES]
+    turn, ramp = numbers[TURN], numbers[RAMP]
+    now = real(k[CLOCK * LANES + i])
+    u = now * (numbers[PERIOD] / ramp)
+    inside = u < 1.0
+    rest = 1.0 - u
+    v[(SLOPE + 3) * LANES + i] = 30.0 * u * u * rest * rest / ramp if inside else 0.0
+    speed = 6.283185307179586 * turn / numbers[PERIOD]
+    for axis in range(3):
+        value, slope = 0.0 * turn, 0.0 * turn
+        for tone in range(axis * tones, (axis + 1) * tones):
+            harmonic = real(z[(2 * tone + 1) * LANES + i])
+            turns = fma(harmonic, now * turn, real(z[2 * tone * LANES + i]) * PHASE_STEP)
+            value += sine_of_turns(turns)
+            slope += harmonic * speed * sine_of_turns(turns + 0.25)
+        v[(SUM + axis) * LANES + i] = value
+        v[(SLOPE + axis) * LANES + i] = slope
+
+
+@njit(cache=True, error_model="numpy", nogil=True)
+def noise(k, v, lanes, deviation):
+    """Four errors of wheel speeds [rad/s] of each row at its clock, by Box and Muller."""
+    for i in range(lanes):
+        key = np.uint64(k[KEY * LANES + i])
+        a, b, c, d = words(key, k[EPISODE * LANES + i], NOISE, k[CLOCK * LANES + i])
+        # Half a step away from 0, whose logarithm is infinite.
+        first = (real(a) + 0.5) * 2.3283064365386963e-10
+        second = (real(c) + 0.5) * 2.3283064365386963e-10
+        first = 0.9999999403953552 if first > 0.9999999403953552 else first
+        second = 0.9999999403953552 if second > 0.9999999403953552 else second
+        size = deviation * math.sqrt(-2.0 * log_of_share(first))
+        other = deviation * math.sqrt(-2.0 * log_of_share(second))
+        turns, more = real(b) * 2.3283064365386963e-10, real(d) * 2.3283064365386963e-10
+        v[NORMALS * LANES + i] = size * sine_of_turns(turns)
+        v[(NORMALS + 1) * LANES + i] = size * sine_of_turns(turns + 0.25)
+        v[(NORMALS + 2) * LANES + i] = other * sine_of_turns(more)
+        v[(NORMALS + 3) * LANES + i] = other * sine_of_turns(more + 0.25)
+
+
+@njit(cache=True, error_model="numpy", nogil=True)
+def count(x, y, v, lanes, at, slot, angles, numbers):
+    """Wheel speeds from whole counts over the window, instead of those in v; the ring moves on."""
+    resolution, span = numbers[RESOLUTION], numbers[SPAN]
+    for wheel in range(4):
+        angle, kept = x[(angles + wheel) * LANES :], y[(at + 4 * slot + wheel) * LANES :]
+        speed = v[(SPEED + wheel) * LANES :]
+        for i in range(lanes):
+            now = np.floor(angle[i] / resolution)
+            speed[i] = (now - kept[i]) * resolution / span
+            kept[i] = now
+
+
+@njit(cache=True, error_model="numpy", nogil=True)
+def begin_counts(x, y, v, i, at, slot, window, angles, numbers):
+    """Counts of one row as if it had always moved at its present speed; ``v``: wheel speeds."""
+    resolution = numbers[RESOLUTION]
+    for age in range(1, window + 1):
+        place = at + 4 * ((slot - age) % window)
+        for wheel in range(4):
+            back = v[(SPEED + wheel) * LANES + i] * (real(age) * numbers[PERIOD])
+            angle = x[(angles + wheel) * LANES + i] - back
+            y[(place + wheel) * LANES + i] = np.floor(angle / resolution)
+
+
+@njit(cache=True, error_model="numpy", nogil=True)
+def measure(v, lanes, numbers, noisy):
+    """Add noise to the wheel speeds in v, and the twist that they tell."""
+    if noisy:
+        for wheel in range(4):
+            for i in range(lanes):
+                v[(SPEED + wheel) * LANES + i] += v[(NORMALS + wheel) * LANES + i]
+    for axis in range(3):
+        a, b = numbers[INVERSE + 4 * axis], numbers[INVERSE + 4 * axis + 1]
+        c, d = numbers[INVERSE + 4 * axis + 2], numbers[INVERSE + 4 * axis + 3]
+        for i in range(lanes):
+            value = a * v[SPEED * LANES + i] + b * v[(SPEED + 1) * LANES + i]
+            value = value + c * v[(SPEED + 2) * LANES + i] + d * v[(SPEED + 3) * LANES + i]
+            v[(MEASURED + axis) * LANES + i] = value
+
+
+@njit(cache=True, error_model="numpy", forceinline=True)
+def tolerance_of(square, margin):
+    """``tolerance`` of an error whose square is given; NaN gives 0."""
+    value = 1.0 / fma(9.0 / (margin * margin), square, 1.0)
+    return value if value == value else 0.0
+
+
+@njit(cache=True, error_model="numpy", nogil=True)
+def judge(x, y, lanes, row, ring, at, slot, past, numbers, reward, ended):
+    """Rewards and ends of episodes, into ``reward`` and ``ended`` (1.0: diverged) from ``row`` on.
+
+    ``ring`` is the field of the reference now, ``at`` that of the past actions, ``slot`` and
+    ``past`` the last two of them.
+    """
+    limit = numbers[TWIST_LIMIT]
+    wanted, newest = y[ring * LANES :], y[(at + 4 * slot) * LANES :]
+    before = y[(at + 4 * past) * LANES :]
+    for i in range(lanes):
+        found, over = 0.0 * limit, 0.0 * limit
+        for axis in range(3):
+            twist = x[axis * LANES + i]
+            error = wanted[axis * LANES + i] - twist
+            found += numbers[WEIGHT + axis] * tolerance_of(error * error, numbers[MARGIN + axis])
+            # Written so that NaN ends it.
+            over = over if abs(twist) <= limit * numbers[SCALE + axis] else 1.0
+        effort, change = 0.0 * limit, 0.0 * limit
+        for wheel in range(4):
+            now = newest[wheel * LANES + i]
+            moved = now - before[wheel * LANES + i]
+            effort += now * now * 0.25
+            change += moved * moved * 0.25
+        found += numbers[WEIGHT + 3] * tolerance_of(effort, numbers[MARGIN + 3])
+        found += numbers[WEIGHT + 4] * tolerance_of(change, numbers[MARGIN + 4])
+        reward[row + i] = found
+        ended[row + i] = over
+
+
+@njit(cache=True, error_model="numpy", forceinline=True)
+def within(value, limit):
+    """A number cut to the limits; NaN, which no policy could use, is 0."""
+    value = value if value == value else 0.0 * limit
+    value = limit if value > limit else value
+    return -limit if value < -limit else value
+
+
+@njit(cache=True, error_model="numpy", nogil=True)
+def observe(y, v, lanes, row, tick, at, numbers, whole, seen):
+    """Observations of rows from ``row`` on; ``seen`` (D, n), so that rows lie side by side."""
+    preview, history = whole[PREVIEW], whole[HISTORY]
+    limit = numbers[TWIST_LIMIT]
+    for axis in range(3):
+        share = 1.0 / numbers[SCALE + axis]
+        measured, column = v[(MEASURED + axis) * LANES :], seen[axis, row:]
+        for i in range(lanes):
+            column[i] = within(measured[i] * share, limit)
+        for ahead in range(1 + preview):
+            wanted = y[(3 + 3 * ((tick + ahead) % (preview + 1)) + axis) * LANES :]
+            column = seen[3 + 3 * ahead + axis, row:]
+            for i in range(lanes):
+                column[i] = within(wanted[i] * share, limit)
+    for age in range(history):
+        slot = (tick - age) % whole[ACTIONS]
+        for wheel in range(4):
+            action = y[(at + 4 * slot + wheel) * LANES :]
+            column = seen[6 + 3 * preview + 4 * age + wheel, row:]
+            for i in range(lanes):
+                column[i] = action[i]
+
+
+@njit(cache=True, error_model="numpy", nogil=True)
+def describe(x, y, v, i, row, tick, at, clock, numbers, whole, reward, ended, report):
+    """A report's row of row ``i`` of a block."""
+    line = report[row]
+    ring = 3 + 3 * (tick % (whole[PREVIEW] + 1))
+    slot, past = tick % whole[ACTIONS], (tick - 1) % whole[ACTIONS]
+    angles = whole[ANGLES]
+    for axis in range(3):
+        wanted, twist = y[(ring + axis) * LANES + i], x[axis * LANES + i]
+        line[ERROR + axis] = wanted - twist
+        line[TWIST + axis] = twist
+        line[POSE + axis] = x[(3 + axis) * LANES + i]
+        line[WANTED + axis] = wanted
+        line[MEASURED_AT + axis] = v[(MEASURED + axis) * LANES + i]
+        line[TERMS_AT + axis] = tolerance_of((wanted - twist) ** 2, numbers[MARGIN + axis])
+    effort, change = 0.0, 0.0
+    for wheel in range(4):
+        now = y[(at + 4 * slot + wheel) * LANES + i]
+        effort += now * now * 0.25
+        change += (now - y[(at + 4 * past + wheel) * LANES + i]) ** 2 * 0.25
+        line[ANGLE + wheel] = x[(angles + wheel) * LANES + i]
+        line[SPEED_AT + wheel] = v[(SPEED + wheel) * LANES + i]
+        line[COMMANDED_AT + wheel] = numbers[TORQUE_LIMIT] * now
+        line[APPLIED_AT + wheel] = v[(APPLIED + wheel) * LANES + i]
+        line[SATURATED_AT + wheel] = 1.0 if abs(now) >= AT_LIMIT else 0.0
+    line[TERMS_AT + 3] = tolerance_of(effort, numbers[MARGIN + 3])
+    line[TERMS_AT + 4] = tolerance_of(change, numbers[MARGIN + 4])
+    line[TIME_AT] = numbers[PERIOD] * clock
+    line[REWARD_AT] = reward[row]
+    line[ENDED_AT] = ended[row]
+
+
+@njit(cache=True, error_model="numpy", nogil=True)
+def wanted_rate(y, z, k, v, table, i, row, numbers, whole, report):
+    """Acceleration of the reference of row ``i`` [m/s^2, m/s^2, rad/s^2] into its report."""
+    number = k[TABLE * LANES + i]
+    if 0 <= number < table.shape[0]:
+        n = min(max(k[CLOCK * LANES + i], 0), table.shape[1] - 1)
+        for axis in range(3):
+            report[row, WANTED_RATE + axis] = table[number, n, 3 + axis]
+        return
+    slopes(z, k, v, i, numbers, whole)
+    u = real(k[CLOCK * LANES + i]) * (numbers[PERIOD] / numbers[RAMP])
+    u = 1.0 if u > 1.0 else u
+    rise = u * u * u * fma(u, fma(6.0, u, -15.0), 10.0)
+    for axis in range(3):
+        slope = v[(SLOPE + 3) * LANES + i] * v[(SUM + axis) * LANES + i]
+        slope += rise * v[(SLOPE + axis) * LANES + i]
+        report[row, WANTED_RATE + axis] = y[axis * LANES + i] * slope
+
+
+@njit(cache=True, error_model="numpy", nogil=True)
+def draw_references(Y, Z, K, whole, peaks, limits, jacobian, sines, first, last):
+    """References of those rows first to last - 1 that begin an episode and follow no table."""
+    tones = whole[TONES]
+    phase, harmonic, gain = np.empty(3 * tones), np.empty(3 * tones), np.empty(3)
+    for row in range(first, last):
+        b, i = row // LANES, row % LANES
+        k = K[b, i:]
+        if k[PENDING * LANES] != BEGIN or k[TABLE * LANES] >= 0:
+            continue
+        key, episode = np.uint64(k[KEY * LANES]), k[EPISODE * LANES]
+        draw_reference(
+            *(tones, whole[FIRST], whole[LAST], peaks, limits, jacobian, sines, key, episode),
+            *(phase, harmonic, gain),
+        )
+        for tone in range(3 * tones):
+            Z[b, 2 * tone * LANES + i] = np.uint16(phase[tone] * PHASES)
+            Z[b, (2 * tone + 1) * LANES + i] = np.uint16(harmonic[tone])
+        for axis in range(3):
+            Y[b, axis * LANES + i] = gain[axis]
