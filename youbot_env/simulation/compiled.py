@@ -12,7 +12,7 @@ from dataclasses import dataclass
 from functools import lru_cache
 from pathlib import Path
 from types import CodeType, FunctionType, ModuleType
-from typing import Any, Protocol
+from typing import Any, ClassVar, Protocol
 
 import numpy as np
 
@@ -40,12 +40,11 @@ class Generated(Protocol):
     variant : what else it depends on
     """
 
-    @property
-    def prefix(self) -> str: ...
+    prefix: ClassVar[str]
+    sources: ClassVar[tuple[str, ...]]
+
     @property
     def dynamics(self) -> Dynamics: ...
-    @property
-    def sources(self) -> tuple[str, ...]: ...
     @property
     def variant(self) -> str: ...
     def source(self, structure: Structure) -> str: ...

@@ -59,9 +59,13 @@ class System:
 
     prefix: ClassVar[str] = "kernel"
     sources: ClassVar[tuple[str, ...]] = ()
-    variant: ClassVar[str] = ""
 
     dynamics: Dynamics
+
+    @property
+    def variant(self) -> str:
+        """It depends on nothing else."""
+        return ""
 
     def source(self, structure: Structure) -> str:
         """See :func:`kernel_source`."""
@@ -282,9 +286,13 @@ class Inverse:
 
     prefix: ClassVar[str] = "inverse"
     sources: ClassVar[tuple[str, ...]] = ()
-    variant: ClassVar[str] = ""
 
     dynamics: Dynamics
+
+    @property
+    def variant(self) -> str:
+        """It depends on nothing else."""
+        return ""
 
     def source(self, structure: Structure) -> str:
         """Python source of a module with what ``kernels.InverseKernel`` holds."""
