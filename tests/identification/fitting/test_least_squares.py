@@ -66,6 +66,8 @@ def test_columns_are_the_derivatives_of_the_demanded_force(names):
         # A difference across the kink of |M| depends on its step; such samples are few. Where the
         # force bends with the parameter (a delay), the engine's wider step adds its third order.
         limit = 2e-4 if engine.structure.nonlinear else 1e-5
+        # A channel with an inverse of its own has a kink, and more samples lie at it.
+        limit = 5e-3 if engine.structure.has_nonlinear_channel else limit
         assert np.quantile(apart, 0.99) < limit
 
 
@@ -114,6 +116,11 @@ def _zero_order_hold_fit(engine, samples):
     return np.linalg.lstsq(matrix, measured[first:].ravel(), rcond=None)[0] / engine.scale
 
 
+SHARED_BY_WHEELS = {"uneven_roller_friction", "roller_angle_error"}
+"""Effects whose values of single wheels forces cannot show (the front rollers have one rate):
+the force that they make is compared."""
+
+
 @pytest.mark.parametrize("name", [effect.name for effect in CATALOGUE])
 def test_every_effect_comes_back_from_a_log_that_has_it(name):
     model = at_size(name)
@@ -125,8 +132,17 @@ def test_every_effect_comes_back_from_a_log_that_has_it(name):
     # Half the noise: wheel angles that are integrated from noisy speeds lose their phase.
     log = recording(effects=((name, planted),), noise=0.5)
     engine = mechanism(name)
-    start = PAPER.with_effect(name, **SHAPES.get(name, {})).theta
-    found = fit(engine, [engine.samples(log)], start)
+    # What has no linear beginning (a limit that nothing reaches) starts from its grid.
+    grids = {p.name: p.grid[len(p.grid) // 2] for p in CATALOGUE[name].parameters if p.grid}
+    starts = {k: v for k, v in grids.items() if not CATALOGUE[name].parameter(k).is_shape}
+    start = PAPER.with_effect(name, **SHAPES.get(name, {}), **starts).theta
+    samples = engine.samples(log)
+    found = fit(engine, [samples], start)
+    if name in SHARED_BY_WHEELS:
+        forces = [engine.demand(t, samples).force for t in (found.theta, model.theta, start)]
+        left, lacking = forces[0] - forces[1], forces[2] - forces[1]
+        assert np.sqrt(np.mean(left**2)) < 0.05 * np.sqrt(np.mean(lacking**2))
+        return
     # Relative parameters are compared by their differences, which are all that data can show.
     basis = gauge_basis(engine)
     difference = (found.theta - model.theta)[found.free] * engine.scale[found.free]
