@@ -8,18 +8,22 @@ import numpy as np
 import pytest
 
 from identification.fitting.identify import identify
-from identification.fitting.settings import FitSettings, PredictabilitySettings
+from identification.fitting.settings import (
+    FitSettings,
+    PredictabilitySettings,
+    WheelEvidenceSettings,
+)
 from identification.signals.filters import FilterSettings
 from identification.signals.held import HeldSettings
 from identification.signals.noise import NoiseSettings
 from tests.identification.recordings import recording
 from youbot_env.errors import InputError
 
-NESTED = ("filter", "noise", "mechanism", "predictability", "held")
+NESTED = ("filter", "noise", "mechanism", "predictability", "held", "kinematics")
 
 FIELDS = [item for item in fields(FitSettings) if item.name not in NESTED]
 FIELDS += [*fields(FilterSettings), *fields(NoiseSettings), *fields(PredictabilitySettings)]
-FIELDS += fields(HeldSettings)
+FIELDS += [*fields(HeldSettings), *fields(WheelEvidenceSettings)]
 
 
 @pytest.mark.parametrize("item", FIELDS, ids=lambda item: item.name)
