@@ -152,7 +152,9 @@ def _missing(
     velocities = set(joint_columns("velocity", joints))
     efforts = set(joint_columns("effort", joints))
     wheels = [other for other in table.names if other.startswith("velocity_")]
-    if name in velocities and len(joints) == 4 and len(wheels) in (2, 3):
+    # With the three others as they should be, and one that is nearly this: a slip of the pen.
+    misspelt = near and set(wheels) <= velocities and len(wheels) == 3
+    if name in velocities and len(joints) == 4 and len(wheels) in (2, 3) and not misspelt:
         drive = {2: "a differential drive", 3: "a platform with three wheels"}[len(wheels)]
         cure = (
             f"{', '.join(wheels)} are those of {drive}: not this tool, which is for four mecanum "
