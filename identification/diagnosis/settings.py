@@ -229,7 +229,7 @@ class DiagnosisSettings(Settings):
 
     # Joint fits of the candidates in the lead
     max_taken_share: float = field(
-        default=0.25,
+        default=0.5,
         metadata={
             "unit": "1",
             "reason": "of the squares of logged torques, what a dead zone or a limit may take: a "

@@ -100,7 +100,7 @@ def test_a_log_whose_torques_are_late_has_a_negative_delay():
     ("name", "values"),
     [
         ("tether", {"stiffness": 5.0, "anchor_x": 1.0, "anchor_y": -0.5}),
-        ("torque_ripple", {"amplitude": 0.2, "phase": 0.5, "cycles": 6.0}),
+        ("torque_ripple", {"amplitude": 0.2, "phase_fl": 0.5, "phase_fr": 0.5, "cycles": 6.0}),
         ("torque_delay", {"delay": 0.02}),
     ],
 )
