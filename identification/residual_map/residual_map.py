@@ -9,6 +9,7 @@ alone explains: see :mod:`identification.residual_map.bootstrap`.
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 from functools import partial
 
 import numpy as np
@@ -89,11 +90,20 @@ def residual_map(
         (table.index[g.variable], settings.fitted_wheel_orders if g.pairs else None) for g in others
     ]
     rest = held_out_gains(folds, sides, with_twist, groups, settings.ridge_strengths)
-    own = log_shares(folds, table.variables, table.reductions, settings)
     shares = _shares(table, [of_twist, *rest], twist_gain, total, signs.shape[1], beyond)
+    own = _beyond_twist(log_shares(folds, table.variables, table.reductions, settings), shares)
     refit = 1.0 - total / given if given > 0 else 0.0
     shares = tuple(sorted([*shares, *own], key=lambda item: (-item.share, item.p_value)))
     return ResidualMap(shares, float(refit), seconds, partial(_curves, table, residual, beyond))
+
+
+def _beyond_twist(own: Sequence[Share], shares: Sequence[Share]) -> list[Share]:
+    """Shares of the log and the shared time, no more than the twist leaves.
+
+    A bend in the twist is another slope in each log, since each log has speeds of its own.
+    """
+    left = max(0.0, 1.0 - sum(item.share for item in shares if item.variable == "twist"))
+    return [replace(item, share=min(item.share, left)) for item in own]
 
 
 def _curves(

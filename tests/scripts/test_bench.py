@@ -61,9 +61,9 @@ def test_the_generator_shares_no_physics_with_the_package(module: str):
         if module == "cases"
         else set()
     )
-    assert {
-        name for name in ours if not name.startswith("youbot_scripts.blind_bench")
-    } <= logs_alone
+    others = {name for name in ours if not name.startswith("youbot_scripts.blind_bench")}
+    # Where compiled functions are kept on the disk is no physics.
+    assert others - {"youbot_env.caching"} <= logs_alone
 
 
 def derivative(case: cases.Case, state: np.ndarray, torque: np.ndarray) -> np.ndarray:

@@ -146,7 +146,8 @@ def test_a_function_of_the_twist_is_the_twist_s_alone(force: Force):
     found = map_of(force)
     assert found.leading[0] == "twist"
     assert found.shares[0].share > 0.9
-    assert all(share.share < 0.01 for share in found.shares[1:])
+    # The twist leaves 0.4 and 3 %: no other variable can have more.
+    assert all(share.share < 0.04 for share in found.shares[1:])
 
 
 def test_a_wheel_s_ripple_is_told_with_its_order():
@@ -197,7 +198,7 @@ def test_one_log_alone_is_held_out_in_blocks():
 def test_list_is_as_the_design_fixes_it():
     rows = map_of(nap).to_list()
     assert {row["variable"] for row in rows} == {
-        "twist", "heading", "position_x", "position_y", "time",
+        "twist", "heading", "position_x", "position_y", "time", "log", "shared_time",
         *(f"{kind}_{wheel}" for kind in ("wheel_speed", "wheel_angle", "torque")
           for wheel in ("fl", "fr", "bl", "br")),
         *(f"acceleration_{axis}" for axis in ("x", "y", "yaw")),

@@ -134,7 +134,9 @@ def test_record_drives_it_and_one_seed_gives_the_same_bytes(tmp_path: Path, caps
     assert told["contact"]["friction"] == 0.6
     assert told["plant"]["effects"]["floor_tilt"]["parameters"]["tilt_x"]["value"] == 0.01
     log = read_log(tmp_path / "a" / "short.csv")
-    assert len(log) == 300 and [f for f in log.findings if f.level != "info"] == []
+    # The encoders count over a period of the log: the speeds are means, and are said to be.
+    warned = [f.message for f in log.findings if f.level != "info"]
+    assert len(log) == 300 and all("means over as long" in message for message in warned)
 
 
 @pytest.mark.parametrize(
