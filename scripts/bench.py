@@ -12,6 +12,7 @@ import typer
 
 from youbot_env.errors import InputError
 from youbot_scripts.blind_bench.baseline import stepwise
+from youbot_scripts.blind_bench.calibration import rows_of
 from youbot_scripts.blind_bench.calibration_page import write_page
 from youbot_scripts.blind_bench.cases import KINDS, write_case
 from youbot_scripts.blind_bench.effect_sizes import force_ratio, size_table, sizings
@@ -134,7 +135,7 @@ def main(
     scores = score(records)
     if calibration is not None:
         fits = null_fits(replicates, seed, jobs, resume)
-        write_page(calibration, records, fits)
+        write_page(calibration, rows_of(records, fits), len(fits), len(records))
         out.print(f"calibration: {calibration}", soft_wrap=True)
     show(out, scores, records)
     common.write_result(json, {**scores, "trials": records}, seed)

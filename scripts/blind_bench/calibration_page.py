@@ -3,13 +3,12 @@
 from __future__ import annotations
 
 import subprocess
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from importlib.metadata import version
 from pathlib import Path
 
 from youbot_env.files import write_atomically
-from youbot_scripts.blind_bench.calibration import Row, rows_of
-from youbot_scripts.blind_bench.trials import Record
+from youbot_scripts.blind_bench.promises import Row
 
 COMMAND = (
     "youbot bench --baseline --calibration docs/calibration.md --kinds none,noise,one,two \\\n"
@@ -36,23 +35,25 @@ Commit {commit}. {fits} fits, {trials} diagnoses.
 """
 
 
-def write_page(path: Path, records: Sequence[Record], fits: Sequence[Record]) -> None:
-    """Write the page of some trials and cheap fits.
+Tables = Mapping[str, Sequence[Row]]
+"""Rows by heading."""
+
+
+def write_page(path: Path, tables: Tables, fits: int, trials: int) -> None:
+    """Write the page of so many cheap fits and trials.
 
     Raises
     ------
     InputError
         If the file cannot be written.
     """
-    write_atomically(path, page(records, fits))
+    write_atomically(path, page(tables, fits, trials))
 
 
-def page(records: Sequence[Record], fits: Sequence[Record]) -> str:
+def page(tables: Tables, fits: int, trials: int) -> str:
     """The page's text."""
-    told = INTRODUCTION.format(
-        command=COMMAND, commit=commit(), fits=len(fits), trials=len(records)
-    )
-    for heading, rows in rows_of(records, fits).items():
+    told = INTRODUCTION.format(command=COMMAND, commit=commit(), fits=fits, trials=trials)
+    for heading, rows in tables.items():
         if rows:
             told += f"\n## {heading}\n\n" + _table(rows)
     return told

@@ -15,8 +15,8 @@ from identification.mechanisms.registry import mechanism_of
 from identification.residual_map.residual_map import residual_map
 from youbot_env.errors import InputError
 from youbot_env.model.model_file import load_model
-from youbot_scripts.blind_bench.calibration import NULLS
 from youbot_scripts.blind_bench.cases import draw_case, log_along, references, tick
+from youbot_scripts.blind_bench.promises import NULLS
 from youbot_scripts.blind_bench.trials import Record, failure, stated_base
 from youbot_scripts.shared import options as common
 from youbot_scripts.shared.results_folder import resumed

@@ -70,7 +70,7 @@ def test_the_page_tells_what_came_of_each_promise():
     assert rows["the baseline: a name that nobody planted, nothing missing, white noise"].hits == (
         *(0, 1),
     )
-    text = page(records, fits)
+    text = page(rows_of(records, fits), len(fits), len(records))
     assert "| 75.0% |" in text and "4 fits, 2 diagnoses" in text and commit() in text
 
 
