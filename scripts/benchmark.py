@@ -1,4 +1,4 @@
-"""Measure the simulator's speed beside Gymnasium's own environments, in one run."""
+"""Measure the simulator's speed beside Gymnasium's own."""
 
 from __future__ import annotations
 

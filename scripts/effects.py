@@ -1,4 +1,4 @@
-"""List the effects that can be added to a model; print equations."""
+"""List the effects that a model can have; print equations."""
 
 from __future__ import annotations
 

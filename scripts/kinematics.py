@@ -1,4 +1,4 @@
-"""Find lengths, delay and slip from wheels and pose, not torques."""
+"""Find lengths, delay and slip from wheels and pose alone."""
 
 from __future__ import annotations
 

@@ -27,6 +27,8 @@ SHIPPED = (
     ".json",
     ".safetensors",
     ".csv.gz",
+    ".html",
+    ".css",
     "py.typed",
     ".c",
     ".h",

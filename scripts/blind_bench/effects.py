@@ -198,7 +198,7 @@ CATALOGUE = {
         ),
         Plantable(
             "speed_dependent_gain",
-            0.15,
+            0.11,
             "1",
             draws.one_number("loss"),
             _renamed(back_emf="loss"),

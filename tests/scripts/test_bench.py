@@ -285,7 +285,7 @@ def test_every_effect_meets_its_turn():
     for index in range(30):
         two = [item.name for item in cases.draw_case("two", index, 0).planted]
         assert len(set(two)) == 2 and set(two) <= set(names)
-    sweep = [cases.draw_case("sweep", i, 0) for i in range(7 * 15)]
+    sweep = [cases.draw_case("sweep", i, 0) for i in range(len(cases.SWEEP) * len(names))]
     assert {(case.planted[0].name, case.planted[0].factor) for case in sweep} == {
         (name, factor) for name in names for factor in cases.SWEEP
     }
@@ -356,7 +356,7 @@ def test_kinds_take_turns():
     assert [(s.kind, s.index) for s in SPECS] == [
         ("none", 0), ("unknown", 0), ("none", 1), ("unknown", 1),
     ]  # fmt: skip
-    mixed = trials.plan(["one"], 30, 0, rates=[50.0, 100.0])
+    mixed = trials.plan(["one"], 2 * len(effects.CATALOGUE), 0, rates=[50.0, 100.0])
     assert {(s.draw().planted[0].name, s.rate) for s in mixed} == {
         (name, rate) for name in effects.CATALOGUE for rate in (50.0, 100.0)
     }

@@ -9,8 +9,8 @@ from __future__ import annotations
 import math
 
 import numpy as np
-from numba import njit
 
+from youbot_env.caching import njit
 from youbot_env.motions.multisine import PEAK_BOUND
 from youbot_env.simulation.lane_math import bits_of, fma, number_of, sine_of_turns
 from youbot_env.tracking.random_numbers import MODEL, REFERENCE, words

@@ -21,7 +21,7 @@ HEADER = '''"""Generated from the effects' own functions; written again when the
 from math import log, sqrt
 
 import numpy as np
-from numba import njit
+from youbot_env.caching import njit
 
 from youbot_env.simulation.lane_code import LANES
 from youbot_env.tracking import episode_draws as draw

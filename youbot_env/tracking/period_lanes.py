@@ -18,14 +18,17 @@ from __future__ import annotations
 
 import math
 
+import numba
 import numpy as np
-from numba import carray, njit  # pyright: ignore[reportPrivateImportUsage]
 
+from youbot_env.caching import njit
 from youbot_env.simulation.lane_code import LANES
 from youbot_env.simulation.lane_math import fma, log_of_share, pointer, real, sine_of_turns
 from youbot_env.tracking.actuation import AT_LIMIT, BOUND_TOLERANCE
 from youbot_env.tracking.episode_draws import PHASES, draw_reference
 from youbot_env.tracking.random_numbers import NOISE, words
+
+carray = numba.carray  # pyright: ignore[reportPrivateImportUsage]
 
 CLOCK, KEY, EPISODE, PENDING, TABLE = range(5)
 """Counters of a row: periods since its reset, key of its random numbers, episode since the key was

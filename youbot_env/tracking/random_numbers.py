@@ -8,7 +8,8 @@ its key, its number and what they are for, so they are the same in whatever row,
 from __future__ import annotations
 
 import numpy as np
-from numba import njit
+
+from youbot_env.caching import njit
 
 NOISE, MODEL, REFERENCE = 0, 1, 2
 """What a stream is for: so that noise switched on leaves model and reference as they were."""
