@@ -530,6 +530,7 @@ def test_truth_s_error_is_that_of_noise_alone():
     assert record["found"]["verdict"] == "adequate"
 
 
+@pytest.mark.slow
 def test_the_command_prints_scores_and_writes_them(tmp_path: Path, monkeypatch, capsys):
     diagnosis = pytest.importorskip("identification.diagnosis.diagnose")
     monkeypatch.setattr(diagnosis, "diagnose", Diagnose())

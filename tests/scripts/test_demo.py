@@ -133,6 +133,7 @@ def test_what_to_type_next_can_be_typed(shown: tuple[Path, str], monkeypatch):
     assert ran == ["identify"]
 
 
+@pytest.mark.slow
 def test_without_matplotlib_the_story_is_told_without_plots(tmp_path: Path, monkeypatch, capsys):
     monkeypatch.setitem(sys.modules, "matplotlib", None)
     monkeypatch.setattr(

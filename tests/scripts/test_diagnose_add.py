@@ -74,6 +74,7 @@ def test_a_base_beyond_what_can_be_has_a_model_all_the_same(tmp_path, capsys, mo
     assert found.values["m0"] > 4 * found.geometry.m1
 
 
+@pytest.mark.slow
 def test_a_users_own_effect_takes_part(tmp_path, capsys):
     mine = tmp_path / "my_effects.py"
     mine.write_text(

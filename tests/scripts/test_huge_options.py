@@ -36,6 +36,7 @@ LEARNING = [
 ]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("command", COMMANDS + (LEARNING if has("torch") else []))
 def test_huge_numbers_are_one_line(command: str, tmp_path, capsys: pytest.CaptureFixture[str]):
     out = tmp_path / "out"

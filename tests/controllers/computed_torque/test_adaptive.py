@@ -29,6 +29,7 @@ def adaptive(condition: Condition = ONE_SAMPLE) -> AdaptiveComputedTorque:
 # --- what it follows -------------------------------------------------------------------------
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", CONDITIONS)
 @pytest.mark.parametrize("mass", [1.0, 10.0, 20.0])
 def test_it_recovers_from_a_payload_in_ten_seconds(name: str, mass: float) -> None:
@@ -95,6 +96,7 @@ def test_seconds_without_power_are_no_lesson(see, left: float) -> None:
     np.testing.assert_allclose(control.estimate, START, rtol=0.05, atol=0.03)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("hidden", "ratio"),
     [

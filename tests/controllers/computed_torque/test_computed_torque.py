@@ -163,6 +163,7 @@ def test_noise_of_the_speeds_hardly_reaches_the_torques() -> None:
     assert jitter < 0.3 * rate
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("effect", "values"),
     [

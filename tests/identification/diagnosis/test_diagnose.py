@@ -64,6 +64,7 @@ def test_a_hidden_effect_is_named_sized_and_takes_the_error_to_the_floor(name, v
             assert abs(estimate.value - value) < max(4 * estimate.std, 0.05 * abs(value))
 
 
+@pytest.mark.slow
 def test_two_effects_are_both_found_and_coulomb_is_not_called_stribeck():
     planted = {"wheel_coulomb_friction": {"torque": 0.25}, "floor_tilt": {"tilt_x": 0.015}}
     found = diagnose(PAPER, logs_of(planted)).to_dict()

@@ -131,6 +131,7 @@ def test_logs_that_lack_rank_are_refused_with_a_cure():
             command()
 
 
+@pytest.mark.slow
 def test_dry_friction_of_wheels_and_rollers_is_not_called_stribeck():
     """Noise rounds the kinks, and a breakaway peak beside dry friction can imitate that."""
     wheels = ("wheel_coulomb_friction", (("torque", 0.32),))
@@ -140,6 +141,7 @@ def test_dry_friction_of_wheels_and_rollers_is_not_called_stribeck():
     assert sorted(accepted(found)) == ["roller_coulomb_friction", "wheel_coulomb_friction"]
 
 
+@pytest.mark.slow
 def test_load_behind_unequal_gains_is_that_of_the_torques_that_act():
     gains = {"gain_fl": 0.05, "gain_fr": 0.25, "gain_bl": -0.15, "gain_br": -0.15}
     load = ("load_dependent_friction", (("share", 0.4),))

@@ -55,7 +55,10 @@ PLANTED = [
 ]
 
 
-@pytest.mark.parametrize(("name", "values"), PLANTED)
+@pytest.mark.parametrize(
+    ("name", "values"),
+    [*PLANTED[:3], *(pytest.param(*case, marks=pytest.mark.slow) for case in PLANTED[3:])],
+)
 def test_a_planted_effect_is_named_and_sized(name: str, values: dict[str, float]):
     log = recording(effects=((name, tuple(values.items())),), rate=50.0)
     mechanism = mechanism_of(PAPER)

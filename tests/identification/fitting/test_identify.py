@@ -184,6 +184,7 @@ def test_logs_of_the_fit_are_marked_and_left_out_of_totals_unless_all_are():
     assert alone["total"]["force_error"] == alone["logs"]["seen"]["force_error"]
 
 
+@pytest.mark.slow
 def test_velocity_error_is_the_free_runs_ratio():
     log = recording("I")
     result = compare(PAPER, [log])

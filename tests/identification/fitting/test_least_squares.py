@@ -121,6 +121,7 @@ SHARED_BY_WHEELS = {"uneven_roller_friction", "roller_angle_error"}
 the force that they make is compared."""
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", [effect.name for effect in CATALOGUE])
 def test_every_effect_comes_back_from_a_log_that_has_it(name):
     model = at_size(name)

@@ -65,6 +65,7 @@ def test_efforts_that_are_noise_alone_make_a_model_too():
     assert reloaded(identify([log], recursive=False))["m0"] > 4 * PAPER.geometry.m1
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("effect", ["tether", "uneven_wheel_friction", "torque_gain_error"])
 def test_effects_of_the_start_stay_within_their_bounds_too(effect: str):
     result = identify([CASES["exchanged"]()], start=PAPER.with_effect(effect), recursive=False)

@@ -264,6 +264,7 @@ def test_no_slip_identity_holds_within_noise_and_fails_with_a_slipping_wheel():
     assert slipping is not None and slipping.exceeds_noise
 
 
+@pytest.mark.slow
 @needs_data
 @pytest.mark.parametrize(
     ("folder", "leader"),

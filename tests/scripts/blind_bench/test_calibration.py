@@ -90,6 +90,7 @@ def test_benjamini_and_hochberg():
     assert discoveries([0.2, 0.5], 0.05) == [] == discoveries([], 0.05)
 
 
+@pytest.mark.slow
 def test_the_baseline_names_what_is_planted():
     log = recording("calibration", (("floor_tilt", (("tilt_x", 0.03),)),))
     found = stepwise(load_model("paper"), [log])

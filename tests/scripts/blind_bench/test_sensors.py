@@ -182,6 +182,7 @@ def test_a_noise_can_be_asked_for_by_name():
     assert case.sensing and case.sensing.name == "hum" and not case.planted
 
 
+@pytest.mark.slow
 def test_a_case_s_truth_is_that_of_its_twin_with_white_noise():
     case = cases.draw_case("counts", 0, 0)
     counted, smooth = (

@@ -110,7 +110,7 @@ def test_parameters_can_be_given_to_a_run():
 def unsaturated(m: Model) -> Model:
     """The model with a limit that no wheel meets: at one a motion is not steady."""
     limit = "torque_saturation.limit"
-    return m.with_values({limit: 5.0}) if limit in m.values else m
+    return m.with_values({limit: 20.0}) if limit in m.values else m
 
 
 @pytest.mark.parametrize("case", CASES)

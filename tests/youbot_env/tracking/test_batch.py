@@ -7,6 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from tests.sparing import mostly_slow
 from tests.youbot_env.structures import CASES, EVERYTHING, model
 from youbot_env import Estimate, load_model
 from youbot_env.motions.limits import MotionLimits
@@ -20,14 +21,20 @@ from youbot_env.tracking.task import REPORT, REWARD, TERMS
 OPTIONS = {"delay": 1, "encoder_ticks": 4000, "action_history": 2, "episode_length": 0.5}
 
 
-@pytest.mark.parametrize("case", CASES)
+FAST = (CASES[0], "wheel_coulomb_friction", "drive_resonance", "speed_filter")
+
+
+@pytest.mark.parametrize("case", mostly_slow(CASES, FAST))
 def test_equals_the_stepper_that_moves_plants(case):
     """To rounding, over every effect and all together: states, observation, reward, report.
 
-    With a delay of the model the two cut a period into steps of different lengths.
+    With a delay of the model the two cut a period into steps of different lengths; beside the kinks
+    of a dead zone and a limit, as all together have, that costs more.
     """
     setup = tracking_setup(model(case), **OPTIONS)
-    count, rounding = 3, 1e-6 if "torque_delay" in model(case).effects else 1e-10
+    effects = model(case).effects
+    count, rounding = 3, 1e-6 if "torque_delay" in effects else 1e-10
+    rounding = 2e-3 if {"torque_delay", "dead_zone"} <= set(effects) else rounding
     batch, other = Batch(setup, count), Stepper(setup, count)
     batch.begin(keys=keys_of(range(count)))
     for row in range(count):
