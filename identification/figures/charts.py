@@ -21,9 +21,10 @@ from identification.figures.single_charts import (
     Line,
     errors_chart,
     motion_chart,
-    plan_chart,
+    plan_along,
     residual_charts,
     signals_chart,
+    usual_largest,
 )
 from identification.fitting.errors import SumsOfSquares, Traces, force_traces, velocity_traces
 from identification.fitting.identify import Identification
@@ -154,12 +155,11 @@ def _plans(
     k: int, samples: Samples, forces: Sequence[Traces], titles: Sequence[str]
 ) -> list[Chart]:
     """The way of one log, coloured by what each model leaves; one scale for all."""
-    most = _largest(forces[0])
-    places = np.searchsorted(samples.time, forces[0].time).clip(0, len(samples) - 1)
+    most = usual_largest(forces[0])
     names = ("before", "after") if len(forces) > 1 else ("before",)
     return [
-        plan_chart(
-            f"plan_{name}_{k}", f"{samples.name}, {title}", samples.pose[places], traces, most
+        plan_along(
+            f"plan_{name}_{k}", f"{samples.name}, {title}", samples.time, samples.pose, traces, most
         )
         for name, title, traces in zip(names, titles, forces, strict=False)
     ]
@@ -207,14 +207,14 @@ def _stretches(result: Comparison) -> Chart:
 def _plans_of_comparison(result: Comparison, shown: Quantities) -> Charts:
     if len(shown.speeds) != 3:
         return
-    most = max(_largest(item.force) for item in result.logs)
+    most = max(usual_largest(item.force) for item in result.logs)
     for k, item in enumerate(result.logs):
-        pose = pose_of(item, shown)
-        places = np.searchsorted(item.velocity.time, item.force.time).clip(0, len(pose) - 1)
-        yield plan_chart(f"plan_{k}", item.log.name, pose[places], item.force, most)
+        time, pose = item.velocity.time, pose_of(item, shown)
+        yield plan_along(f"plan_{k}", item.log.name, time, pose, item.force, most)
 
 
 def pose_of(item: LogComparison, shown: Quantities) -> Array:
+    """(N, 3) pose at the times of the free run: as logged, or integrated from the wheels."""
     if item.log.pose is not None:
         return item.log.pose
     time = item.velocity.time
@@ -266,11 +266,6 @@ def _estimates(result: Identification) -> Chart:
 def bins_of(charts: int, lines: int) -> int:
     """Stretches of a line, so that a page of so many charts and lines stays small."""
     return int(np.clip(look.MOST_POINTS / (2 * max(charts * lines, 1)), 80, 900))
-
-
-def _largest(traces: Traces) -> float:
-    """Size [N m] of the force residual that hardly any sample exceeds."""
-    return float(np.quantile(np.sqrt((traces.residual**2).mean(axis=1)), 0.98))
 
 
 def _scaled(traces: Traces, shown: Quantities) -> Traces:

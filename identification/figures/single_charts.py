@@ -169,6 +169,19 @@ def plan_chart(name: str, title: str, pose: Array, traces: Traces, most: float) 
     return Chart(name, f"Floor plan, force residual: {title}", figure, look.PLAN_HEIGHT)
 
 
+def plan_along(
+    name: str, title: str, time: Array, pose: Array, traces: Traces, most: float
+) -> Chart:
+    """:func:`plan_chart` of a run whose pose (N, 3) is known at times (N,) [s] of its own."""
+    places = np.searchsorted(time, traces.time).clip(0, len(pose) - 1)
+    return plan_chart(name, title, pose[places], traces, most)
+
+
+def usual_largest(traces: Traces) -> float:
+    """Size [N m] of the force residual that hardly any sample exceeds: a colour scale's end."""
+    return float(np.quantile(np.sqrt((traces.residual**2).mean(axis=1)), 0.98))
+
+
 def motion_chart(proposed: Mapping[str, Any]) -> Chart:
     """The twist of a proposed motion over time."""
     motion = motion_from_dict(proposed["motion"])

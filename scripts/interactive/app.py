@@ -8,11 +8,12 @@ from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Any
 
+from identification.figures.chart_style import PLAN_HEIGHT
 from youbot_env.errors import InputError
 from youbot_scripts.interactive import views
 from youbot_scripts.interactive.guard import protect
-from youbot_scripts.interactive.project import DONE, Project, Step
-from youbot_scripts.interactive.signals import Drawn, stretches
+from youbot_scripts.interactive.project import Project, Step
+from youbot_scripts.interactive.signals import DRIVE_HEIGHT, Drawn, stretches
 from youbot_scripts.interactive.worker import DRAWN, Worker
 
 REFRESH = 700
@@ -240,9 +241,9 @@ class Callbacks:
 
     def _latest(self, kinds: tuple[str, ...]) -> int | None:
         """Number of the last step of these kinds that has been drawn."""
-        for step in reversed(self.project.steps):
+        for step in reversed(self.project.kept):
             there = self.project.home / DRAWN / str(step.number) / "charts.json"
-            if step.kind in kinds and step.state == DONE and not step.undone and there.exists():
+            if step.kind in kinds and there.exists():
                 return step.number
         return None
 
@@ -278,7 +279,7 @@ class Callbacks:
         figure = shown.plan(log, [(a, b) for a, b in marked or []])
         if figure is None:
             return views.NOTHING, views.HIDDEN
-        return views.themed(figure), {"height": "440px"}
+        return views.themed(figure), {"height": f"{PLAN_HEIGHT}px"}
 
     def residual(self, drawn: dict[str, int | None] | None) -> tuple[Any, dict[str, str]]:
         """The residual over the variables that it depends on most."""
@@ -293,7 +294,7 @@ class Callbacks:
         shown = self._open((drawn or {}).get("drive"))
         if shown is None:
             return views.NOTHING, views.HIDDEN
-        return views.themed(shown.drive()), {"height": "560px"}
+        return views.themed(shown.drive()), {"height": f"{DRIVE_HEIGHT}px"}
 
     def zoomed(
         self, moved: dict[str, Any] | None, log: int, drawn: object, span: list[float] | None

@@ -35,6 +35,7 @@ def main(arguments: Sequence[str]) -> None:
 def draw_model(out: Path, model: str, before: str, logs: Sequence[str]) -> dict[str, Any]:
     """Signals, floor plan and residual of a model on logs, beside those of the model before it."""
     from identification.comparison import compare
+    from identification.figures.charts import pose_of
     from identification.figures.single_charts import residual_charts
     from identification.logs.reading import read_log
     from identification.mechanisms.registry import load_any_model, quantities_of
@@ -54,7 +55,7 @@ def draw_model(out: Path, model: str, before: str, logs: Sequence[str]) -> dict[
             for j, trace in enumerate(traces):
                 save(out / f"{name}_{k}_predicted_{j}.npy", trace.predicted * scale)
         if len(shown.speeds) == 3:
-            save(out / f"pose_{k}.npy", _pose(item, shown))
+            save(out / f"pose_{k}.npy", pose_of(item, shown))
     maps = [(name, result.where) for name, result in zip(_short(names), found, strict=True)]
     charts = list(residual_charts(maps, shown.forces))
     return {
@@ -104,12 +105,6 @@ _OPTIONS = (
 def save(path: Path, values: Array) -> None:
     """Keep an array in single precision, so that parts of it can be read from the disk."""
     np.save(path, np.asarray(values, np.float32), allow_pickle=False)
-
-
-def _pose(item: Any, shown: Any) -> Array:
-    from identification.figures.charts import pose_of
-
-    return pose_of(item, shown)
 
 
 def _short(names: Sequence[str]) -> list[str]:

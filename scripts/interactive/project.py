@@ -288,10 +288,9 @@ class Project:
                     step.undone = step.undone or step.model == gone
                 self.changed()
 
-    def last(self, kind: str) -> Step | None:
-        """The last finished command of a kind."""
-        found = [step for step in self.steps if step.kind == kind and step.state == DONE]
-        return found[-1] if found else None
+    def last(self, *kinds: str) -> Step | None:
+        """The last finished command of some kinds that was not taken back."""
+        return next((step for step in reversed(self.kept) if step.kind in kinds), None)
 
     def result(self, step: Step | None) -> dict[str, Any] | None:
         """What a finished command found."""

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from identification.figures import chart_style as look
-from identification.figures.single_charts import Line, plan_chart, signals_chart
+from identification.figures.single_charts import Line, plan_along, signals_chart, usual_largest
 from identification.fitting.errors import Traces
 
 Array = NDArray[Any]
@@ -64,10 +64,9 @@ class Drawn:
         predicted = np.asarray(self.array(f"force_{log}_predicted_{last}"), float)
         traces = Traces(time, measured, predicted)
         of_run = np.asarray(self.array(f"velocity_{log}_time"), float)
-        places = np.searchsorted(of_run, time).clip(0, len(of_run) - 1)
-        pose = np.asarray(self.array(f"pose_{log}")[places], float)
-        most = float(np.quantile(np.sqrt((traces.residual**2).mean(axis=1)), 0.98))
-        figure: Any = plan_chart("plan", "", pose, traces, most).figure
+        pose = np.asarray(self.array(f"pose_{log}"), float)
+        most = usual_largest(traces)
+        figure: Any = plan_along("plan", "", of_run, pose, traces, most).figure
         if marked:
             at = np.asarray(figure.data[0].customdata, float)
             inside = np.zeros(len(at), bool)

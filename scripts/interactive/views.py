@@ -158,7 +158,7 @@ def _verdict(project: Project) -> list[Any]:
     """The last sentence on the active model, and what to do next."""
     from dash import html
 
-    step = _newest(project, ("identify", "compare", "diagnose", "add"))
+    step = project.last("identify", "compare", "diagnose", "add")
     found = project.result(step)
     if step is None or found is None:
         return [html.Div(html.P(_first_hint(project)), className="verdict", role="status")]
@@ -342,11 +342,6 @@ def _cancel(step: Step) -> Any:
     from dash import html
 
     return html.Button("Cancel", id={"do": "cancel", "with": str(step.number)})
-
-
-def _newest(project: Project, kinds: tuple[str, ...]) -> Step | None:
-    found = [step for step in project.kept if step.kind in kinds]
-    return found[-1] if found else None
 
 
 def themed(figure: Any) -> Any:

@@ -8,7 +8,8 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from youbot_scripts.shared import result_tables
-from youbot_scripts.shared.report_page import Charts, Formulas, Part, Words, groups_of, write_page
+from youbot_scripts.shared.effect_tables import equations_with
+from youbot_scripts.shared.report_page import Charts, Part, Words, groups_of, write_page
 
 if TYPE_CHECKING:
     from identification.comparison import Comparison
@@ -114,13 +115,6 @@ def next_experiment(found: Found) -> list[str]:
     return [f"Next experiment: motion {proposed['name']} tells {apart} apart"]
 
 
-def equations(mechanism: str, effects: Sequence[str], missing: Sequence[str] = ()) -> Formulas:
-    """The equations of motion, and below them what each effect adds; ``missing`` are marked."""
-    from youbot_scripts.shared.effect_tables import equations_with
-
-    return equations_with(mechanism, effects, missing)
-
-
 def _logs(logs: Iterable[Log]) -> Iterator[Table]:
     found = list(logs)
     if found:
@@ -147,7 +141,7 @@ def _of_identification(result: Identification, logs: Sequence[Log], seed: int) -
     charts = result.drawn()
     yield Charts([charts.pop("forces_0")])
     yield from groups_of(charts)
-    yield equations(result.model.mechanism.name, result.mechanism.structure.effects)
+    yield equations_with(result.model.mechanism.name, result.mechanism.structure.effects)
     yield from _logs(logs)
 
 
@@ -203,7 +197,7 @@ def _of_diagnosis(result: Diagnosis, found: Found, logs: Sequence[Log]) -> Itera
     yield from groups_of(charts)
     yield result_tables.candidates(found)
     effects = result.mechanism.structure.effects
-    yield equations(result.model.mechanism.name, effects, found["missing"])
+    yield equations_with(result.model.mechanism.name, effects, found["missing"])
     model = result_tables.of_model(result.model)
     yield result_tables.parameters(model, "Refitted parameters")
     titles = (
@@ -231,5 +225,5 @@ def _of_addition(result: Addition, found: Found, logs: Sequence[Log]) -> Iterato
     model = result_tables.of_model(result.model)
     yield result_tables.parameters(model, "Refitted parameters")
     effects = tuple(result.model.effects)
-    yield equations(result.model.mechanism.name, effects, [result.effect])
+    yield equations_with(result.model.mechanism.name, effects, [result.effect])
     yield from _logs(logs)

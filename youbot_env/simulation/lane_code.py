@@ -672,20 +672,3 @@ def _mass_check(
     ]
     tests = " and ".join(f"({printer.doprint(minor)}) > 0.0" for minor in minors)
     return "\n".join([_DECORATOR, "def admissible(theta, lengths):", *lines, f"    return {tests}"])
-
-
-class _Single(ast.NodeTransformer):
-    def visit_Constant(self, node: ast.Constant) -> ast.AST:
-        if not isinstance(node.value, float):
-            return node
-        name = ast.Name("real", ast.Load())
-        return ast.copy_location(ast.Call(name, [node], []), node)
-
-
-def in_single_precision(source: str) -> str:
-    """The same source with every number in it rounded to single precision.
-
-    A product of a single and a double is a double; so no double may stand between singles.
-    """
-    tree = ast.fix_missing_locations(_Single().visit(ast.parse(source)))
-    return ast.unparse(tree)

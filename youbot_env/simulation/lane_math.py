@@ -6,8 +6,7 @@ rounded as IEEE 754 says. So these functions are polynomials over additions, mul
 fused multiply-adds. Their coefficients interpolate at Chebyshev nodes with 60 digits; the errors
 in the docstrings are those of double precision.
 
-Generated code in single precision is made from this source, with each number rounded to it: see
-``lane_code.in_single_precision``. ``real`` is the type of such numbers.
+``real`` is the type of the numbers.
 """
 
 from __future__ import annotations
