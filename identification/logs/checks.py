@@ -374,8 +374,10 @@ _SENSORS = (
     counted_speeds,
     unsigned_efforts,
     _saturation,
+    # It compares no wheel with another, and what it finds would look like exchanged wheels.
+    foreign_drive,
 )
-_JOINTS = (_power, _position, foreign_drive)
+_JOINTS = (_power, _position)
 _WHEELS = (
     unsigned_speeds,
     pose_against_wheels,

@@ -19,6 +19,7 @@ from identification.logs.logger_checks import counted_step
 from identification.logs.reading import read_log, write_log
 from identification.signals.filters import integral_of
 from tests.identification.recordings import recording
+from tests.identification.shared_data import DATA, needs_data
 from youbot_env.errors import InputError
 from youbot_env.model.model_file import load_model
 from youbot_env.motions.multisine import multisine
@@ -103,6 +104,13 @@ def test_a_robot_that_is_pushed(free: Log, start: int, stop: int):
     assert "something else drives" in line
     first, last = (int(word) for word in line.split("rows ")[1].split(":")[0].split(" to "))
     assert abs(first - start) < 120 and abs(last - stop) < 120
+
+
+@needs_data
+@pytest.mark.parametrize("name", ["calibration", "multisine_a", "multisine_b"])
+def test_a_push_is_not_taken_for_exchanged_wheels(name: str):
+    with pytest.raises(InputError, match="something else drives"):
+        read_log(DATA / "field" / "pushed_by_hand" / f"{name}.csv.gz")
 
 
 @pytest.mark.parametrize("rows", [2, 4, 8])
