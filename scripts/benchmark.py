@@ -81,9 +81,9 @@ def _counts(name: str, text: str, least: int, most: int) -> list[int]:
 
 
 def _speed_table(found: list[Any]) -> Table:
-    million = Column("million env steps/s", lambda rate: f"{rate / 1e6:.2f}")
+    million = Column("million\nsteps/s", lambda rate: f"{rate / 1e6:.2f}")
     peer = Column("CartPole", lambda rate: f"{rate / 1e6:.2f}")
-    ratio = Column("times as fast", lambda value: f"{value:.2f}")
+    ratio = Column("times\nas fast", lambda value: f"{value:.2f}")
     rows = tuple(
         (
             *(row.case, row.copies, row.threads, row.effects, row.rate, row.peer_rate, row.ratio),
@@ -91,7 +91,7 @@ def _speed_table(found: list[Any]) -> Table:
         )
         for row in found
     )
-    shown = columns("case", "copies", "threads", "effects", million, peer, ratio, "bytes a copy")
+    shown = columns("case", "copies", "threads", "effects", million, peer, ratio, "bytes\na copy")
     return Table("Speed beside CartPole-v1, in turns", shown, rows)
 
 
