@@ -154,7 +154,8 @@ class TestIdentify:
         folder = tmp_path / "plots"
         assert main(["identify", str(logs / "calibration.csv"), "--plots", str(folder)]) == 0
         out = capsys.readouterr().out.replace("\n", "")
-        names = {path.name for path in folder.iterdir()}
+        names = {path.name for path in folder.glob("*.png")}
+        assert names == {path.with_suffix(".png").name for path in folder.glob("*.svg")}
         assert names == {"forces_calibration.png", "motion_calibration.png", "estimates.png"}
         for name in names:
             assert f"plot written to {folder / name}" in out
