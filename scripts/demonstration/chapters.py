@@ -89,7 +89,7 @@ def diagnose(demo: Demonstration) -> None:
 def second_room(demo: Demonstration) -> None:
     """Record logs like those of a real robot, with two things hidden, and diagnose them."""
     demo.say(
-        "Real torques are not so clean. The same robot, its noise twice as large and lasting 50 ms, "
+        "Real torques are not so clean. The same robot, its noise twice as large, lasting 50 ms, "
         "on a slope, with channels that are off by a few hundredths of a newton metre:"
     )
     slope, offsets = LAB
