@@ -22,7 +22,7 @@ if TYPE_CHECKING:
 LABEL = 26
 """Height [px] of the line above a view that names it."""
 
-COLOURS = 64
+COLOURS = 128
 """Of a GIF: the views are flat areas, and each further bit makes the file larger."""
 
 ENDINGS = (".gif", ".mp4")
@@ -118,13 +118,17 @@ def write_animation(path: Path, pictures: Sequence[Image], fps: float) -> None:
 def gif(pictures: Sequence[Image], milliseconds: Sequence[float]) -> bytes:
     """Pictures as a GIF file's content, each shown for its time.
 
-    All have the colours of the last one, which shows the most; else they would flicker.
+    All have the same colours, the most frequent ones of some of them; else they would flicker.
     """
     from PIL import Image
 
-    kept = Image.Quantize.MAXCOVERAGE  # thin lines keep their colours
-    last = pictures[-1].quantize(COLOURS, kept, dither=Image.Dither.NONE)
-    few = [picture.quantize(palette=last, dither=Image.Dither.NONE) for picture in pictures]
+    width, height = pictures[0].size
+    some = pictures[:: max(1, len(pictures) // 8)]
+    sheet = Image.new("RGB", (width, height * len(some)))
+    for k, picture in enumerate(some):
+        sheet.paste(picture, (0, k * height))
+    palette = sheet.quantize(COLOURS, Image.Quantize.FASTOCTREE, dither=Image.Dither.NONE)
+    few = [picture.quantize(palette=palette, dither=Image.Dither.NONE) for picture in pictures]
     content = io.BytesIO()
     few[0].save(
         content, "gif", save_all=True, append_images=few[1:],
