@@ -71,6 +71,7 @@ figures: $(ALL_READY)
 	cp $(DEMO)/after/free_run_multisine_b.png docs/figures/misfit_free_run_after.png
 	$(BIN)/youbot watch --controllers kinematic,computed_torque --seconds 8 --fps 8 --height 240 \
 	  -o docs/figures/watch.gif
+	$(BIN)/python -m docs.workbench_story docs/figures/workbench.gif
 
 
 clean:

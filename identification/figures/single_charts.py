@@ -58,11 +58,14 @@ def errors_chart(
         figure.add_trace(
             look.plotly().Bar(
                 y=names, x=values, orientation="h", marker_color=look.BAR, showlegend=False,
-                text=[percent(error) for error in errors], textposition="auto",
+                text=[percent(error) for error in errors], textposition="outside", cliponaxis=False,
                 hovertemplate="%{y}: %{x:.3g} %<extra></extra>",
             ),
             row=row, col=1,
         )  # fmt: skip
+        # Room for the last number beside its bar, and none left of zero.
+        widest = float(np.nanmax([*values, 100 * level, 1e-9]))
+        figure.update_xaxes(range=[0.0, 1.2 * widest], row=row, col=1)
         if np.isfinite(level):
             look.add_vertical(figure, row, 100 * level)
     figure.update_yaxes(autorange="reversed")

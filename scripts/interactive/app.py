@@ -38,6 +38,8 @@ def build(project: Project, worker: Worker, token: str, port: int) -> Any:
         __name__, title="youbot workbench", update_title="", serve_locally=True,
         assets_folder=str(Path(__file__).parent / "assets"), suppress_callback_exceptions=True,
     )  # fmt: skip
+    # A screen reader has to know the language; Dash does not say one.
+    app.index_string = app.index_string.replace("<html>", '<html lang="en">')
     app.layout = lambda: views.layout(project, REFRESH)
     hashes = [text.strip("'") for text in app.csp_hashes()]
     protect(app.server, token, port, hashes)

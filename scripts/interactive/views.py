@@ -57,8 +57,11 @@ def _aside(project: Project, controllers: list[str]) -> list[Any]:
 
     return [
         html.H2("Logs"),
-        dcc.Checklist(
-            id="logs", options=project.logs, value=project.chosen, className="logs",
+        _group(
+            "Logs to work on",
+            dcc.Checklist(
+                id="logs", options=project.logs, value=project.chosen, className="logs",
+            ),
         ),
         dcc.Upload(
             html.Button("Drop logs here, or choose files", className="wide"),
@@ -70,9 +73,11 @@ def _aside(project: Project, controllers: list[str]) -> list[Any]:
         _button("Compare", "compare"),
         _button("Diagnose: what is missing?", "diagnose"),
         html.H2("Drive"),
-        html.Label("Controllers", htmlFor="controllers"),
-        dcc.Checklist(
-            id="controllers", options=controllers, value=["kinematic", "computed_torque"]
+        _group(
+            "Controllers",
+            dcc.Checklist(
+                id="controllers", options=controllers, value=["kinematic", "computed_torque"]
+            ),
         ),
         html.Label("on the plant", htmlFor="plant"),
         dcc.Input(id="plant", value="paper", type="text", debounce=True, className="wide"),
@@ -88,6 +93,13 @@ def _aside(project: Project, controllers: list[str]) -> list[Any]:
     ]  # fmt: skip
 
 
+def _group(name: str, boxes: Any) -> Any:
+    """Boxes under a name that a screen reader says with each."""
+    from dash import html
+
+    return html.Fieldset([html.Legend(name), boxes])
+
+
 def _pictures() -> list[Any]:
     from dash import dcc, html
 
@@ -99,12 +111,15 @@ def _pictures() -> list[Any]:
         html.Div(
             [
                 html.Label(["Log ", dcc.Dropdown(id="log", clearable=False, className="log")]),
-                dcc.RadioItems(
-                    id="kind", value="velocity", inline=True,
-                    options=[
-                        {"label": "velocities in free run", "value": "velocity"},
-                        {"label": "forces", "value": "force"},
-                    ],
+                html.Div(
+                    dcc.RadioItems(
+                        id="kind", value="velocity", inline=True,
+                        options=[
+                            {"label": "velocities in free run", "value": "velocity"},
+                            {"label": "forces", "value": "force"},
+                        ],
+                    ),
+                    role="radiogroup", **{"aria-label": "Signals"},  # type: ignore[arg-type]
                 ),
                 html.Button("Clear the mark", id="unmark"),
             ],

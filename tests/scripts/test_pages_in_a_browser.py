@@ -12,7 +12,9 @@ import pytest
 
 from identification.figures import chart_style as look, charts, single_charts
 from identification.fitting.errors import Traces
+from tests.scripts.interactive.browser import DRIVER, Browser
 from youbot_scripts.shared.report_page import Charts, Formulas, Words, page
+from youbot_scripts.shared.tables import Table, columns, text
 
 CHROMIUM = shutil.which("chromium") or shutil.which("chromium-browser")
 needs_browser = pytest.mark.skipif(CHROMIUM is None, reason="no chromium: apt install chromium")
@@ -59,6 +61,38 @@ def test_charts_are_drawn_and_names_are_text(tmp_path: Path):
     assert console == ""
     assert len(re.findall(r'class="chart js-plotly-plot"', document)) == 3
     assert "<mfrac>" in document and not re.search(r"<img[^>]*onerror", document)
+
+
+@needs_browser
+@pytest.mark.parametrize("dark", [False, True], ids=["light", "dark"])
+def test_anybody_can_read_it(dark: bool, tmp_path: Path):
+    """No serious fault that axe-core finds, and nothing to scroll sideways to on a phone."""
+    for library in ("selenium", "axe_selenium_python"):
+        pytest.importorskip(library)
+    if DRIVER is None:
+        pytest.skip("no chromedriver: apt install chromium-driver")
+    errors = single_charts.errors_chart(
+        [(None, 0.2, 0.3), ("floor_tilt", 0.01, 0.02)],
+        {"force_error": 0.01, "velocity_error": 0.02},
+    )
+    headers = columns("a", *(text(f"a column with a long name {k}") for k in range(6)))
+    parts = [
+        Words(["It fits."], "verdict"),
+        Words(["A warning."], "warning"),
+        Charts([errors], "Errors"),
+        Charts([plan("plan_0", "first")], folded=True),
+        Table("Wide", headers, (tuple("abcdefg"),)),
+        Formulas("Equations", ["F = \\frac{a}{b}"], [True], ["new"]),
+    ]
+    path = tmp_path / "page.html"
+    path.write_text(page("A page", parts, {"seed": 1}, command="youbot compare ..."))
+    shown = Browser(path.as_uri(), tmp_path / "profile", size=(400, 2000), dark=dark)
+    try:
+        shown.until(lambda: shown.find(".main-svg"), "charts")
+        assert shown.faults() == []
+        assert shown.driver.execute_script("return document.documentElement.scrollWidth") <= 400
+    finally:
+        shown.driver.quit()
 
 
 def test_a_page_of_many_logs_stays_small():

@@ -99,3 +99,54 @@ def _repeats(folder: Path, again: Path) -> None:
     )  # fmt: skip
     made = [json.loads((place / project.model).read_text()) for place in (folder, again)]
     assert made[0]["parameters"] == made[1]["parameters"]
+
+
+@pytest.mark.parametrize("width", [1400, 400])
+@pytest.mark.parametrize("dark", [False, True], ids=["light", "dark"])
+def test_anybody_can_use_it(width: int, dark: bool, served: tuple[str, Path], tmp_path: Path):
+    """No serious fault that axe-core finds, and nothing to scroll sideways to, on a phone too."""
+    pytest.importorskip("axe_selenium_python")
+    page = workbench(served[0], tmp_path / "profile", size=(width, 1400), dark=dark)
+    try:
+        page.until(lambda: page.find("#upload input[aria-label]"), "names of parts")
+        assert page.faults() == []
+        assert page.driver.execute_script("return document.documentElement.scrollWidth") <= width
+        assert page.complaints() == []
+    finally:
+        page.driver.quit()
+
+
+@pytest.fixture
+def own(tmp_path: Path) -> Iterator[str]:
+    """The address of a workbench of one test alone."""
+    folder = tmp_path / "runs"
+    folder.mkdir()
+    write_log(folder / "drive.csv", recording("calibration", TILT, rate=50.0))
+    with serve(folder) as address:
+        yield address
+
+
+def test_the_keyboard_alone_chooses_a_log_and_starts_a_command(own: str, tmp_path: Path):
+    from selenium.webdriver.common.action_chains import ActionChains
+    from selenium.webdriver.common.keys import Keys
+
+    page = workbench(own, tmp_path / "profile")
+
+    def go_to(wanted: str) -> None:
+        for _ in range(40):
+            ActionChains(page.driver).send_keys(Keys.TAB).perform()
+            if page.driver.execute_script(f"return {wanted}(document.activeElement)"):
+                return
+        raise AssertionError(f"Tab never reaches {wanted}")
+
+    try:
+        page.until(lambda: page.find("#logs input"), "the log's name")
+        go_to("(e => e.closest('#logs') !== null)")
+        ActionChains(page.driver).send_keys(Keys.SPACE).perform()
+        page.until(lambda: "Next: check the logs" in page.text(".verdict")[0], "it is chosen")
+        go_to("(e => e.textContent.startsWith('Check the logs'))")
+        ActionChains(page.driver).send_keys(Keys.ENTER).perform()
+        assert page.ended(1)[0] == "done"
+        page.until(lambda: "drive.csv" in " ".join(page.text("details li")), "what was found")
+    finally:
+        page.driver.quit()
