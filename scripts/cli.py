@@ -45,6 +45,7 @@ COMMANDS = (
     "tune",
     "bench",
     "benchmark",
+    "fleet",
     "effects",
     "export",
     "workbench",

@@ -35,7 +35,8 @@ from youbot_scripts.blind_bench import (
 from youbot_scripts.blind_bench.effect_sizes import Sizing, size_table
 from youbot_scripts.blind_bench.proportions import Proportion
 from youbot_scripts.cli import main
-from youbot_scripts.shared.results_folder import RESULTS, spread
+from youbot_scripts.shared.results_folder import RESULTS
+from youbot_scripts.shared.workers import spread
 
 FOLDER = Path(next(iter(blind_bench.__path__)))
 
@@ -467,7 +468,7 @@ def test_workers_end_with_a_parent_that_is_killed(tmp_path):
     script = tmp_path / "parent.py"
     script.write_text(
         "import os, sys, time\n"
-        "from youbot_scripts.shared.results_folder import spread\n"
+        "from youbot_scripts.shared.workers import spread\n"
         "def work(item):\n"
         "    open(os.path.join(sys.argv[1], str(os.getpid())), 'w').close()\n"
         "    time.sleep(60)\n"

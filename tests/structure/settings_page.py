@@ -41,6 +41,7 @@ from identification.signals.held import HeldSettings
 from identification.signals.noise import NoiseSettings
 from youbot_env.contact.settings import EngineSettings
 from youbot_env.tracking.task import REWARD_TERMS, TrackingTask
+from youbot_scripts.fleets.settings import FleetSettings
 
 AREAS = {
     "Identification": (
@@ -75,6 +76,7 @@ AREAS = {
         PolicySettings,
     ),
     "Simulation and task": (EngineSettings, TrackingTask),
+    "Fleets": (FleetSettings,),
 }
 """Classes on the page by area, each after those that it is made of."""
 

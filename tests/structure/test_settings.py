@@ -156,7 +156,8 @@ def test_nor_do_they_hide_in_default_arguments():
 
 
 def test_every_class_of_settings_is_on_the_page():
-    packages = [ROOT / name for name in ("youbot_env", "identification", "controllers")]
+    names = ("youbot_env", "identification", "controllers", "scripts/fleets")
+    packages = [ROOT / name for name in names]
     found = {
         node.name
         for package in packages
