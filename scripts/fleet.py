@@ -1,4 +1,4 @@
-"""Diagnose a fleet: a folder of logs a robot, in many processes or on a cluster, resumable."""
+"""Diagnose many robots, a folder of logs each, here or on a cluster."""
 
 from __future__ import annotations
 
@@ -14,7 +14,6 @@ from youbot_scripts.shared import options as common
 from youbot_scripts.shared.tables import show
 
 EXAMPLES = (
-    "youbot bench --kinds fleet --cases 300 --write robots/",
     "youbot fleet diagnose paper robots/ -o fleet/ --report fleet.html",
     "youbot fleet diagnose model.json site_a/* site_b/* -o fleet/ --backend ray --jobs 8",
 )

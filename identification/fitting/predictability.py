@@ -28,7 +28,7 @@ from identification.fitting.errors import (
     add_up,
     velocity_traces,
 )
-from identification.fitting.regression import Regression, filtered_rows, regression
+from identification.fitting.regression import Regression, regression, rows_by_parts
 from identification.fitting.repeated_periods import repeated_noise
 from identification.fitting.settings import FitSettings, PredictabilitySettings
 from identification.mechanisms.mechanism import Mechanism
@@ -376,6 +376,18 @@ def _motion_features(
     mechanism: Mechanism, samples: Samples, typical: Array, settings: FitSettings
 ) -> Array:
     """(n, Q) of one log, with the filter and the means of the residual's rows."""
+
+    def ends_of(part: Samples) -> Array:
+        signals = _motion_signals(mechanism, part, typical, settings)
+        return np.stack([signals[:-1], signals[1:]])
+
+    return rows_by_parts(ends_of, mechanism, samples, settings)
+
+
+def _motion_signals(
+    mechanism: Mechanism, samples: Samples, typical: Array, settings: FitSettings
+) -> Array:
+    """(N, Q) of samples."""
     chosen, known = settings.predictability, mechanism.variables(samples)
     signals = [known.twist, known.rates, known.position]
     signals.append(np.tanh(known.rates / (chosen.sign_width * typical)))
@@ -392,8 +404,7 @@ def _motion_features(
     sigma = chosen.acceleration_smoothing_time / samples.dt
     acceleration = np.asarray(np.gradient(known.twist, samples.dt, axis=0))
     slopes = [smoothed(acceleration[:, k], sigma) for k in range(acceleration.shape[1])]
-    joined = np.column_stack([joined, *slopes])
-    return filtered_rows(np.stack([joined[:-1], joined[1:]]), mechanism, samples, settings)
+    return np.column_stack([joined, *slopes])
 
 
 def _rows_in(duration: float, step: float) -> int:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from identification.fitting.covariance import hac_covariance
 from identification.fitting.settings import FitSettings
 from identification.mechanisms.mechanism import Mechanism
-from identification.mechanisms.samples import DemandedForce, Samples
+from identification.mechanisms.samples import DemandedForce, Samples, cut
 from identification.signals.filters import block_mean, first_order, settled
 
 Array = NDArray[np.float64]
@@ -62,8 +62,11 @@ def regression(
 ) -> Regression:
     """Filtered residual and columns of one log; of coarse speeds what `Samples.for_fit` leaves."""
     samples = samples.for_fit
-    ends = residual_and_columns(mechanism, mechanism.demand(theta, samples), samples, free)
-    filtered = filtered_rows(ends, mechanism, samples, settings)
+
+    def ends_of(part: Samples) -> Array:
+        return residual_and_columns(mechanism, mechanism.demand(theta, part), part, free)
+
+    filtered = rows_by_parts(ends_of, mechanism, samples, settings)
     step = stride(samples.dt, row_rate(mechanism, settings)) * samples.dt
     # Time of the last sample before the first row, which starts where the filter has settled.
     first = samples.time[0] + (_settled(mechanism, samples, settings) - 1) * samples.dt
@@ -78,9 +81,11 @@ def filtered_residual(
     settings: FitSettings = FitSettings(),
 ) -> Array:
     """The filtered residual (n, A) of :func:`regression` alone."""
-    samples = samples.for_fit
-    residual = residual_ends(mechanism, mechanism.demand(theta, samples), samples)
-    return filtered_rows(residual, mechanism, samples, settings)
+
+    def ends_of(part: Samples) -> Array:
+        return residual_ends(mechanism, mechanism.demand(theta, part), part)
+
+    return rows_by_parts(ends_of, mechanism, samples.for_fit, settings)
 
 
 def residual_ends(mechanism: Mechanism, demand: DemandedForce, samples: Samples) -> Array:
@@ -98,6 +103,35 @@ def residual_and_columns(
     return np.moveaxis(np.concatenate([residual[None], demand.columns(free)]), 0, -1)
 
 
+def rows_by_parts(
+    ends_of: Callable[[Samples], Array],
+    mechanism: Mechanism,
+    samples: Samples,
+    settings: FitSettings = FitSettings(),
+) -> Array:
+    """:func:`filtered_rows` of what ``ends_of`` makes of samples, in parts of long logs.
+
+    An hour at 1 kHz would take gigabytes at once. Each part begins so long before its first row
+    that the filter forgets its start to rounding, and ends as long after its last row, for what
+    looks ahead: slopes, means, a delay.
+    """
+    # What is integrated from corrected wheels would begin anew in each part.
+    whole = mechanism.structure.changes_kinematics
+    if whole or len(samples) <= settings.max_part_samples:
+        return filtered_rows(ends_of(samples), mechanism, samples, settings)
+    size, first = _layout(mechanism, samples, settings)
+    margin = settled(mechanism.filter_rate, samples.dt, settings.part_margin_time_constants)
+    rows = max(1, settings.max_part_samples // size)
+    starts = range(first, len(samples) - size + 1, rows * size)
+    found = []
+    for start in starts:
+        count = min(rows, (len(samples) - start) // size)
+        begin, end = max(0, start - margin), start + count * size + margin
+        part = cut(samples, begin, end)
+        found.append(_rows(ends_of(part), mechanism, part, start - begin, size, settings)[:count])
+    return np.concatenate(found)
+
+
 def filtered_rows(
     ends: Array, mechanism: Mechanism, samples: Samples, settings: FitSettings = FitSettings()
 ) -> Array:
@@ -105,10 +139,18 @@ def filtered_rows(
 
     Rows in which the mechanism rests are zero: they neither ask nor tell anything.
     """
-    filtered = first_order(ends[0], ends[1], mechanism.filter_rate, samples.dt)
-    size = stride(samples.dt, row_rate(mechanism, settings))
-    first = _settled(mechanism, samples, settings)
-    rows = block_mean(filtered[first:], size)
+    size, first = _layout(mechanism, samples, settings)
+    return _rows(ends, mechanism, samples, first, size, settings)
+
+
+def _rows(
+    ends: Array, mechanism: Mechanism, samples: Samples, first: int, size: int,
+    settings: FitSettings,
+) -> Array:  # fmt: skip
+    """Rows of ``size`` samples, from sample ``first`` on."""
+    rows = block_mean(
+        first_order(ends[0], ends[1], mechanism.filter_rate, samples.dt)[first:], size
+    )
     if samples.moves is None:
         return rows
     # The filter remembers what was held at rest, and so does a row soon after it.
@@ -117,6 +159,12 @@ def filtered_rows(
     forgotten = np.exp(-settings.filter.settling_time_constants)
     moved = block_mean(memory[first:], size) < forgotten
     return rows * moved.reshape(-1, *[1] * (rows.ndim - 1))
+
+
+def _layout(mechanism: Mechanism, samples: Samples, settings: FitSettings) -> tuple[int, int]:
+    """Samples of a row, and the first sample of the first row."""
+    size = stride(samples.dt, row_rate(mechanism, settings))
+    return size, _settled(mechanism, samples, settings)
 
 
 def _settled(mechanism: Mechanism, samples: Samples, settings: FitSettings) -> int:

@@ -85,6 +85,20 @@ class Samples:
             bandwidth=np.inf,
         )
 
+    def smoothed(self, channel: str, window: float) -> Array:
+        """(N, J) a channel smoothed over some samples; computed once, for it is asked many times.
+
+        ``channel``: "torque" or "wheel_speed".
+        """
+        known, key = self._smoothed, (channel, window)
+        if key not in known:
+            known[key] = _smoothed(getattr(self, channel), window)
+        return known[key]
+
+    @cached_property
+    def _smoothed(self) -> dict[tuple[str, float], Array]:
+        return {}
+
     @property
     def channels(self) -> tuple[Array, Array]:
         """Speeds and efforts (N, J) of the joints, as logged."""
@@ -144,9 +158,9 @@ def rolled(
     rates = np.zeros_like(s.wheel_speed)
     if structure.filters_speed:
         window = settings.torque_rate_smoothing_time / s.dt
-        rates = np.gradient(_smoothed(s.wheel_speed, window), s.dt, axis=0)
+        rates = np.gradient(s.smoothed("wheel_speed", window), s.dt, axis=0)
     # The torque that a wheel creeps by is smoothed: its noise would be in the motion too.
-    torque = _smoothed(s.torque, settings.internal_torque_smoothing_time / s.dt)
+    torque = s.smoothed("torque", settings.internal_torque_smoothing_time / s.dt)
     at = Instant(tuple(s.twist.T), time=s.time, start=s.start)
     acting = dynamics.channel_torque(np, structure, geometry, theta, tuple(torque.T), at)
     channels = (tuple(s.wheel_speed.T), tuple(rates.T), acting)
