@@ -12,7 +12,7 @@ from identification.fitting.covariance import hac_covariance
 from identification.fitting.settings import FitSettings
 from identification.mechanisms.mechanism import Mechanism
 from identification.mechanisms.samples import DemandedForce, Samples, cut
-from identification.signals.filters import block_mean, first_order, settled
+from identification.signals.filters import settled
 
 Array = NDArray[np.float64]
 Indices = NDArray[np.intp]
@@ -67,11 +67,11 @@ def regression(
         return residual_and_columns(mechanism, mechanism.demand(theta, part), part, free)
 
     filtered = rows_by_parts(ends_of, mechanism, samples, settings)
-    step = stride(samples.dt, row_rate(mechanism, settings)) * samples.dt
+    reduced = settings.rows_of(mechanism.filter_rate, samples.dt)
     # Time of the last sample before the first row, which starts where the filter has settled.
-    first = samples.time[0] + (_settled(mechanism, samples, settings) - 1) * samples.dt
-    time = first + step * np.arange(1, len(filtered) + 1)
-    return Regression(time, step, filtered[..., 0], filtered[..., 1:])
+    first = samples.time[0] + (reduced.first - 1) * samples.dt
+    time = first + reduced.step * np.arange(1, len(filtered) + 1)
+    return Regression(time, reduced.step, filtered[..., 0], filtered[..., 1:])
 
 
 def filtered_residual(
@@ -119,16 +119,16 @@ def rows_by_parts(
     whole = mechanism.structure.changes_kinematics
     if whole or len(samples) <= settings.max_part_samples:
         return filtered_rows(ends_of(samples), mechanism, samples, settings)
-    size, first = _layout(mechanism, samples, settings)
-    margin = settled(mechanism.filter_rate, samples.dt, settings.part_margin_time_constants)
+    reduce = settings.rows_of(mechanism.filter_rate, samples.dt)
+    size, rate = reduce.size, mechanism.filter_rate
+    margin = settled(rate, samples.dt, settings.part_margin_time_constants)
     rows = max(1, settings.max_part_samples // size)
-    starts = range(first, len(samples) - size + 1, rows * size)
     found = []
-    for start in starts:
+    for start in range(reduce.first, len(samples) - size + 1, rows * size):
         count = min(rows, (len(samples) - start) // size)
         begin, end = max(0, start - margin), start + count * size + margin
         part = cut(samples, begin, end)
-        found.append(_rows(ends_of(part), mechanism, part, start - begin, size, settings)[:count])
+        found.append(reduce(ends_of(part), part.moves, start - begin)[:count])
     return np.concatenate(found)
 
 
@@ -139,38 +139,7 @@ def filtered_rows(
 
     Rows in which the mechanism rests are zero: they neither ask nor tell anything.
     """
-    size, first = _layout(mechanism, samples, settings)
-    return _rows(ends, mechanism, samples, first, size, settings)
-
-
-def _rows(
-    ends: Array, mechanism: Mechanism, samples: Samples, first: int, size: int,
-    settings: FitSettings,
-) -> Array:  # fmt: skip
-    """Rows of ``size`` samples, from sample ``first`` on."""
-    rows = block_mean(
-        first_order(ends[0], ends[1], mechanism.filter_rate, samples.dt)[first:], size
-    )
-    if samples.moves is None:
-        return rows
-    # The filter remembers what was held at rest, and so does a row soon after it.
-    rests = (~samples.moves).astype(float)
-    memory = first_order(rests[:-1], rests[1:], mechanism.filter_rate, samples.dt)
-    forgotten = np.exp(-settings.filter.settling_time_constants)
-    moved = block_mean(memory[first:], size) < forgotten
-    return rows * moved.reshape(-1, *[1] * (rows.ndim - 1))
-
-
-def _layout(mechanism: Mechanism, samples: Samples, settings: FitSettings) -> tuple[int, int]:
-    """Samples of a row, and the first sample of the first row."""
-    size = stride(samples.dt, row_rate(mechanism, settings))
-    return size, _settled(mechanism, samples, settings)
-
-
-def _settled(mechanism: Mechanism, samples: Samples, settings: FitSettings) -> int:
-    """Samples until the effect of the filter's initial value is negligible."""
-    constants = settings.filter.settling_time_constants
-    return settled(mechanism.filter_rate, samples.dt, constants)
+    return settings.rows_of(mechanism.filter_rate, samples.dt)(ends, samples.moves)
 
 
 def covariance_of(
