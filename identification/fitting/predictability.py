@@ -105,14 +105,14 @@ class Predictability:
 
         Such a thing happens too seldom to be learnt elsewhere, but noise is not like that.
         """
-        return self._mean_over_median > self.settings.max_mean_over_median
+        return self.mean_over_median > self.settings.max_mean_over_median
 
     @property
     def systematic_share(self) -> float:
         """Share of the residual's squares that is no noise."""
         if self.is_noise:
             return 0.0
-        episodes = 1.0 - 1.0 / self._mean_over_median if self.is_episodic else 0.0
+        episodes = 1.0 - 1.0 / self.mean_over_median if self.is_episodic else 0.0
         return max(self.share_of_motion, episodes)
 
     @property
@@ -159,7 +159,8 @@ class Predictability:
         return blocks[blocks > 0] if (blocks > 0).any() else blocks
 
     @property
-    def _mean_over_median(self) -> float:
+    def mean_over_median(self) -> float:
+        """Of the residual's mean square in blocks of time: 1 of even noise, large of an episode."""
         mean = float(np.mean(self._moving_blocks))
         return mean / max(self._median, 1e-300) if mean > 0 else 1.0
 

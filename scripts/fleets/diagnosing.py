@@ -89,6 +89,9 @@ def doubts_of(screened: Identification, logs: Sequence[Log], settings: FleetSett
     ]
     if share > settings.max_screened_share and screened.misfit is None:
         doubts.append(f"the motion predicts {share:.1%} of the residual's squares")
+    uneven = screened.predictable.mean_over_median
+    if uneven > settings.max_screened_mean_over_median:
+        doubts.append(f"the residual is uneven in time: its mean square is {uneven:.2g} medians")
     return doubts
 
 
