@@ -66,7 +66,9 @@ class PlatformGrammar:
             along_x, along_y = c * back[:, 0] - s * back[:, 1], s * back[:, 0] + c * back[:, 1]
             force.append(np.column_stack([along_x, along_y]))
             place.append(scene.pose[:, :2])
-        rate, speed = self.evidence.mechanism.filter_rate, self.seen.speed * np.sqrt(2)
+        rate = self.evidence.mechanism.filter_rate
+        twist = np.concatenate([scene.twist for scene in self.evidence.scenes])
+        speed = np.hypot(twist[:, 0], twist[:, 1])
         return periods_over_floor(
             np.concatenate(place), np.concatenate(force), speed, rate, self.settings
         )
@@ -81,9 +83,8 @@ class PlatformGrammar:
         ]
         angles = [np.concatenate([scene.angle[:, i] for scene in scenes]) for i in joints]
         torques = [np.concatenate([back @ np.array(unit) for back in self._back]) for unit in units]
-        return cycles_of_angles(
-            angles, torques, self.seen.wheel, mechanism.filter_rate, self.settings
-        )
+        speed = np.concatenate([scene.wheel_speed.ravel() for scene in scenes])
+        return cycles_of_angles(angles, torques, speed, mechanism.filter_rate, self.settings)
 
     @cached_property
     def _back(self) -> list[Array]:

@@ -19,7 +19,7 @@ Array = NDArray[np.float64]
 
 
 def periods_over_floor(
-    place: Array, force: Array, speed: float, filter_rate: float, settings: ProposalSettings
+    place: Array, force: Array, speed: Array, filter_rate: float, settings: ProposalSettings
 ) -> list[tuple[float, float]]:
     """Periods [m] and directions [rad] of the strongest forces along a direction of the world that
     repeat themselves along it; the strongest first.
@@ -27,7 +27,7 @@ def periods_over_floor(
     Parameters
     ----------
     place : (N, 2) [m] at the samples; force : (N, 2) along the world, taken back through the filter
-    speed : rms [m/s]; filter_rate : of the filter of forces [rad/s]
+    speed : (N,) of O [m/s]; filter_rate : of the filter of forces [rad/s]
     """
     reach = float(np.ptp(place, axis=0).max())
     if reach < 2 * settings.shortest_period:
@@ -43,7 +43,9 @@ def periods_over_floor(
     kx, ky = np.meshgrid(k, k, indexing="ij")
     length = np.hypot(kx, ky)
     along = (kx * waves[0] + ky * waves[1]) / np.maximum(length, 1e-300)
-    power = np.abs(along) ** 2 * _lost(length * speed / filter_rate)
+    # Driven in any direction, a wave swings at k v cos(a): the mean over a of what passes.
+    passed = sum(1.0 / np.sqrt(1.0 + (length * v / filter_rate) ** 2) for v in _usual(speed))
+    power = np.abs(along) ** 2 / passed
     low, high = 2 * np.pi / (0.7 * reach), 2 * np.pi / settings.shortest_period
     power[(length < low) | (length > high) | (kx < 0)] = 0.0
     return [
@@ -55,7 +57,7 @@ def periods_over_floor(
 def cycles_of_angles(
     angles: Sequence[Array],
     torques: Sequence[Array],
-    speed: float,
+    speed: Array,
     filter_rate: float,
     settings: ProposalSettings,
 ) -> list[float]:
@@ -64,7 +66,7 @@ def cycles_of_angles(
     Parameters
     ----------
     angles, torques : (N,) of each joint [rad]; taken back through the filter
-    speed : rms [rad/s]; filter_rate : of the filter of forces [rad/s]
+    speed : (N,) of all joints [rad/s]; filter_rate : of the filter of forces [rad/s]
     """
     lowest = min(float(angle.min()) for angle in angles)
     reach = max(float(angle.max()) for angle in angles) - lowest
@@ -77,7 +79,8 @@ def cycles_of_angles(
         index = np.floor((angle - lowest) / cell).astype(int)
         power += np.abs(np.fft.rfft(np.bincount(index, torque, size))) ** 2
     cycles: Array = np.asarray(2 * np.pi * np.fft.rfftfreq(size, cell), float)
-    power = power * _lost(cycles * speed / filter_rate)
+    passed = sum(1.0 / (1.0 + (cycles * v / filter_rate) ** 2) for v in _usual(speed))
+    power = power / passed
     power[(cycles < settings.least_cycles) | (cycles > settings.most_cycles)] = 0.0
     return [float(cycles[i]) for (i,) in _peaks(power, settings.periods)]
 
@@ -89,10 +92,10 @@ MOST_CELLS = 1 << 20
 """Bound on memory: of an angle."""
 
 
-def _lost(rate: Array) -> Array:
-    """By how much more a wave of a rate, over that of the filter, explains than its filtered rows
-    show; of a rate that is as often small as large."""
-    return 1.0 + 0.5 * rate**2
+def _usual(speed: Array) -> Array:
+    """Speeds that each stand for a tenth of the time: how much of a wave the filter leaves depends
+    on them all, since slow motion shows the finest waves."""
+    return np.quantile(np.abs(speed), np.linspace(0.05, 0.95, 10))
 
 
 def _power_of_two(least: float, most: int) -> int:
