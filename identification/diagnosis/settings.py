@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass, field, replace
 
 from identification.fitting.settings import FitSettings
+from identification.proposal.settings import ProposalSettings
 from identification.residual_map.settings import RegimeSettings, ResidualMapSettings
 from youbot_env.errors import Settings, check_settings
 
@@ -25,6 +26,7 @@ class DiagnosisSettings(Settings):
     fit: FitSettings = field(default_factory=FitSettings)
     residual_map: ResidualMapSettings = field(default_factory=ResidualMapSettings)
     regime: RegimeSettings = field(default_factory=RegimeSettings)
+    proposal: ProposalSettings = field(default_factory=ProposalSettings)
 
     # Verdict
     min_explained_share: float = field(
