@@ -358,8 +358,11 @@ SHOWN_VARIABLES = 3
 def describe_in(model: Any, effect: Any) -> str:
     """One sentence on an effect of the catalogue, at the size that it has in a model."""
     values = {name: entry.value for name, entry in model.effects[effect.name].items()}
-    base = {name: entry.value for name, entry in model.parameters.items()}
-    return describe(effect, values, base)
+    known = {name: entry.value for name, entry in model.parameters.items()}
+    # Beside them the other effects: two may be one law together.
+    for other, entries in model.effects.items():
+        known |= {f"{effect_of(other)}.{name}": entry.value for name, entry in entries.items()}
+    return describe(effect, values, known)
 
 
 def warnings_of(

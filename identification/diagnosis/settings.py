@@ -229,6 +229,15 @@ class DiagnosisSettings(Settings):
         },
     )
 
+    min_share_of_first_instance: float = field(
+        default=0.01,
+        metadata={
+            "unit": "share of the squares that the effect takes already",
+            "reason": "to be accepted once more, in some logs, at other values: 17 % of its size "
+            "in one log of three. Of a ripple, whose angles drift, a second one took 0.2 %",
+        },
+    )
+
     # Joint fits of the candidates in the lead
     max_taken_share: float = field(
         default=0.5,
