@@ -24,6 +24,7 @@ from identification.diagnosis.kinematic_stage import (
     accepted_kinematics,
     wheel_evidence,
 )
+from identification.diagnosis.proposed_law import Fits, propose
 from identification.diagnosis.regimes import regime_left
 from identification.diagnosis.report import (
     Diagnosis,
@@ -96,6 +97,9 @@ def diagnose(
     steps, regime = (
         regime_left(data, steps, explained_share(steps)) if unexplained else (steps, None)
     )
+    # Also where trees find nothing: a ripple of the floor is too fine for them.
+    steps, proposal = propose(data, steps, unexplained, Fits(fit_structure, final_fit))
+    unexplained = unexplained or proposal is not None
     floor = data.floor(steps[-1].fitted).to_dict()
     accepted = _names(steps)
     ties = _ties(chosen.rankings, accepted)
@@ -126,10 +130,13 @@ def diagnose(
             *warnings_of(given, steps[0], chosen.out_of_time, settings),
         ),
         told_first=len(of_logs),
-        sentences=tuple(sentences_of(fitted_model, steps, verdict, ties, floor, maps[-1], regime)),
+        sentences=tuple(
+            sentences_of(fitted_model, steps, verdict, ties, floor, maps[-1], regime, proposal)
+        ),
         candidates=candidate_rows(chosen.first, steps, fitted_model),
         settings=settings,
         regime=regime,
+        proposal=proposal,
         changes=changed_parameters(model, fitted_model, mechanism, settings.fit),
     )
 

@@ -21,6 +21,7 @@ from youbot_scripts.blind_bench.effects import (
     DIFFER,
     EVERYTHING,
     KINEMATICS,
+    LAWS,
     OUTSIDE,
     REGIMES,
     Planted,
@@ -58,14 +59,16 @@ KINDS = (
     "regime",
     "sweep",
     "kinematics",
+    "law",
     "fleet",
 )
 """Nothing planted; nothing, and noise that is not white; speeds from encoder counts, with Coulomb
 friction in every other case; one effect of about its size; a quarter of it under twice the noise;
 one of about its size under twice the noise; two of about their size; one outside the catalogue;
 one of about its size in some logs only; one outside the catalogue in a part of the motion;
-one at each of `SWEEP` times its size; one effect of kinematics of about its size;
-one effect of about its size in one of `FAULTY_ONE_IN` cases, of calibration and one multisine."""
+one at each of `SWEEP` times its size; one effect of kinematics of about its size; one of all
+that is outside the catalogue, for which a law may be proposed; one effect of about its size in
+one of `FAULTY_ONE_IN` cases, of calibration and one multisine."""
 
 SWEEP = (1 / 16, 1 / 8, 1 / 4, 1 / 2, 1.0, 2.0, 4.0)
 ALL_RATES = (50.0, 100.0, 250.0)
@@ -231,6 +234,8 @@ def _what(kind: str, index: int, seed: int, rng: np.random.Generator) -> list[tu
         return [(list(REGIMES)[index % len(REGIMES)], about_one[0])]
     if kind == "unknown":
         return [(list(OUTSIDE)[index % len(OUTSIDE)], about_one[0])]
+    if kind == "law":
+        return [(list(LAWS)[index % len(LAWS)], about_one[0])]
     if kind == "sweep":
         return [(names[index % len(names)], SWEEP[index // len(names) % len(SWEEP)])]
     if kind == "kinematics":

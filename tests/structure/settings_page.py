@@ -36,6 +36,7 @@ from identification.importing.settings import ImportSettings
 from identification.kinematics.settings import KinematicsSettings
 from identification.logs.settings import LogSettings
 from identification.mechanisms.settings import MechanismSettings
+from identification.proposal.settings import ProposalSettings
 from identification.residual_map.settings import RegimeSettings, ResidualMapSettings
 from identification.signals.filters import FilterSettings
 from identification.signals.held import HeldSettings
@@ -59,6 +60,7 @@ AREAS = {
         FitSettings,
         ResidualMapSettings,
         RegimeSettings,
+        ProposalSettings,
         DiagnosisSettings,
         ComparisonSettings,
     ),
