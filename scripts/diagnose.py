@@ -18,6 +18,7 @@ from youbot_scripts.shared.options import (
     MechanismOption,
     ModelArgument,
     OutputModelOption,
+    PlotsOption,
     ReportOption,
     SeedOption,
     StrictOption,
@@ -38,7 +39,7 @@ if TYPE_CHECKING:
 
 
 EXAMPLES = (
-    "youbot diagnose model.json runs/*.csv -o better.json",
+    "youbot diagnose model.json runs/*.csv -o better.json --plots plots/",
     "youbot diagnose paper runs/*.csv --effects my_effects.py --report diagnosis.html",
     "youbot diagnose model.json runs/*.csv -o better.json --proposal law.py",
 )
@@ -84,6 +85,7 @@ def main(
         ),
     ] = None,
     mechanism: MechanismOption = None,
+    plots: PlotsOption = None,
     report: ReportOption = None,
     strict: StrictOption = False,
     json: JsonOption = None,
@@ -99,7 +101,7 @@ def main(
     from identification.diagnosis.diagnose import diagnose
     from identification.mechanisms.registry import save_any_model
 
-    check_pictures(None, report)
+    check_pictures(plots, report)
     given = read_inputs(model, logs, mechanism=mechanism, strict=strict)
     with progress(40, "diagnose") as advance:
         result = diagnose(given.model, given.logs, seed=seed, progress=advance)
@@ -114,6 +116,11 @@ def main(
     if proposal:
         _write_law(out, proposal, result, model, output)
     write_result(json, found, seed)
+    if plots:
+        from identification.figures.figures import plot_diagnosis
+
+        for path in plot_diagnosis(result, plots):
+            out.print(f"plot written to {path}", soft_wrap=True)
     if report:
         from youbot_scripts.shared.pages import write_diagnosis
 
