@@ -89,7 +89,10 @@ class Search:
         for shapes in values:
             tried = self._at(trial, shapes)
             assert tried.sums is not None
-            scores.append(self.evidence.scores(tried.sums, self.evidence.seen))
+            score = self.evidence.scores(tried.sums, self.evidence.seen)
+            if not np.isfinite(score).all():  # a law that overflows on this motion
+                continue
+            scores.append(score)
             if tried.square < best.square or best.sums is None:
                 best = tried
         return replace(best, scores=tuple(scores))
