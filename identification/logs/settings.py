@@ -585,6 +585,14 @@ class LogSettings(Settings):
             "that is clipped at two thirds of its peak leaves 0.084 and sets the masses 4 apart",
         },
     )
+    max_left_for_orders: float = field(
+        default=0.005,
+        metadata={
+            "unit": "share of the forces' squares",
+            "reason": "right and exchanged wheels leave the same, at most 0.001 on platforms that "
+            "lack no effect; at 0.011 one wheel's friction has turned the sign of a mass",
+        },
+    )
     max_platform_mass: float = field(
         default=300.0,
         metadata={"unit": "kg", "reason": "heavier platforms have other drives"},
