@@ -113,7 +113,9 @@ def geometry_numbers(geometry: Any) -> Array:
     """All numbers of a geometry, in the order of its fields."""
     if not is_dataclass(geometry):
         raise InputError("an environment needs a geometry that is a dataclass of numbers")
-    return np.array([float(getattr(geometry, f.name)) for f in fields(geometry)])
+    numbers = (getattr(geometry, f.name) for f in fields(geometry))
+    # Names, limits and angles are no part of what converts parameters.
+    return np.array([number for number in numbers if isinstance(number, float)])
 
 
 @dataclass(frozen=True)
