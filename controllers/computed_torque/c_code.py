@@ -74,7 +74,8 @@ def computed_torque_to_c(
     InputError
         If the model, the loop or the name cannot be used.
     """
-    model, loop = load_model(model), loop or Loop(sample_time=0.001)
+    model = load_model(model)
+    loop = loop or Loop(sample_time=0.001, torque_limit=model.geometry.max_wheel_torque)
     name = checked_name(name)
     controller = ComputedTorque(model, loop, bandwidth)
     marks = {"about": about(model), **_sizes(controller), **_numbers(controller)}

@@ -69,7 +69,8 @@ class ComputedTorque:
         bandwidth: float | None = None,
         settings: FeedbackSettings | None = None,
     ) -> None:
-        self.model, self.loop = model, loop or Loop()
+        self.model = model
+        self.loop = loop or Loop(torque_limit=model.geometry.max_wheel_torque)
         if bandwidth is not None:
             bandwidth = finite("bandwidth [rad/s]", bandwidth, positive=True)
         self.design = design(model, self.loop, bandwidth, settings or FeedbackSettings())

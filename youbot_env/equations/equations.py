@@ -412,7 +412,7 @@ class Equations:
         force = body_force(self.rolling, torque)
         lines = [
             f"{show(sympy.Symbol(side))} = {show(with_values(tidy(value), values))}"
-            for side, value in zip(SIDES, force, strict=True)
+            for side, value in zip(SIDES, map(sympy.factor_terms, force), strict=True)
         ]
         for symbol, value in self.no_slip.items():
             if any(side.has(symbol) for side in self.sides):

@@ -258,6 +258,8 @@ def _key(structure: Structure, system: Generated) -> str:
     """Changes with whatever could change the generated source."""
     digest = hashlib.sha256(youbot_env.__version__.encode())
     digest.update(system.variant.encode())
+    # Several kinds may stand in one module.
+    digest.update(repr((structure.mechanism.home, structure.mechanism.lengths)).encode())
     for name in (*SOURCES, *system.sources, system.dynamics.__name__, structure.mechanism.module):
         # The source files, not the version alone: an edit of the physics must give a new kernel.
         digest.update(Path(str(sys.modules[name].__file__)).read_bytes())

@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 
 from controllers.computed_torque.computed_torque import ComputedTorque
+from controllers.computed_torque.feedback_design import velocity_map
 from controllers.interface import Controller, Loop, Observation, Reference
 from tests.controllers.driving import (
     LAGGED,
@@ -95,7 +96,8 @@ def test_without_error_it_is_the_models_inverse_dynamics_when_the_torque_acts(ca
         *smooth(middle), pose=pose, wheel_angle=angle, torque_rate=rate, time=middle
     )
     acting = demanded(model, now, middle)
-    observation = Observation(now, np.zeros(4), twists[0], START, acting)
+    speed = twists[0] @ np.linalg.pinv(velocity_map(model))  # as the model has it measured
+    observation = Observation(now, speed, twists[0], START, acting)
     torque = control(observation, Reference(twists[0], slopes[0], twists[1:], slopes[1:]))
     np.testing.assert_allclose(torque, wanted, atol=1e-3 * np.abs(wanted).max())
 
