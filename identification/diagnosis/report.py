@@ -313,7 +313,7 @@ def _of_the_unknown(steps: Sequence[Step], level: float, remaining: ResidualMap)
         found.append(f"what remains is large at times only: {_episodes(steps[-1])}")
     if remaining.leading:
         shown = [item for item in remaining.shares if item.share > 0][:SHOWN_VARIABLES]
-        parts = ", ".join(f"{item.variable} ({item.share:.0%})" for item in shown)
+        parts = ", ".join(item.words for item in shown)
         found.append(f"what remains depends on {parts}")
     elif not steps[-1].predictable.is_episodic:
         found.append(f"of what remains: {remaining.words(large=True)}")

@@ -5,7 +5,8 @@ for noise of any colour, where a comparison with a level of white noise does not
 randomised trees (Geurts, Ernst and Wehenkel, Machine Learning 63, 2006) predict the filtered
 residual on stretches of time that they have not seen, from speeds, their signs, accelerations,
 heading, place, wheel angles, time and log. Measured torques are left out: the residual holds their
-noise, so they would predict it always.
+noise, so they would predict it always. What trees cannot learn, a force that repeats over a place
+or a wheel's angle, a scan over periods sees: :mod:`identification.fitting.harmonic_scan`.
 
 What nothing predicts is the noise floor: the error that no model of the motion can go below. The
 same noise, acting as a force, and white noise on the measured speeds make the free run's.
@@ -28,6 +29,7 @@ from identification.fitting.errors import (
     add_up,
     velocity_traces,
 )
+from identification.fitting.harmonic_scan import harmonic_scan
 from identification.fitting.regression import Regression, filtered_rows, regression
 from identification.fitting.repeated_periods import repeated_noise
 from identification.fitting.settings import FitSettings, PredictabilitySettings
@@ -88,10 +90,11 @@ class Predictability:
     @property
     def is_noise(self) -> bool:
         """Whether nothing is left that the motion predicts, and nothing happens at times only."""
-        return not self._is_predicted and not self.is_episodic
+        return not self.is_predicted and not self.is_episodic
 
     @property
-    def _is_predicted(self) -> bool:
+    def is_predicted(self) -> bool:
+        """Whether the motion predicts more than noise would let it."""
         # A sensor's offset that wanders is noise: its neighbours in time tell it, no motion does.
         # So is what counts and other steps hide.
         return self.share_of_motion - self.wander > self.settings.max_noise_share
@@ -172,7 +175,7 @@ class Predictability:
 
     def noise(self, log: int) -> Array:
         """(n, A) rows of one log that count as noise."""
-        rows = self.unpredicted[log] if self._is_predicted else self.residual[log]
+        rows = self.unpredicted[log] if self.is_predicted else self.residual[log]
         if not self.is_episodic:
             return rows
         return rows * ~self._is_loud(log)[self._block_of(log), None]
@@ -262,10 +265,16 @@ def _predictability(
         0.0,
         chosen,
     )
-    if found.share <= chosen.max_noise_share:
+    if found.share > chosen.max_noise_share:
+        found = replace(found, wander=_wander(all_features, joined, fold_of, seed, settings))
+    if found.is_predicted:
         return found
-    wander = _wander(all_features, joined, fold_of, seed, settings)
-    return replace(found, wander=wander)
+    waves = harmonic_scan(mechanism, [row.residual for row in rows], samples, settings)
+    if not waves or not waves[0].is_seen(settings.harmonic_scan):
+        return found
+    predicted = tuple(part[::thin] for part in waves[0].predicted)
+    periodic = replace(found, predicted=predicted, wander=0.0)
+    return periodic if periodic.is_predicted else found
 
 
 def _wander(
@@ -330,22 +339,25 @@ def _predict_fold(
     fold: int,
 ) -> Array:
     # Imported here: it takes half a second, and a fit does without.
-    from sklearn.ensemble import ExtraTreesRegressor
+    from sklearn.tree import ExtraTreeRegressor
 
     chosen, held = settings.predictability, fold_of == fold
-    # One thread: threads of its own would add the trees up in the order in which they finish, and
-    # the last digit would change from run to run.
-    trees = ExtraTreesRegressor(
-        chosen.trees,
-        min_samples_leaf=chosen.min_rows_of_leaf,
-        max_features=chosen.share_of_features,
-        random_state=seed,
-        n_jobs=1,
-    )
-    known = residual[~held]
-    # Of one axis a vector: scikit-learn warns of a matrix with one column.
-    trees.fit(features[~held], known[:, 0] if known.shape[1] == 1 else known)
-    return trees.predict(features[held]).reshape(-1, residual.shape[1])
+    known, given = residual[~held], features[~held].astype(np.float32)
+    asked = features[held].astype(np.float32)
+    draws = np.random.RandomState(seed)
+    found = np.zeros((len(asked), residual.shape[1]))
+    # One tree after another: scikit-learn's forest passes the filters of warnings to each tree,
+    # and these are shared by all threads, so that folds side by side disturb each other.
+    for _ in range(chosen.trees):
+        tree = ExtraTreeRegressor(
+            min_samples_leaf=chosen.min_rows_of_leaf,
+            max_features=chosen.share_of_features,
+            random_state=draws.randint(np.iinfo(np.int32).max),
+        )
+        # Of one axis a vector: scikit-learn warns of a matrix with one column.
+        tree.fit(given, known[:, 0] if known.shape[1] == 1 else known)
+        found += tree.predict(asked).reshape(found.shape)
+    return found / chosen.trees
 
 
 def _all_features(

@@ -12,7 +12,6 @@ from identification.fitting.covariance import hac_covariance
 from identification.fitting.settings import FitSettings
 from identification.mechanisms.mechanism import Mechanism
 from identification.mechanisms.samples import DemandedForce, Samples
-from identification.signals.filters import block_mean, first_order, settled
 
 Array = NDArray[np.float64]
 Indices = NDArray[np.intp]
@@ -64,11 +63,11 @@ def regression(
     samples = samples.for_fit
     ends = residual_and_columns(mechanism, mechanism.demand(theta, samples), samples, free)
     filtered = filtered_rows(ends, mechanism, samples, settings)
-    step = stride(samples.dt, row_rate(mechanism, settings)) * samples.dt
+    reduced = settings.rows_of(mechanism.filter_rate, samples.dt)
     # Time of the last sample before the first row, which starts where the filter has settled.
-    first = samples.time[0] + (_settled(mechanism, samples, settings) - 1) * samples.dt
-    time = first + step * np.arange(1, len(filtered) + 1)
-    return Regression(time, step, filtered[..., 0], filtered[..., 1:])
+    first = samples.time[0] + (reduced.first - 1) * samples.dt
+    time = first + reduced.step * np.arange(1, len(filtered) + 1)
+    return Regression(time, reduced.step, filtered[..., 0], filtered[..., 1:])
 
 
 def filtered_residual(
@@ -105,24 +104,7 @@ def filtered_rows(
 
     Rows in which the mechanism rests are zero: they neither ask nor tell anything.
     """
-    filtered = first_order(ends[0], ends[1], mechanism.filter_rate, samples.dt)
-    size = stride(samples.dt, row_rate(mechanism, settings))
-    first = _settled(mechanism, samples, settings)
-    rows = block_mean(filtered[first:], size)
-    if samples.moves is None:
-        return rows
-    # The filter remembers what was held at rest, and so does a row soon after it.
-    rests = (~samples.moves).astype(float)
-    memory = first_order(rests[:-1], rests[1:], mechanism.filter_rate, samples.dt)
-    forgotten = np.exp(-settings.filter.settling_time_constants)
-    moved = block_mean(memory[first:], size) < forgotten
-    return rows * moved.reshape(-1, *[1] * (rows.ndim - 1))
-
-
-def _settled(mechanism: Mechanism, samples: Samples, settings: FitSettings) -> int:
-    """Samples until the effect of the filter's initial value is negligible."""
-    constants = settings.filter.settling_time_constants
-    return settled(mechanism.filter_rate, samples.dt, constants)
+    return settings.rows_of(mechanism.filter_rate, samples.dt)(ends, samples.moves)
 
 
 def covariance_of(

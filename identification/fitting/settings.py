@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 
 from identification.mechanisms.settings import MechanismSettings
-from identification.signals.filters import FilterSettings
+from identification.signals.filters import FilterSettings, RowFilter
 from identification.signals.held import HeldSettings
 from identification.signals.noise import NoiseSettings
 from youbot_env.errors import InputError, Settings, check_settings
@@ -191,6 +191,107 @@ class PredictabilitySettings(Settings):
 
 
 @dataclass(frozen=True)
+class HarmonicScanSettings(Settings):
+    """How it is tested whether a residual repeats over a place or a wheel's angle.
+
+    Each field's ``metadata`` holds its unit and the reason, or the measurement, for its default.
+    """
+
+    max_p_value: float = field(
+        default=0.001,
+        metadata={
+            "unit": "1",
+            "reason": "over all variables scanned; from the spread of what is gained in stretches",
+        },
+    )
+    min_share: float = field(
+        default=0.02,
+        metadata={
+            "unit": "share of the residual's squares, held out",
+            "reason": "a wave that takes less is not worth a word",
+        },
+    )
+    folds: int = field(
+        default=4,
+        metadata={"unit": "1", "reason": "a wave is chosen on three quarters of the stretches"},
+    )
+    stretch_duration: float = field(
+        default=6.0,
+        metadata={
+            "unit": "s",
+            "reason": "of what is held out together, as by the trees: long against the memory of "
+            "noise and filter",
+        },
+    )
+    min_stretches: int = field(
+        default=8,
+        metadata={"unit": "1", "reason": "two a fold; fewer say nothing of chance"},
+    )
+    min_periods: float = field(
+        default=4.0,
+        metadata={
+            "unit": "periods in the usual range of a place",
+            "reason": "longer waves are seen by trees and by smooth functions of the place, and "
+            "slow noise imitates them: with 2, a torque that wanders had a share of 0.04",
+        },
+    )
+    usual_range: tuple[float, float] = field(
+        default=(0.02, 0.98),
+        metadata={
+            "unit": "quantile",
+            "reason": "of the places, so that one excursion does not stretch the range",
+        },
+    )
+    oversampling: float = field(
+        default=3.0,
+        metadata={
+            "unit": "waves for each period more in the range",
+            "reason": "a wave between two of them loses 9 % of its amplitude at most",
+        },
+    )
+    max_waves: int = field(
+        default=500,
+        metadata={"unit": "1", "reason": "over one coordinate: a bound on time"},
+    )
+    max_share_of_nyquist: float = field(
+        default=0.7,
+        metadata={
+            "unit": "share of half the rate of the rows",
+            "reason": "at which a wave may pass at the usual speed; faster ones are averaged away",
+        },
+    )
+    max_wheel_order: int = field(
+        default=40,
+        metadata={"unit": "cycles a turn", "reason": "up to which ripples are declared too"},
+    )
+    exact_waves: int = field(
+        default=3,
+        metadata={
+            "unit": "1",
+            "reason": "of the waves that lead in a fold, tried with the filter's exact response",
+        },
+    )
+    sample_rate: float = field(
+        default=50.0,
+        metadata={
+            "unit": "Hz",
+            "reason": "at which waves are scanned: five times what the fastest of them passes at",
+        },
+    )
+    samples_for_size: int = field(
+        default=10,
+        metadata={"unit": "1", "reason": "one of as many scanned samples tells a wave's size"},
+    )
+    waves_at_once: int = field(
+        default=64,
+        metadata={"unit": "1", "reason": "a bound on memory: 7 MB for 260 s"},
+    )
+
+    def __post_init__(self) -> None:
+        check_settings(self, "harmonic scan settings", positive=True)
+
+
+@dataclass(frozen=True)
 class WheelEvidenceSettings(Settings):
     """How kinematics is judged by the wheels and a pose alone.
 
@@ -315,6 +416,7 @@ class FitSettings(Settings):
     held: HeldSettings = field(default_factory=HeldSettings)
     mechanism: MechanismSettings = field(default_factory=MechanismSettings)
     predictability: PredictabilitySettings = field(default_factory=PredictabilitySettings)
+    harmonic_scan: HarmonicScanSettings = field(default_factory=HarmonicScanSettings)
     kinematics: WheelEvidenceSettings = field(default_factory=WheelEvidenceSettings)
 
     # Rows of the regression
@@ -680,3 +782,9 @@ class FitSettings(Settings):
                 raise InputError(f"fit settings: {name} must be below 1")
         if self.recursive_forgetting > 1.0:
             raise InputError("fit settings: recursive_forgetting must be at most 1")
+
+    def rows_of(self, filter_rate: float, dt: float) -> RowFilter:
+        """How samples ``dt`` [s] apart become rows, through a filter of some rate [rad/s]."""
+        rate = max(self.row_rate, self.rows_per_filter_rate * filter_rate)
+        size = max(1, round(1.0 / (rate * dt)))
+        return RowFilter(filter_rate, self.filter.settling_time_constants, dt, size)

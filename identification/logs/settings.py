@@ -577,6 +577,14 @@ class LogSettings(Settings):
         default=3.0,
         metadata={"unit": "1", "reason": "a unit is at least 4 off; lags make 2.3"},
     )
+    max_forces_unexplained: float = field(
+        default=0.06,
+        metadata={
+            "unit": "share of the forces' squares",
+            "reason": "at most 0.045 in logs of 10 kinds of missing effects, in any unit; a torque "
+            "that is clipped at two thirds of its peak leaves 0.084 and sets the masses 4 apart",
+        },
+    )
     max_platform_mass: float = field(
         default=300.0,
         metadata={"unit": "kg", "reason": "heavier platforms have other drives"},

@@ -58,6 +58,7 @@ def curves_of(
     block: int,
     settings: ResidualMapSettings,
     cycles: int = 1,
+    period: float | None = None,
 ) -> list[Curve]:
     """Curves of a residual over a variable: one, or one for each component of the twist.
 
@@ -68,10 +69,10 @@ def curves_of(
     ----------
     logs, reductions : of each log; residual : (n, A) of each fold, in the logs' order
     block : rows within which residuals are correlated
-    cycles : per turn, for a wheel's angle
+    cycles : per turn, for a wheel's angle; period : of a place, to draw one of many over another
     """
     found = []
-    for abscissa in _abscissae(logs, variable, cycles, settings.smoothing_rate):
+    for abscissa in _abscissae(logs, variable, cycles, period, settings.smoothing_rate):
         knots = _knots(abscissa, settings)
         features = [
             reduction(hat_functions(values, knots, abscissa.period))
@@ -96,7 +97,11 @@ def _knots(abscissa: _Abscissa, settings: ResidualMapSettings) -> Array:
 
 
 def _abscissae(
-    logs: Sequence[MotionVariables], variable: str, cycles: int, smoothing: float
+    logs: Sequence[MotionVariables],
+    variable: str,
+    cycles: int,
+    period: float | None,
+    smoothing: float,
 ) -> Iterator[_Abscissa]:
     turns = logs[0].turns
     if variable == "twist":
@@ -110,11 +115,15 @@ def _abscissae(
     elif variable == "time":
         yield _Abscissa("time from the log's start", "s", [log.time for log in logs])
     else:
-        yield _of_component(logs, variable, cycles, smoothing)
+        yield _of_component(logs, variable, cycles, period, smoothing)
 
 
 def _of_component(
-    logs: Sequence[MotionVariables], variable: str, cycles: int, smoothing: float
+    logs: Sequence[MotionVariables],
+    variable: str,
+    cycles: int,
+    period: float | None,
+    smoothing: float,
 ) -> _Abscissa:
     """The component (place, axis or joint) that the variable's name ends with: torque_fl."""
     kind, _, which = variable.rpartition("_") if "_" in variable else (variable, "", "")
@@ -122,8 +131,11 @@ def _of_component(
     own = {} if first.turns is None else UNITS_OF_AXIS[first.turns]
     label = f"{kind.replace('_', ' ')} {which}".strip()
     if kind == "position":
-        k = first.places.index(which)
-        return _Abscissa(label, own.get(kind, "m"), [log.position[:, k] for log in logs])
+        k, unit = first.places.index(which), own.get(kind, "m")
+        places = [log.position[:, k] for log in logs]
+        if period:
+            label, places = f"{label}, modulo a period", [_wrapped(v, period) for v in places]
+        return _Abscissa(label, unit, places, period)
     if kind == "acceleration":
         k, unit = first.axes.index(which), own.get(kind) or ACCELERATION[which]
         smoothed = [smooth(log.acceleration, smoothing, log.dt)[:, k] for log in logs]

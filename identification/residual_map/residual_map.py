@@ -15,6 +15,8 @@ from functools import partial
 import numpy as np
 from numpy.typing import NDArray
 
+from identification.fitting.harmonic_scan import harmonic_scan
+from identification.fitting.regression import filtered_residual
 from identification.fitting.settings import FitSettings
 from identification.mechanisms.mechanism import Mechanism
 from identification.mechanisms.samples import Samples
@@ -92,13 +94,36 @@ def residual_map(
     rest = held_out_gains(folds, sides, with_twist, groups, settings.ridge_strengths)
     shares = _shares(table, [of_twist, *rest], twist_gain, total, signs.shape[1], beyond)
     own = _beyond_twist(log_shares(folds, table.variables, table.reductions, settings), shares)
+    shares = _with_periods(shares, _beyond_twist(_periodic(mechanism, theta, logs, fit), shares))
     refit = 1.0 - total / given if given > 0 else 0.0
     shares = tuple(sorted([*shares, *own], key=lambda item: (-item.share, item.p_value)))
     return ResidualMap(shares, float(refit), seconds, partial(_curves, table, residual, beyond))
 
 
+def _periodic(
+    mechanism: Mechanism, theta: Array, logs: Sequence[Samples], fit: FitSettings
+) -> list[Share]:
+    """Shares of places by what repeats over them every few centimetres, where that is seen."""
+    residual = [filtered_residual(mechanism, np.asarray(theta, float), item, fit) for item in logs]
+    waves = harmonic_scan(mechanism, residual, logs, fit, angles=False)
+    unit = "rad" if mechanism.variables(logs[0]).turns else "m"
+    return [
+        Share(wave.variable, wave.share, wave.p_value, period=wave.period, unit=unit)
+        for wave in waves
+        if wave.is_seen(fit.harmonic_scan)
+    ]
+
+
+def _with_periods(shares: Sequence[Share], periodic: Sequence[Share]) -> tuple[Share, ...]:
+    """The shares, of places the larger of what they explain smoothly and by what repeats."""
+    known = {item.variable: item for item in periodic}
+    return tuple(
+        max(item, known.get(item.variable, item), key=lambda share: share.share) for item in shares
+    )
+
+
 def _beyond_twist(own: Sequence[Share], shares: Sequence[Share]) -> list[Share]:
-    """Shares of the log and the shared time, no more than the twist leaves.
+    """Shares of a scan of its own, no more than the twist leaves.
 
     A bend in the twist is another slope in each log, since each log has speeds of its own.
     """
@@ -110,13 +135,13 @@ def _curves(
     table: ResidualTable,
     residual: Sequence[Array],
     beyond: Sequence[Array],
-    variable: str,
-    cycles: int,
+    share: Share,
 ) -> list[Curve]:
     """Over the twist: of the model's residual. Over others: of what the twist leaves of it.
 
     None over the log and the time that logs share: what differs there are parameters.
     """
+    variable = share.variable
     if variable not in table.index:
         return []
     return curves_of(
@@ -126,7 +151,8 @@ def _curves(
         residual if variable == "twist" else beyond,
         block=table.folds[0].block,
         settings=table.settings,
-        cycles=cycles,
+        cycles=share.cycles or 1,
+        period=share.period,
     )
 
 

@@ -17,17 +17,32 @@ class Share:
     share : beyond the twist, of the twist alone; 0 where chance could have made it
     p_value : family-wise, over all variables
     cycles : per turn, of a wheel's angle that has a share
+    period : after which it repeats, of a place that has its share by that, in ``unit``
     """
 
     variable: str
     share: float
     p_value: float
     cycles: int | None = None
+    period: float | None = None
+    unit: str = ""
 
     def to_dict(self) -> dict[str, Any]:
         """JSON form."""
-        found = {"variable": self.variable, "share": self.share, "p_value": self.p_value}
-        return found if self.cycles is None else {**found, "cycles": self.cycles}
+        known = {"cycles": self.cycles, "period": self.period}
+        return {
+            "variable": self.variable,
+            "share": self.share,
+            "p_value": self.p_value,
+            **{name: value for name, value in known.items() if value is not None},
+        }
+
+    @property
+    def words(self) -> str:
+        """The variable with its share, and its period if it has one."""
+        # Three digits: a scan over a room tells a period to a part in a hundred or better.
+        often = "" if self.period is None else f", again every {self.period:.3g} {self.unit}"
+        return f"{self.variable} ({self.share:.0%}{often})"
 
 
 @dataclass(frozen=True)
@@ -37,15 +52,13 @@ class ResidualMap:
     seconds : of the logs that it was made of
     refit : share of the given parameters' residual that disappears when they are fitted again,
         held out; it may be negative
-    _curves : of a variable, at some cycles per turn; None where the logs were too short
+    _curves : of a variable with its share; None where the logs were too short
     """
 
     shares: tuple[Share, ...]
     refit: float = 0.0
     seconds: float = 0.0
-    _curves: Callable[[str, int], list[Curve]] | None = field(
-        default=None, repr=False, compare=False
-    )
+    _curves: Callable[[Share], list[Curve]] | None = field(default=None, repr=False, compare=False)
 
     def to_list(self) -> list[dict[str, Any]]:
         """JSON form, as the design fixes it."""
@@ -80,5 +93,5 @@ class ResidualMap:
         KeyError
             If the logs have no such variable.
         """
-        cycles = {share.variable: share.cycles for share in self.shares}[variable]
-        return [] if self._curves is None else self._curves(variable, cycles or 1)
+        share = {share.variable: share for share in self.shares}[variable]
+        return [] if self._curves is None else self._curves(share)

@@ -136,3 +136,52 @@ def integral_of(rate: Array, dt: float) -> Array:
     total = np.zeros_like(rate)
     np.cumsum(0.5 * dt * (rate[1:] + rate[:-1]), axis=0, out=total[1:])
     return total
+
+
+@dataclass(frozen=True)
+class RowFilter:
+    """From a log's samples to rows: the filter, then means over a row's samples.
+
+    rate : of the filter [rad/s]; settling : its time constants until its start is forgotten
+    dt : of the samples [s]; size : samples in a row
+    """
+
+    rate: float
+    settling: float
+    dt: float
+    size: int
+
+    @property
+    def first(self) -> int:
+        """Number of the first row's first sample: there the filter has settled."""
+        return settled(self.rate, self.dt, self.settling)
+
+    @property
+    def step(self) -> float:
+        """From one row to the next [s]."""
+        return self.size * self.dt
+
+    def __call__(self, ends: Array, moves: NDArray[np.bool_] | None = None) -> Array:
+        """Rows (n, ...) of a signal that is given at interval ends (2, N - 1, ...).
+
+        Rows in which the mechanism rests are zero: they neither ask nor tell anything.
+
+        ``moves`` (N,): whether it moves; None if it does all the time.
+        """
+        filtered = first_order(ends[0], ends[1], self.rate, self.dt)
+        rows = block_mean(filtered[self.first :], self.size)
+        if moves is None:
+            return rows
+        # The filter remembers what was held at rest, and so does a row soon after it.
+        rests = (~moves).astype(float)
+        memory = first_order(rests[:-1], rests[1:], self.rate, self.dt)
+        moved = block_mean(memory[self.first :], self.size) < np.exp(-self.settling)
+        return rows * moved.reshape(-1, *[1] * (rows.ndim - 1))
+
+    def adjoint(self, rows: Array, count: int) -> Array:
+        """(N, ...) such that its product with N = ``count`` samples is that of ``rows`` (n, ...)
+        with the rows of these samples."""
+        spread = np.zeros((count, *rows.shape[1:]))
+        inside = np.repeat(rows / self.size, self.size, axis=0)[: count - self.first]
+        spread[self.first : self.first + len(inside)] = inside
+        return filter_samples(spread[::-1], self.rate, self.dt)[::-1]

@@ -28,6 +28,7 @@ from identification.comparison import ComparisonSettings
 from identification.diagnosis.settings import DiagnosisSettings
 from identification.fitting.settings import (
     FitSettings,
+    HarmonicScanSettings,
     PredictabilitySettings,
     WheelEvidenceSettings,
 )
@@ -52,6 +53,7 @@ AREAS = {
         ImportSettings,
         MechanismSettings,
         PredictabilitySettings,
+        HarmonicScanSettings,
         WheelEvidenceSettings,
         FitSettings,
         ResidualMapSettings,

@@ -1,0 +1,297 @@
+"""Is a residual periodic in a place or in a wheel's angle? A scan over periods, held out.
+
+Joints of a floor, ribs, teeth of a gear: a force that repeats every few centimetres or some times a
+turn. Neither trees nor smooth functions of a coordinate see it, since they would have to know each
+period by itself. Here one wave (a period, with its sizes and phases) is chosen by most of the
+stretches of time and predicts the others, fold by fold, so that chance has nothing to gain by the
+many periods that were tried.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.special import ndtr
+
+from identification.fitting.settings import FitSettings, HarmonicScanSettings
+from identification.mechanisms.mechanism import Mechanism
+from identification.mechanisms.samples import Samples
+
+Array = NDArray[np.float64]
+Indices = NDArray[np.intp]
+
+
+@dataclass(frozen=True)
+class Harmonic:
+    """One wave over one variable, and what it predicts on stretches that were held out.
+
+    Attributes
+    ----------
+    variable : position_x, wheel_angle_fl, ...
+    period : in its unit [m or rad]; of most folds
+    predicted : per log (n, A), each stretch from the others
+    share : of the residual's squares that this takes away; below zero of noise
+    p_value : chance of such a share, over all variables that were scanned
+    """
+
+    variable: str
+    period: float
+    predicted: tuple[Array, ...]
+    share: float
+    p_value: float
+
+    def is_seen(self, settings: HarmonicScanSettings) -> bool:
+        """Whether it is more than chance."""
+        return self.p_value <= settings.max_p_value and self.share > settings.min_share
+
+
+@dataclass(frozen=True)
+class _Scanned:
+    """A variable to scan: per log values (N,) and force patterns (N, A, G); wave numbers (K,)."""
+
+    name: str
+    values: list[Array]
+    patterns: list[Array]
+    wave_numbers: Array
+
+
+def harmonic_scan(
+    mechanism: Mechanism,
+    residual: Sequence[Array],
+    samples: Sequence[Samples],
+    settings: FitSettings = FitSettings(),
+    *,
+    angles: bool = True,
+) -> list[Harmonic]:
+    """The best wave over each coordinate of the place and each wheel's angle, the largest first.
+
+    Over a place the force acts along the world's axes and as a moment; over an angle along the
+    body's. Empty where the logs hold too few stretches, or nothing to scan.
+
+    Parameters
+    ----------
+    residual : per log (n, A) rows of a fit on these samples, made with these settings
+    angles : whether wheel angles are scanned too, or places alone
+    """
+    chosen = settings.harmonic_scan
+    steps = [settings.rows_of(mechanism.filter_rate, item.dt).step for item in samples]
+    stretches = _stretches(residual, steps, chosen)
+    found = _scanned(mechanism, steps[0], samples, chosen, angles)
+    if int(stretches[-1].max(initial=-1)) + 1 < chosen.min_stretches or not found:
+        return []
+    by_variable = [
+        _best_wave(mechanism, one, residual, stretches, samples, settings) for one in found
+    ]
+    count = len(by_variable)
+    waves = [
+        Harmonic(name, period, predicted, share, min(1.0, count * p_value))
+        for name, period, predicted, share, p_value in by_variable
+    ]
+    return sorted(waves, key=lambda wave: -wave.share)
+
+
+def _stretches(
+    residual: Sequence[Array], steps: Sequence[float], settings: HarmonicScanSettings
+) -> list[Indices]:
+    """Per log (n,) the stretch of time that each row is in, counted over all logs."""
+    found, first = list[Indices](), 0
+    for rows, step in zip(residual, steps, strict=True):
+        lasted = step * np.arange(len(rows))
+        found.append(first + (lasted // settings.stretch_duration).astype(np.intp))
+        first = int(found[-1].max(initial=first - 1)) + 1
+    return found
+
+
+def _scanned(
+    mechanism: Mechanism,
+    step: float,
+    samples: Sequence[Samples],
+    settings: HarmonicScanSettings,
+    with_angles: bool,
+) -> list[_Scanned]:
+    """What is scanned: coordinates of the place, and angles of the joints.
+
+    ``step``: from one row to the next [s].
+    """
+    known = [mechanism.variables(item) for item in samples]
+    axes = len(mechanism.axes)
+    still = [np.broadcast_to(np.eye(axes), (len(item), axes, axes)) for item in samples]
+    found = []
+    for k, place in enumerate(known[0].places):
+        values = [one.position[:, k] for one in known]
+        patterns = [
+            of_body if one.heading is None else _along_the_world(one.heading, of_body)
+            for one, of_body in zip(known, still, strict=True)
+        ]
+        numbers = _wave_numbers(values, step, samples, settings)
+        if len(numbers):
+            name = f"position_{place}" if place else "position"
+            found.append(_Scanned(name, values, patterns, numbers))
+    for k, joint in enumerate(known[0].joints if with_angles else ()):
+        values = [one.angle[:, k] for one in known if one.angle is not None]
+        if len(values) < len(known):
+            continue
+        name = f"wheel_angle_{joint}" if joint else "wheel_angle"
+        orders = np.arange(1.0, settings.max_wheel_order + 1)
+        found.append(_Scanned(name, values, still, orders))
+    return found
+
+
+def _along_the_world(heading: Array, of_body: Array) -> Array:
+    """(N, A, A) the first two patterns turned from the body's axes to the world's."""
+    found = np.array(of_body)
+    c, s = np.cos(heading), np.sin(heading)
+    found[:, 0, 0], found[:, 1, 0] = c, -s
+    found[:, 0, 1], found[:, 1, 1] = s, c
+    return found
+
+
+def _wave_numbers(
+    values: Sequence[Array],
+    step: float,
+    samples: Sequence[Samples],
+    settings: HarmonicScanSettings,
+) -> Array:
+    """(K,) [rad per unit] from some periods in the usual range up to what the rows can follow."""
+    joined = np.concatenate(values)
+    low, high = np.quantile(joined, settings.usual_range)
+    rates = [np.gradient(v, item.dt) for v, item in zip(values, samples, strict=True)]
+    usual = float(np.sqrt(np.mean(np.concatenate(rates) ** 2)))
+    if high - low <= 0 or usual <= 0:
+        return np.zeros(0)
+    # A wave that passes faster than half the rate of the rows is not seen in them.
+    most = settings.max_share_of_nyquist * (0.5 / step) / usual * (high - low)
+    periods = np.arange(settings.min_periods, most, 1.0 / settings.oversampling)
+    return 2 * np.pi * periods[: settings.max_waves] / (high - low)
+
+
+Wave = tuple[str, float, tuple[Array, ...], float, float]
+"""Variable, period, predicted rows, share and p-value of this variable alone."""
+
+
+def _best_wave(
+    mechanism: Mechanism,
+    one: _Scanned,
+    residual: Sequence[Array],
+    stretches: Sequence[Indices],
+    samples: Sequence[Samples],
+    settings: FitSettings,
+) -> Wave:
+    """What the best wave of each fold's other stretches predicts of the fold."""
+    chosen = settings.harmonic_scan
+    residual = _without_constants(mechanism, one, residual, samples, settings)
+    power = _scores(mechanism, one, residual, stretches, samples, settings)
+    leaders = np.unique(np.argsort(-power, axis=1)[:, : chosen.exact_waves])
+    joined, stretch = np.concatenate(residual), np.concatenate(stretches)
+    waves = {
+        int(k): _columns(mechanism, one, float(one.wave_numbers[k]), samples, residual, settings)
+        for k in leaders
+    }
+    predicted, numbers = np.zeros_like(joined), []
+    for fold in range(chosen.folds):
+        held = stretch % chosen.folds == fold
+        fits = {k: _fitted(columns[~held], joined[~held]) for k, columns in waves.items()}
+        best = max(fits, key=lambda k: fits[k][1])
+        predicted[held] = waves[best][held] @ fits[best][0]
+        numbers.append(float(one.wave_numbers[best]))
+    gain = (joined**2 - (joined - predicted) ** 2).sum(axis=1)
+    by_stretch = np.bincount(stretch, gain)
+    spread = float(by_stretch.std(ddof=1)) * np.sqrt(len(by_stretch))
+    p_value = float(ndtr(-float(gain.sum()) / max(spread, 1e-300)))
+    share = float(gain.sum() / max(float((joined**2).sum()), 1e-300))
+    edges = np.cumsum([len(part) for part in residual])[:-1]
+    period = 2 * np.pi / float(np.median(numbers))
+    return one.name, period, tuple(np.split(predicted, edges)), share, p_value
+
+
+def _without_constants(
+    mechanism: Mechanism,
+    one: _Scanned,
+    residual: Sequence[Array],
+    samples: Sequence[Samples],
+    settings: FitSettings,
+) -> list[Array]:
+    """The residual (n, A) of each log without a constant force in each pattern.
+
+    A slope is one: on a way through a room a wave may imitate it.
+    """
+    columns = _columns(mechanism, one, 0.0, samples, residual, settings)
+    joined = np.concatenate(residual)
+    weights, _ = _fitted(columns, joined)
+    edges = np.cumsum([len(part) for part in residual])[:-1]
+    return np.split(joined - columns @ weights, edges)
+
+
+def _scores(
+    mechanism: Mechanism,
+    one: _Scanned,
+    residual: Sequence[Array],
+    stretches: Sequence[Indices],
+    samples: Sequence[Samples],
+    settings: FitSettings,
+) -> Array:
+    """(folds, K) squares that each wave explains of the stretches outside of a fold, nearly.
+
+    The filter is put on the residual, backwards in time, in the place of each of the many waves:
+    sums of products are the same. The size of a filtered wave follows from its rate.
+    """
+    chosen, numbers = settings.harmonic_scan, one.wave_numbers
+    groups = one.patterns[0].shape[2]
+    score = np.zeros((chosen.folds * groups, len(numbers)), complex)
+    size = np.zeros(len(numbers))
+    for values, patterns, left, stretch, item in zip(
+        one.values, one.patterns, residual, stretches, samples, strict=True
+    ):
+        thin = max(1, round(1.0 / (chosen.sample_rate * item.dt)))
+        inside = (stretch % chosen.folds)[:, None] == np.arange(chosen.folds)
+        rows = np.where(inside[..., None], left[:, None, :], 0.0)
+        back = settings.rows_of(mechanism.filter_rate, item.dt).adjoint(rows, len(item))
+        weights = np.einsum("nfa,nag->fgn", back, patterns)[..., ::thin]
+        weights = weights.reshape(len(score), -1).astype(np.float32)
+        # Of the size, a mean over the motion, a part of the samples is enough.
+        sparse = thin * chosen.samples_for_size
+        rate = np.gradient(values, item.dt)[::sparse] / mechanism.filter_rate
+        pieces = -(-len(numbers) // chosen.waves_at_once)
+        for part in np.array_split(np.arange(len(numbers)), pieces):
+            turns = np.outer(values[::thin], numbers[part] / (2 * np.pi))
+            # Whole turns are taken off: they would cost digits in single precision, which is enough
+            # for the choice of a wave and ten times as fast.
+            phase = (2 * np.pi * (turns - np.rint(turns))).astype(np.float32)
+            score[:, part] += thin * (weights @ np.cos(phase) + 1j * (weights @ np.sin(phase)))
+            size[part] += sparse * (1.0 / (1.0 + np.outer(rate, numbers[part]) ** 2)).sum(axis=0)
+    by_fold = score.reshape(chosen.folds, groups, -1)
+    others = by_fold.sum(axis=0) - by_fold
+    return (np.abs(others) ** 2).sum(axis=1) / np.maximum(size, 1e-300)
+
+
+def _columns(
+    mechanism: Mechanism,
+    one: _Scanned,
+    number: float,
+    samples: Sequence[Samples],
+    residual: Sequence[Array],
+    settings: FitSettings,
+) -> Array:
+    """(all rows, A, 2 G) cosine and sine of a wave in each pattern, as filtered rows."""
+    found = []
+    for values, patterns, left, item in zip(
+        one.values, one.patterns, residual, samples, strict=True
+    ):
+        phase = number * values
+        waves = np.stack([np.cos(phase), np.sin(phase)], axis=1)
+        force = (patterns[..., None] * waves[:, None, None]).reshape(*patterns.shape[:2], -1)
+        reduced = settings.rows_of(mechanism.filter_rate, item.dt)
+        rows = reduced(np.stack([force[:-1], force[1:]]), item.moves)
+        found.append(rows[: len(left)])
+    return np.concatenate(found)
+
+
+def _fitted(columns: Array, residual: Array) -> tuple[Array, float]:
+    """Least squares (C,) of rows (n, A) by columns (n, A, C), and the squares they explain."""
+    flat = columns.reshape(-1, columns.shape[-1])
+    gram, side = flat.T @ flat, flat.T @ residual.ravel()
+    weights = np.linalg.pinv(gram, rcond=1e-8, hermitian=True) @ side
+    return weights, float(side @ weights)
