@@ -334,12 +334,17 @@ def _effect(name: str, entry: Mapping[str, Any]) -> dict[str, Estimate]:
 
 
 GEOMETRY: Schema = numbers_schema(LENGTHS)
-_ANGLES: Schema = {"type": "array", "items": ENTRY, "minItems": 4, "maxItems": 4}
+_LIMIT: Schema = {**ENTRY, "type": ["number", "object", "null"]}
+_ANGLES: Schema = {
+    # One for all wheels, bare or with its unit, or a list.
+    **ENTRY,
+    **{"type": ["number", "object", "array", "null"], "items": ENTRY, "minItems": 4, "maxItems": 4},
+}
 GEOMETRY["properties"] |= {
     "arrangement": {"enum": list(ARRANGEMENTS)},
-    "roller_angles": {"anyOf": [{"type": ["number", "null"]}, ENTRY, _ANGLES]},
-    "torque_limit": {"type": ["number", "object", "null"]},
-    "speed_limit": {"type": ["number", "object", "null"]},
+    "roller_angles": _ANGLES,
+    "torque_limit": _LIMIT,
+    "speed_limit": _LIMIT,
 }
 
 MODEL_FILE = FileKind(
