@@ -146,7 +146,8 @@ class Geometry:
         if self.is_plain:
             return
         columns = self._rows() / np.array([1.0, 1.0, self.l + self.h])
-        if np.linalg.svd(columns, compute_uv=False)[-1] < MIN_TURNING:
+        sizes = np.linalg.svd(columns, compute_uv=False) if np.isfinite(columns).all() else (0.0,)
+        if sizes[-1] < MIN_TURNING:
             raise InputError(
                 f"geometry: rollers in {self.arrangement} with l = {self.l:g} and h = {self.h:g} m "
                 "cannot turn the robot: the rollers' axes meet in its centre; which is it, X or O?"
@@ -191,7 +192,7 @@ class Geometry:
 
         l + h of rollers in X, |l - h| of rollers in O.
         """
-        return self.l + self.h if self.is_plain else float(np.abs(self.arms).mean())
+        return self.l + self.h if self.is_plain else sum(map(abs, self.arms)) / 4
 
     @property
     def max_wheel_torque(self) -> float:
