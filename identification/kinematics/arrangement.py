@@ -16,26 +16,30 @@ import numpy as np
 from identification.kinematics.motion import Motion
 from identification.kinematics.orientation import Orientation
 from youbot_env.errors import InputError
-from youbot_env.physics.geometry import Geometry
+from youbot_env.physics.geometry import SIGN_LATERAL, SIGN_Y, WHEELS, Geometry
 
 FRONT_AND_BACK, LEFT_AND_RIGHT = (2, 3, 0, 1), (1, 0, 3, 2)
-AS_LOGGED = (0, 1, 2, 3)
+AS_LOGGED = tuple(range(len(WHEELS)))
+
+
+def _signs(order: tuple[int, ...]) -> tuple[int, int]:
+    """Signs of VY and W that an order of the columns turns."""
+    first = order[0]
+    return int(SIGN_LATERAL[first] * SIGN_LATERAL[0]), int(SIGN_Y[first] * SIGN_Y[0])
+
 
 _SIGNS = {
-    AS_LOGGED: (1, 1),
-    FRONT_AND_BACK: (-1, 1),
-    LEFT_AND_RIGHT: (-1, -1),
-    (3, 2, 1, 0): (1, -1),
+    order: _signs(order)
+    for order in (AS_LOGGED, FRONT_AND_BACK, LEFT_AND_RIGHT, tuple(reversed(AS_LOGGED)))
 }
-"""Signs of VY and W that an order of the columns turns."""
 
 
-def partners(geometry: Geometry) -> tuple[int, int, int, int]:
+def partners(geometry: Geometry) -> tuple[int, ...]:
     """The order (4,) of columns that makes a log of one arrangement one of the other."""
     return FRONT_AND_BACK if geometry.l > geometry.h else LEFT_AND_RIGHT
 
 
-def order_in_x(geometry: Geometry) -> tuple[int, int, int, int]:
+def order_in_x(geometry: Geometry) -> tuple[int, ...]:
     """The order (4,) of columns in which a log reads as one of a robot in X."""
     return AS_LOGGED if geometry.arrangement == "X" else partners(geometry)
 

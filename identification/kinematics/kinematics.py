@@ -353,11 +353,11 @@ def _wheels_differ(
     radii = np.array([wheel.radius[0] for wheel in wheels])
     least = settings.wheel_deviations * np.sqrt(np.maximum(np.diag(covariance), 0))
     far = np.abs(radii / radii.mean() - 1) > np.maximum(least, settings.min_wheel_difference)
-    return bool(far.any()) or any(_roller_off(wheel, settings) for wheel in wheels)
+    return bool(far.any()) or any(_roller_off(wheel, settings, np.pi / 4) for wheel in wheels)
 
 
-def _roller_off(wheel: WheelFit, settings: KinematicsSettings, said: float = np.pi / 4) -> bool:
-    """Whether the roller's angle is shown and is not what is said, 45 degrees."""
+def _roller_off(wheel: WheelFit, settings: KinematicsSettings, said: float) -> bool:
+    """Whether the roller's angle is shown and is not what is said [rad]."""
     if wheel.roller_angle is None:
         return False
     angle, std = wheel.roller_angle

@@ -151,7 +151,7 @@ def _columns_of_wheels(means: _Means, geometry: Geometry, settings: LogSettings)
     ways = [min(float((way * twist[:, i] > 0).mean()) for way in (1.0, -1.0)) for i in range(3)]
     if not moving.any() or min(np.array(ways)[moving]) < settings.min_share_of_way:
         return None
-    wheel = geometry.wheel_speeds(twist)
+    wheel = twist @ np.sign(geometry.wheel_jacobian).T
     smooth = settings.moving_speed_share * np.sqrt((wheel**2).mean(axis=0))
     products = [twist[:, i] * twist[:, j] for i in range(3) for j in range(i, 3)]
     return np.column_stack(

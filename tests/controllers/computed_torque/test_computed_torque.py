@@ -58,7 +58,7 @@ def place_at(model: Model, now: float, time: float) -> tuple[np.ndarray, np.ndar
     for dx, dy, turn in way:
         c, s = np.cos(pose[2] + 0.5 * turn), np.sin(pose[2] + 0.5 * turn)
         pose += [c * dx - s * dy, s * dx + c * dy, turn]
-    return pose, model.geometry.wheel_speeds(way.sum(axis=0))
+    return pose, way.sum(axis=0) @ model.joint_jacobian.T
 
 
 START = np.array([0.4, -0.3, 0.2])
