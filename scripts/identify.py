@@ -81,10 +81,12 @@ def main(
     known = model or ("paper" if mechanism == "mecanum" and not geometry else "MODEL")
     result = result.with_next_command(next_diagnosis(str(output or known), logs))
     out = common.console(json)
+    # Before anything is printed: a reader that closes its pipe (`| head`) must not cost the model.
+    if output:
+        save_any_model(output, result.model)
     given.tell(out)
     _print(out, result)
     if output:
-        save_any_model(output, result.model)
         out.print(f"model written to {output}", soft_wrap=True)
     common.write_result(json, {**result.to_dict(), **given.to_dict()}, seed)
     if plots:

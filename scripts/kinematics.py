@@ -67,11 +67,13 @@ def main(
         for finding in findings:
             if finding.level != "info":
                 out.print(f"{finding.level}: {motion.name}: {finding}", soft_wrap=True)
-    _print(out, found)
     if output:
         lengths = geometry_to_dict(found.geometry)
         write_json(output, {"geometry": lengths, "logs": [motion.name for motion, _ in read]})
-        out.print(f"geometry written to {output}", soft_wrap=True)
+    _print(out, found)
+    if output:
+        whose = "" if geometry else "; r, m1 and l : h in it are the youBot's (yours: --geometry)"
+        out.print(f"geometry written to {output}{whose}", soft_wrap=True)
     write_result(json, found.to_dict())
 
 

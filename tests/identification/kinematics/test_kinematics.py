@@ -250,7 +250,7 @@ def test_angles_at_a_delay_are_exact_for_speeds_linear_between_samples():
 
 @pytest.mark.parametrize("delay", [0.05, -0.03])
 def test_the_delay_is_the_one_that_import_reports_by_the_same_sign(delay: float):
-    motion = made(replace(USUAL, delay=delay, outliers=0.0), 1)
+    motion = made(replace(USUAL, delay=delay, outliers=0.0, lever=(0.0, 0.0)), 1)
     assert motion.pose is not None
     found = estimate_kinematics([motion], PLATFORM)
     (told,) = channel_delays(motion.time, {"velocity": motion.velocity, "pose": motion.pose})
