@@ -718,6 +718,27 @@ class LogSettings(Settings):
             "reason": "pieces whose way gives the scale of a pose, far above its noise",
         },
     )
+    lag_grid: float = field(
+        default=0.05,
+        metadata={
+            "unit": "s",
+            "reason": "steps in which speeds and pose are shifted: a tenth of the longest lag",
+        },
+    )
+    max_left_by_lag: float = field(
+        default=0.5,
+        metadata={
+            "unit": "share of the squares without a lag",
+            "reason": "a lag that takes away less is noise, slip or a wrong length",
+        },
+    )
+    max_unlike_pose: float = field(
+        default=0.05,
+        metadata={
+            "unit": "share of the squares of the wheels' ways",
+            "reason": "a wheel of 10 % more leaves 1e-4; more is no matter of a gain or a lag",
+        },
+    )
     min_scale_difference: float = field(
         default=0.02,
         metadata={

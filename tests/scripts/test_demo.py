@@ -126,7 +126,7 @@ def test_lists_what_it_wrote_and_nothing_else(shown: tuple[Path, str]):
     plots = {"forces_calibration", "motion_calibration", "estimates", "error_by_model"}
     plots |= {f"{kind}_multisine_b" for kind in ("free_run", "where", "tracking")}
     assert {name for name in written if name.startswith("plots/")} == {
-        f"plots/{name}.png" for name in plots
+        f"plots/{name}.{kind}" for name in plots for kind in ("png", "svg")
     }
 
 

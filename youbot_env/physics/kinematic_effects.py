@@ -6,6 +6,8 @@ the wheels as they are, and takes logged speeds for what they are.
 
 from __future__ import annotations
 
+from typing import cast
+
 from youbot_env.physics.effect import (
     CONTACT,
     SPEED,
@@ -49,10 +51,10 @@ def roller_angle_error(xp: Namespace, contact: Contact, error: Number) -> Triple
 
     Where the geometry says another angle than 45 degrees, at that angle + e_i.
     """
-    c, s, t = xp.cos(error), xp.sin(error), contact.tangent
-    steeper = abs(t) * s
+    c, s, t = xp.cos(error), xp.sin(error), abs(cast(float, contact.tangent))
+    steeper = t * s
     # tan(d + e) over tan(d) on the speed sideways; the roller's rate is that speed over r cos(d).
-    return 1.0, (c + s / abs(t)) / (c - steeper), 1.0 / (c - steeper)
+    return 1.0, (c + s / t) / (c - steeper), 1.0 / (c - steeper)
 
 
 @effect(
