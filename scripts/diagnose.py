@@ -108,6 +108,9 @@ def main(
     out, found = console(json), {**result.to_dict(), **given.to_dict()}
     if proposal and result.proposal:
         found["proposal"]["file"] = str(proposal)
+    # Before anything is printed: a reader that closes its pipe (`| head`) must not cost the model.
+    if output:
+        save_any_model(output, result.model)
     given.tell(out)
     _print(out, found, len(result.first_warnings))
     if next_motion and found["next_experiment"]:
@@ -127,7 +130,6 @@ def main(
         write_diagnosis(report, result, found, given.logs, seed)
         out.print(f"report written to {report}", soft_wrap=True)
     if output:
-        save_any_model(output, result.model)
         out.print(f"model written to {output}", soft_wrap=True)
 
 

@@ -27,6 +27,17 @@ class CheckLimits:
     geometry: Geometry
     settings: LogSettings
 
+    @property
+    def no_slip(self) -> NDArray[np.float64]:
+        """Unit vector (4,) normal to the wheel speeds of all rigid motions without slip."""
+        return no_slip_of(self.geometry)
+
+
+def no_slip_of(geometry: Geometry) -> NDArray[np.float64]:
+    """Unit vector (4,) normal to the wheel speeds of all rigid motions without slip."""
+    normal = np.array(geometry.internal)
+    return normal / np.linalg.norm(normal)
+
 
 NO_SLIP = np.array([1.0, 1.0, -1.0, -1.0]) / 2
 """Unit vector (4,) normal to the wheel speeds of all rigid motions without slip.
@@ -58,9 +69,9 @@ def power_share(log: Log, settings: LogSettings = LogSettings()) -> NDArray[np.f
 def _identity(log: Log, limits: CheckLimits) -> Iterator[Finding]:
     """The identity, and which change of sign, order or scale would make it hold."""
     settings = limits.settings
-    ratio = slip_ratio(log.velocity)
+    ratio = slip_ratio(log.velocity, limits.no_slip)
     noise = float(np.sqrt(np.mean(log.speed_noise**2)))
-    along = float(np.sqrt(np.mean((log.velocity @ NO_SLIP) ** 2)))
+    along = float(np.sqrt(np.mean((log.velocity @ limits.no_slip) ** 2)))
     measured = (
         f"phi_1' + phi_2' - phi_3' - phi_4' is {percent(ratio)} of the wheel speeds "
         f"({2 * along:.2g} rad/s rms; noise alone makes {2 * noise:.2g})"
@@ -83,7 +94,7 @@ def _identity(log: Log, limits: CheckLimits) -> Iterator[Finding]:
 def unsigned_speeds(log: Log, limits: CheckLimits) -> Iterator[Finding]:
     """Speeds without their sign: they come down to zero and never go beyond, and nothing fits."""
     settings = limits.settings
-    if slip_ratio(log.velocity) < settings.max_slip:
+    if slip_ratio(log.velocity, limits.no_slip) < settings.max_slip:
         return
     largest = np.abs(log.velocity).max(axis=0)
     small = (np.abs(log.velocity) < settings.small_effort_share * largest).mean(axis=0)
@@ -104,7 +115,7 @@ def _moments_of_slip(log: Log, limits: CheckLimits) -> Iterator[Finding]:
     window = max(int(settings.slip_time / log.dt), 3)
     count = len(log) // window
     pieces = log.velocity[: count * window].reshape(count, window, len(WHEELS))
-    along = np.sqrt(((pieces @ NO_SLIP) ** 2).mean(axis=1))
+    along = np.sqrt(((pieces @ limits.no_slip) ** 2).mean(axis=1))
     usual = float(np.sqrt((log.velocity**2).sum(axis=1).mean()))
     noise = float(np.sqrt(np.mean(log.speed_noise**2)))
     by_noise = settings.slip_noise_deviations * noise
@@ -349,12 +360,14 @@ class Slip:
         return asdict(self)
 
 
-def slip_of(log: Log, settings: LogSettings = LogSettings()) -> Slip | None:
+def slip_of(
+    log: Log, geometry: Geometry | None = None, settings: LogSettings = LogSettings()
+) -> Slip | None:
     """The identity on a log; None for a mechanism that has no such four wheels."""
     if tuple(log.joints) != WHEELS:
         return None
     usual = float(np.sqrt((log.velocity**2).sum(axis=1).mean()))
-    ratio = slip_ratio(log.velocity)
+    ratio = slip_ratio(log.velocity, no_slip_of(geometry or Geometry()))
     noise = float(np.sqrt((log.speed_noise**2).mean())) / max(usual, 1e-300)
     exceeds = ratio > max(settings.slip_noise_ratio * noise, settings.negligible_slip)
     return Slip(ratio, noise, exceeds)
