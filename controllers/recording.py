@@ -9,6 +9,7 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.signal import lfilter
 
 from controllers.interface import Controller, Loop
 from controllers.kinematic import KinematicControl
@@ -62,6 +63,19 @@ def control_step(rate: float) -> float:
     return 1.0 / (rate * ticks_per_row(rate))
 
 
+def coloured(white: Array, step: float, correlation: float) -> Array:
+    """First-order autoregressive noise of variance 1 from white noise (N, ...) of variance 1.
+
+    ``step`` between rows [s]; ``correlation``: time [s] after which it resembles itself by 1 / e.
+    """
+    if correlation == 0.0:
+        return white
+    memory = np.exp(-step / correlation)
+    fresh = np.sqrt(1.0 - memory**2) * white
+    fresh[0] = white[0]  # it has been going on for long when the log begins
+    return np.asarray(lfilter([1.0], [1.0, -memory], fresh, axis=0), np.float64)
+
+
 @dataclass(frozen=True, eq=False)
 class Run:
     """One drive along a motion.
@@ -77,22 +91,28 @@ class Run:
     ticks: int
     trace: Trace
 
-    def log(self, torque_noise: float, rng: np.random.Generator) -> Log:
+    def log(
+        self, torque_noise: float, rng: np.random.Generator, noise_correlation: float = 0.0
+    ) -> Log:
         """A row every ``ticks`` ticks, from the first one that has a command on both sides.
 
         A row holds the speeds measured at its instant, the mean of the two commands that meet
-        there plus white noise [N m], and the true pose. The command alone would be the torque of
+        there plus noise [N m], and the true pose. The command alone would be the torque of
         half a tick later; speed and torque that far apart bias the wheels' inertia.
+        ``noise_correlation`` [s]: time after which the noise resembles itself by 1 / e; 0: white.
         """
         trace = self.trace
         at = np.arange(self.ticks, len(trace.states), self.ticks)
         effort = 0.5 * (trace.command[at - 1] + trace.command[at])
+        noise = coloured(
+            rng.standard_normal(effort.shape), self.ticks * trace.period, noise_correlation
+        )
         return Log(
             name=self.name,
             joints=WHEELS,
             time=np.asarray(trace.period * at, np.float64),
             velocity=trace.wheel_speed[at],
-            effort=effort + torque_noise * rng.standard_normal(effort.shape),
+            effort=effort + torque_noise * noise,
             pose=trace.pose[at],
         )
 
@@ -227,6 +247,7 @@ def recordings(
     seed: int = 0,
     torque_noise: float = TORQUE_NOISE,
     speed_noise: float = SPEED_NOISE,
+    noise_correlation: float = 0.0,
     progress: Progress | None = None,
 ) -> Iterator[Recording]:
     """Drive a plant along each motion with the stock kinematic control, one after another.
@@ -237,6 +258,7 @@ def recordings(
     step = control_step(rate)
     finite("torque noise", torque_noise, least=0.0)
     finite("speed noise", speed_noise, least=0.0)
+    finite("noise correlation", noise_correlation, least=0.0)
     for motion in motions:
         controller = KinematicControl(plant.geometry, sample_time=step)
         rng = generator(seed, motion.name, "noise")
@@ -249,7 +271,9 @@ def recordings(
             rng=rng,
             progress=progress,
         )
-        yield Recording(found, found.log(torque_noise, rng), controller.torque_limit)
+        yield Recording(
+            found, found.log(torque_noise, rng, noise_correlation), controller.torque_limit
+        )
 
 
 def record(
@@ -260,6 +284,7 @@ def record(
     seed: int = 0,
     torque_noise: float = TORQUE_NOISE,
     speed_noise: float = SPEED_NOISE,
+    noise_correlation: float = 0.0,
     progress: Progress | None = None,
 ) -> list[Log]:
     """Logs of a plant that the stock kinematic control drives along the motions.
@@ -269,7 +294,8 @@ def record(
     plant : a model, effects included, or one platform (``ContactPlant``)
     rate : of the logs [Hz], 20 to 1000; the loop runs at a multiple of it near 500 Hz
     seed : of the noise; the noise of a log depends on it and on the motion's name alone
-    torque_noise, speed_noise : standard deviations of white noise [N m], [rad/s]
+    torque_noise, speed_noise : standard deviations of the noise [N m], [rad/s]
+    noise_correlation : time [s] after which the torque noise resembles itself by 1 / e; 0: white
     progress : told the seconds of motion driven since it was last told
 
     Raises
@@ -284,6 +310,7 @@ def record(
         seed=seed,
         torque_noise=torque_noise,
         speed_noise=speed_noise,
+        noise_correlation=noise_correlation,
         progress=progress,
     )
     return [recording.log for recording in found]

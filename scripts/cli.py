@@ -41,6 +41,7 @@ COMMANDS = (
     "diagnose",
     "add",
     "evaluate",
+    "watch",
     "train",
     "tune",
     "bench",
@@ -51,6 +52,9 @@ COMMANDS = (
     "demo",
 )
 """Names of the commands, in the order of the help; a module of `PACKAGE` each."""
+
+COMPLETE = "_YOUBOT_COMPLETE"
+"""Environment variable by which a shell asks for completions: `youbot --install-completion`."""
 
 OK, USAGE, INTERRUPTED, BROKEN_PIPE = 0, 2, 130, 141
 """Exit statuses; the last two are what a shell reports for SIGINT and SIGPIPE."""
@@ -71,6 +75,8 @@ def main(arguments: Sequence[str] | None = None) -> int:
     Errors that a user can cause end in one line on standard error. Any other exception is a bug
     and keeps its traceback.
     """
+    if COMPLETE in os.environ:
+        return _complete()
     arguments = list(sys.argv[1:] if arguments is None else arguments)
     # The matrices here are tall and thin: a second BLAS thread costs more than it brings, and
     # results would differ in the last bit from one number of cores to another.
@@ -118,9 +124,7 @@ def build_app(wanted: str | None = None) -> typer.Typer:
     scipy and numba at each start.
     """
     # With Rich, units such as [m/s] in a help text would be read as markup.
-    app = typer.Typer(
-        name="youbot", add_completion=False, rich_markup_mode=None, help=_HELP, epilog=_EPILOG
-    )
+    app = typer.Typer(name="youbot", rich_markup_mode=None, help=_HELP, epilog=_EPILOG)
     app.callback()(_global_options)
     for name, summary in available().items():
         if name == wanted:
@@ -163,6 +167,18 @@ def _invoke(arguments: list[str]) -> int:
         return _complain(f"error: {error.format_message()} (see `{path} --help`)", USAGE)  # pyright: ignore[reportAttributeAccessIssue]
     finally:
         _running.reset(before)
+    return OK
+
+
+def _complete() -> int:
+    """Print what a shell may offer after the words typed so far, which stand in its variables."""
+    typed = os.environ.get("_TYPER_COMPLETE_ARGS") or os.environ.get("COMP_WORDS", "")
+    wanted = next((word for word in typed.split()[1:] if word in COMMANDS), None)
+    command = typer.main.get_command(build_app(wanted))
+    try:
+        command.main(args=[], prog_name="youbot")
+    except SystemExit as done:  # Click ends the process itself
+        return int(done.code or OK)
     return OK
 
 

@@ -29,7 +29,7 @@ def main(
     """From logs to a model, from where it fails to what it lacks, and to a controller built on it.
 
     Each step is a youbot command, shown as you would type it. The logs (50 Hz) come from a
-    simulated platform with the paper's parameters, so the truth is known. Half a minute on an idle
+    simulated platform with the paper's parameters, so the truth is known. A minute on an idle
     core; twice that where the simulations have to be compiled first.
     """
     demo = Demonstration(console(), output)

@@ -18,6 +18,7 @@ from youbot_scripts.shared.options import (
     MechanismOption,
     ModelArgument,
     OutputModelOption,
+    PlotsOption,
     ReportOption,
     SeedOption,
     StrictOption,
@@ -34,7 +35,7 @@ if TYPE_CHECKING:
 
 
 EXAMPLES = (
-    "youbot diagnose model.json runs/*.csv -o better.json",
+    "youbot diagnose model.json runs/*.csv -o better.json --plots plots/",
     "youbot diagnose paper runs/*.csv --effects my_effects.py --report diagnosis.html",
 )
 
@@ -55,6 +56,7 @@ def main(
         ),
     ] = None,
     mechanism: MechanismOption = None,
+    plots: PlotsOption = None,
     report: ReportOption = None,
     strict: StrictOption = False,
     json: JsonOption = None,
@@ -70,7 +72,7 @@ def main(
     from identification.diagnosis.diagnose import diagnose
     from identification.mechanisms.registry import save_any_model
 
-    check_pictures(None, report)
+    check_pictures(plots, report)
     given = read_inputs(model, logs, mechanism=mechanism, strict=strict)
     with progress(40, "diagnose") as advance:
         result = diagnose(given.model, given.logs, seed=seed, progress=advance)
@@ -81,6 +83,11 @@ def main(
         write_json(next_motion, found["next_experiment"]["motion"])
         out.print(f"motion written to {next_motion}", soft_wrap=True)
     write_result(json, found, seed)
+    if plots:
+        from identification.figures.figures import plot_diagnosis
+
+        for path in plot_diagnosis(result, plots):
+            out.print(f"plot written to {path}", soft_wrap=True)
     if report:
         from youbot_scripts.shared.pages import write_diagnosis
 

@@ -75,6 +75,9 @@ def main(
     speed_noise: Annotated[
         float, typer.Option(help="Standard deviation of a wheel speed's noise [rad/s].")
     ] = SPEED_NOISE,
+    noise_correlation: Annotated[
+        float, typer.Option(metavar="S", help="Time over which the torque's noise lasts; 0: white.")
+    ] = 0.0,
     format: Annotated[
         Format, typer.Option(case_sensitive=False, help="Kind of file.")
     ] = Format.CSV,
@@ -98,7 +101,11 @@ def main(
     """
     driven = plant_named(plant, effect or [])
     chosen = motions_named(motions, driven.model.geometry, seed)
-    noise = {"torque_noise": torque_noise, "speed_noise": speed_noise}
+    noise = {
+        "torque_noise": torque_noise,
+        "speed_noise": speed_noise,
+        "noise_correlation": noise_correlation,
+    }
     how = {
         **driven.to_dict(),
         "settings": {"rate": rate, "control_rate": 1.0 / control_step(rate), **noise},

@@ -1,4 +1,4 @@
-"""Figures of a result: one after another, or written as PNG files into a folder (extra: plots)."""
+"""Figures of a result: one after another, or written into a folder, PNG and SVG (extra: plots)."""
 
 from __future__ import annotations
 
@@ -45,7 +45,7 @@ def plot_identification(
     logs: Sequence[Log] = (),
     truth: Model | None = None,
 ) -> list[Path]:
-    """Write :func:`figures_of_identification` as PNG files; return their paths.
+    """Write :func:`figures_of_identification` as PNG and SVG files; return the PNGs' paths.
 
     Parameters
     ----------
@@ -62,7 +62,7 @@ def plot_identification(
 def plot_comparison(
     result: Comparison, folder: str | Path, geometry: Geometry | None = None
 ) -> list[Path]:
-    """Write :func:`figures_of_comparison` as PNG files; return their paths.
+    """Write :func:`figures_of_comparison` as PNG and SVG files; return the PNGs' paths.
 
     Parameters
     ----------
@@ -74,6 +74,21 @@ def plot_comparison(
         If matplotlib is not installed or a file cannot be written.
     """
     return write_figures(folder, figures_of_comparison(result, geometry))
+
+
+def plot_diagnosis(result: Diagnosis, folder: str | Path) -> list[Path]:
+    """Write :func:`figures_of_diagnosis` as PNG and SVG files; return the PNGs' paths.
+
+    Parameters
+    ----------
+    folder : made if missing
+
+    Raises
+    ------
+    InputError
+        If matplotlib is not installed or a file cannot be written.
+    """
+    return write_figures(folder, figures_of_diagnosis(result, result.model))
 
 
 def figures_of_identification(
@@ -219,7 +234,7 @@ def figures_of_diagnosis(result: Diagnosis, model: AnyModel) -> Named:
 
     Parameters
     ----------
-    model : that was given
+    model : that was given, or found: their axes are the same
     """
     steps = [(step.effect, step.force_error, step.velocity_error) for step in result.steps]
     yield "errors", failure_figures.fall_figure(steps, result.noise_floor)

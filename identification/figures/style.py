@@ -73,6 +73,7 @@ STYLE = {
     "ytick.labelcolor": "black",
     "xtick.labelsize": 9,
     "ytick.labelsize": 9,
+    "svg.hashsalt": "youbot",  # names inside of an SVG: the same figure gives the same bytes
     "figure.constrained_layout.h_pad": 0.03,
     "figure.constrained_layout.w_pad": 0.05,
 }
@@ -157,8 +158,16 @@ def png(figure: Figure) -> bytes:
     return content.getvalue()
 
 
+def svg(figure: Figure) -> bytes:
+    """A figure as an SVG file's content, for a paper; the same figure gives the same bytes."""
+    content = io.BytesIO()
+    with style():
+        figure.savefig(content, format="svg", metadata={"Date": None})
+    return content.getvalue()
+
+
 def write_figure(path: Path, figure: Figure) -> Path:
-    """Write a PNG file, whole or not at all.
+    """Write a PNG file and an SVG file beside it, each whole or not at all; the PNG's path.
 
     Raises
     ------
@@ -166,6 +175,7 @@ def write_figure(path: Path, figure: Figure) -> Path:
         If the file cannot be written.
     """
     write_atomically(path, png(figure))
+    write_atomically(path.with_suffix(".svg"), svg(figure))
     return path
 
 

@@ -233,6 +233,9 @@ def identify(
 ) -> Identification:
     """Fit a model to logs of the mechanism that ``start`` is a model of.
 
+    A model is returned whenever the logs show one. Where something is missing from it, it is fitted
+    within physical limits, and ``misfit`` says so.
+
     Parameters
     ----------
     logs : read by :func:`identification.logs.reading.read_log`
@@ -243,9 +246,6 @@ def identify(
     recursive : also run the recursive estimator, for the estimates' course over time
     settings : all numbers that the fit depends on
     seed : of the noise floor's random numbers
-
-    A model is returned whenever the logs show one. Where something is missing from it, it is fitted
-    within physical limits, and ``misfit`` says so.
 
     Raises
     ------

@@ -339,22 +339,25 @@ def _predict_fold(
     fold: int,
 ) -> Array:
     # Imported here: it takes half a second, and a fit does without.
-    from sklearn.ensemble import ExtraTreesRegressor
+    from sklearn.tree import ExtraTreeRegressor
 
     chosen, held = settings.predictability, fold_of == fold
-    # One thread: threads of its own would add the trees up in the order in which they finish, and
-    # the last digit would change from run to run.
-    trees = ExtraTreesRegressor(
-        chosen.trees,
-        min_samples_leaf=chosen.min_rows_of_leaf,
-        max_features=chosen.share_of_features,
-        random_state=seed,
-        n_jobs=1,
-    )
-    known = residual[~held]
-    # Of one axis a vector: scikit-learn warns of a matrix with one column.
-    trees.fit(features[~held], known[:, 0] if known.shape[1] == 1 else known)
-    return trees.predict(features[held]).reshape(-1, residual.shape[1])
+    known, given = residual[~held], features[~held].astype(np.float32)
+    asked = features[held].astype(np.float32)
+    draws = np.random.RandomState(seed)
+    found = np.zeros((len(asked), residual.shape[1]))
+    # One tree after another: scikit-learn's forest passes the filters of warnings to each tree,
+    # and these are shared by all threads, so that folds side by side disturb each other.
+    for _ in range(chosen.trees):
+        tree = ExtraTreeRegressor(
+            min_samples_leaf=chosen.min_rows_of_leaf,
+            max_features=chosen.share_of_features,
+            random_state=draws.randint(np.iinfo(np.int32).max),
+        )
+        # Of one axis a vector: scikit-learn warns of a matrix with one column.
+        tree.fit(given, known[:, 0] if known.shape[1] == 1 else known)
+        found += tree.predict(asked).reshape(found.shape)
+    return found / chosen.trees
 
 
 def _all_features(

@@ -338,7 +338,10 @@ def _outliers(values: Array, settings: ImportSettings) -> NDArray[np.bool_]:
 def _on_one_base(
     parts: dict[str, Series], rate: float | None, made: Assembled, settings: ImportSettings
 ) -> Assembled:
-    speeds = parts["velocity"]
+    speeds = parts.get("velocity")
+    if speeds is None:
+        why = next((str(f) for f in made.findings if f.column == "velocity"), "not in the map")
+        raise fault("map", f"no speeds of the wheels: {why}", "write it into [velocity]")
     base = speeds.time
     if rate is not None and not _has_rate(base, rate):
         base = base[0] + np.arange(int((base[-1] - base[0]) * rate + 1e-6) + 1) / rate

@@ -216,7 +216,8 @@ _SCHEMA = {
             },
             "additionalProperties": False,
         },
-        "velocity": _channels("velocity", _of("velocity")),
+        # Positions too: they are differenced.
+        "velocity": _channels("velocity", _of("velocity", "position")),
         "effort": _channels("effort", _of("effort")),
         "command": _channels("command", _of("effort")),
         "position": _channels("position", _of("position")),

@@ -152,7 +152,10 @@ def _propose_speeds(
         found.ask("velocity", "no name says what these columns are: wheel speeds?")
     unit, gear = _unit_of_speeds(found, group, settings)
     found.map = replace(found.map, velocity=Channels(group.columns, unit, gear))
-    values = assemble(_only(found.map, "velocity"), tables, settings).channels["velocity"]
+    asked = _only(found.map, "velocity")
+    # The order of the wheels shows at any size, so one that has to be asked for does no harm.
+    sized = replace(asked.velocity, counts_per_turn=1.0, wheel_radius=1.0)
+    values = assemble(replace(asked, velocity=sized), tables, settings).channels["velocity"]
     values = values[np.isfinite(values).all(axis=1)]
     if len(values) > 1:
         _propose_order(found, group, values, settings)

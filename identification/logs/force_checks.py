@@ -222,7 +222,12 @@ def units_of_motion(log: Log, limits: CheckLimits) -> Iterator[Finding]:
             f"one of {central:.3g} kg"
         )
         cure = f"multiply them by {1 / factor:.6g} to have rad/s of the wheels"
-        yield Finding("error", message, None, "velocity_*", cure)
+        level = "error"
+        if left > settings.max_forces_unexplained:
+            # Something large is missing besides; it may be all that sets the masses apart.
+            cure += ", unless something large acts that no mass and no friction explains"
+            level = "warning"
+        yield Finding(level, message, None, "velocity_*", cure)
     elif not 4 * geometry.m1 < inertial < settings.max_platform_mass:
         usual = settings.usual_platform_mass
         unit, factor = _nearest(inertial / usual, EFFORT_NUMBERS)

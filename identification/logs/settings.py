@@ -577,6 +577,14 @@ class LogSettings(Settings):
         default=3.0,
         metadata={"unit": "1", "reason": "a unit is at least 4 off; lags make 2.3"},
     )
+    max_forces_unexplained: float = field(
+        default=0.06,
+        metadata={
+            "unit": "share of the forces' squares",
+            "reason": "at most 0.045 in logs of 10 kinds of missing effects, in any unit; a torque "
+            "that is clipped at two thirds of its peak leaves 0.084 and sets the masses 4 apart",
+        },
+    )
     max_platform_mass: float = field(
         default=300.0,
         metadata={"unit": "kg", "reason": "heavier platforms have other drives"},
@@ -708,6 +716,27 @@ class LogSettings(Settings):
         metadata={
             "unit": "s",
             "reason": "pieces whose way gives the scale of a pose, far above its noise",
+        },
+    )
+    lag_grid: float = field(
+        default=0.05,
+        metadata={
+            "unit": "s",
+            "reason": "steps in which speeds and pose are shifted: a tenth of the longest lag",
+        },
+    )
+    max_left_by_lag: float = field(
+        default=0.5,
+        metadata={
+            "unit": "share of the squares without a lag",
+            "reason": "a lag that takes away less is noise, slip or a wrong length",
+        },
+    )
+    max_unlike_pose: float = field(
+        default=0.05,
+        metadata={
+            "unit": "share of the squares of the wheels' ways",
+            "reason": "a wheel of 10 % more leaves 1e-4; more is no matter of a gain or a lag",
         },
     )
     min_scale_difference: float = field(

@@ -289,7 +289,8 @@ class _Search:
         if column.name.startswith("velocity"):
             near = self.settings.max_distance_from_zero * float(column.values.std())
         low, high = (0.0 if abs(bound) < near else bound for bound in ranged.bounds)
-        return low, high
+        # A range that lies about zero is narrow: it has two bounds of its own.
+        return ranged.bounds if low == high else (low, high)
 
     def _likeliest(self, column: Column, among: Mask) -> _Ranged | None:
         """The likeliest range of a column among some rows, its ends sought more finely."""

@@ -20,6 +20,7 @@ INTRODUCTION = """# What the stated probabilities deliver
 Everything here comes from platforms of a second simulator, which shares no line with the models
 that are fitted. One command makes this page anew, and goes on where it was stopped:
 
+<!-- not run: takes hours -->
 ```bash
 {command}
 ```

@@ -58,6 +58,21 @@ class Demonstration:
         return self.folder / "better.json"
 
     @property
+    def lab(self) -> Path:
+        """Folder of the logs that look like a real robot's."""
+        return self.folder / "logs" / "lab"
+
+    @property
+    def lab_logs(self) -> tuple[Path, Path]:
+        """Logs that look like a real robot's."""
+        return self.lab / "calibration.csv.gz", self.lab / "multisine_a.csv.gz"
+
+    @property
+    def lab_model(self) -> Path:
+        """The file of the model with what those logs showed."""
+        return self.folder / "lab.json"
+
+    @property
     def plots(self) -> tuple[str | Path, ...]:
         """Option that draws the figures; none without matplotlib, an extra."""
         if importlib.util.find_spec("matplotlib") is None:

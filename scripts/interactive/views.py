@@ -177,11 +177,7 @@ def _first_hint(project: Project) -> str:
 
 def _sentences(step: Step, found: Mapping[str, Any]) -> list[str]:
     if step.kind == "diagnose":
-        first, last = (percent(found["steps"][k]["force_error"]) for k in (0, -1))
-        noise = percent(found["noise_floor"]["force_error"])
-        verdict = f"Verdict: {found['verdict']}. Force error {first}"
-        verdict += f", with all that was found {last}" if len(found["steps"]) > 1 else ""
-        return [f"{verdict}; noise alone {noise}.", *found["words"]]
+        return [found["headline"], *found["words"]]
     if step.kind == "add":
         before, after = (percent(found[name]["force_error"]) for name in ("before", "after"))
         worth = "worth it" if found["worthwhile"] else "not worth it"

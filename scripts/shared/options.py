@@ -79,7 +79,9 @@ JsonOption = Annotated[
 ]
 PlotsOption = Annotated[
     Path | None,
-    typer.Option("--plots", metavar="DIR", help="Draw plots into this folder (extra: plots)."),
+    typer.Option(
+        "--plots", metavar="DIR", help="Draw plots into this folder, PNG and SVG (extra: plots)."
+    ),
 ]
 ReportOption = Annotated[
     Path | None,

@@ -146,6 +146,19 @@ def test_noise_is_white_and_of_the_stated_size():
         assert np.abs(correlation).max() < 5 / np.sqrt(len(noise))
 
 
+def test_noise_that_lasts_has_the_stated_size_and_time():
+    found = calibrated(100.0)
+    white, lasting = (found.log(0.05, np.random.default_rng(4), time) for time in (0.0, 0.1))
+    clean = found.log(0.0, np.random.default_rng(4))
+    noise = lasting.effort - clean.effort
+    np.testing.assert_allclose(noise.std(axis=0), 0.05, rtol=0.15)
+    for row in (1, 10):  # 1 / e after 0.1 s, ten rows
+        alike = (noise[row:] * noise[:-row]).mean(axis=0) / noise.var(axis=0)
+        np.testing.assert_allclose(alike, np.exp(-row / 10), atol=0.15)
+    assert (lasting.effort[0] == white.effort[0]).all()  # as large from the first row on
+    assert (lasting.velocity == white.velocity).all()
+
+
 def test_the_work_of_the_torques_goes_into_friction():
     found = calibrated(100.0)
     geometry, value = PAPER.geometry, PAPER.values

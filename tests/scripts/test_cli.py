@@ -231,3 +231,25 @@ class TestEveryCommand:
         )
         assert run.returncode == 0, run.stderr
         assert run.stdout.startswith(f"Usage: youbot {name} ")
+
+
+class TestCompletion:
+    """What a shell offers after Tab, as its script asks for it."""
+
+    @pytest.mark.parametrize(
+        ("typed", "offered"),
+        [("youbot id", "identify"), ("youbot diagnose --next", "--next-motion")],
+    )
+    def test_offers_commands_and_options(self, typed, offered, monkeypatch, capsys):
+        monkeypatch.setenv("_YOUBOT_COMPLETE", "complete_bash")
+        monkeypatch.setenv("COMP_WORDS", typed)
+        monkeypatch.setenv("COMP_CWORD", str(len(typed.split()) - 1))
+        assert cli.main([]) == 0
+        assert capsys.readouterr().out.split() == [offered]
+
+    def test_prints_the_script_of_a_shell(self, tmp_path):
+        environment = {**os.environ, "HOME": str(tmp_path)}
+        program = [sys.executable, "-m", "youbot_scripts.cli", "--show-completion", "bash"]
+        done = subprocess.run(program, capture_output=True, text=True, timeout=60, env=environment)
+        assert done.returncode == 0 and "_YOUBOT_COMPLETE=complete_bash" in done.stdout
+        assert not list(tmp_path.iterdir())

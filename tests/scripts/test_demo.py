@@ -85,6 +85,21 @@ def test_finds_the_truth(shown: tuple[Path, str]):
     assert "of 7 true values lie within" in out
 
 
+def test_the_second_room_shows_both_of_what_is_hidden(shown: tuple[Path, str]):
+    folder, out = shown
+    found = json.loads((folder / "lab_diagnosis.json").read_text())
+    assert found["verdict"] == "effect"
+    assert sorted(found["missing"]) == ["floor_tilt", "torque_offset"]
+    model = load_model(folder / "lab.json")
+    for words in chapters.LAB:
+        effect, _, values = words.partition(":")
+        for name, value in (item.split("=") for item in values.split(",")):
+            estimate = model.effects[effect][name]
+            assert estimate.std is not None
+            assert abs(estimate.value - float(value)) < 4 * estimate.std, name
+    assert f"found: {' and '.join(found['missing'])}." in " ".join(out.split())
+
+
 def test_the_loop_closes(shown: tuple[Path, str]):
     """On the slope that was diagnosed, knowing it is what computed torque lacked."""
     folder, out = shown
@@ -111,7 +126,7 @@ def test_lists_what_it_wrote_and_nothing_else(shown: tuple[Path, str]):
     plots = {"forces_calibration", "motion_calibration", "estimates", "error_by_model"}
     plots |= {f"{kind}_multisine_b" for kind in ("free_run", "where", "tracking")}
     assert {name for name in written if name.startswith("plots/")} == {
-        f"plots/{name}.png" for name in plots
+        f"plots/{name}.{kind}" for name in plots for kind in ("png", "svg")
     }
 
 

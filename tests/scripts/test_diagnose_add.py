@@ -24,7 +24,8 @@ TRUTH = {"tilt_x": -0.018, "tilt_y": -0.004}
 def diagnosed(tmp_path_factory):
     folder = tmp_path_factory.mktemp("diagnosed")
     model, result = folder / "better.json", folder / "diagnosis.json"
-    status = cli.main(["diagnose", "paper", *LOGS, "-o", str(model), "--json", str(result)])
+    files = ["-o", str(model), "--json", str(result), "--plots", str(folder / "plots")]
+    status = cli.main(["diagnose", "paper", *LOGS, *files])
     assert status == 0
     return model, json.loads(result.read_text())
 
@@ -48,6 +49,16 @@ def test_the_written_model_has_the_size_within_its_interval(diagnosed):
         assert estimate.std is not None
         assert abs(estimate.value - value) < 3 * estimate.std
     assert len(model.logs) == 2
+
+
+def test_draws_the_fall_and_the_residual(diagnosed):
+    plots = diagnosed[0].parent / "plots"
+    names = {"errors", "residual"}
+    assert {path.name for path in plots.iterdir()} == {
+        f"{name}.{kind}" for name in names for kind in ("png", "svg")
+    }
+    words = (plots / "errors.svg").read_text()
+    assert "<!-- with floor_tilt -->" in words and "<!-- the model, refitted -->" in words
 
 
 def test_adding_a_useless_effect_says_so_and_does_it(diagnosed, tmp_path, capsys):

@@ -154,7 +154,8 @@ class TestIdentify:
         folder = tmp_path / "plots"
         assert main(["identify", str(logs / "calibration.csv"), "--plots", str(folder)]) == 0
         out = capsys.readouterr().out.replace("\n", "")
-        names = {path.name for path in folder.iterdir()}
+        names = {path.name for path in folder.glob("*.png")}
+        assert names == {path.with_suffix(".png").name for path in folder.glob("*.svg")}
         assert names == {"forces_calibration.png", "motion_calibration.png", "estimates.png"}
         for name in names:
             assert f"plot written to {folder / name}" in out
@@ -311,7 +312,8 @@ class TestCompare:
     def test_plots(self, logs: Path, model: Path, tmp_path: Path):
         folder = tmp_path / "plots"
         assert main(["compare", str(model), str(logs / "b.csv"), "--plots", str(folder)]) == 0
-        assert {path.name for path in folder.iterdir()} == {"free_run_b.png", "where_b.png"}
+        names = {f"{name}.{kind}" for name in ("free_run_b", "where_b") for kind in ("png", "svg")}
+        assert {path.name for path in folder.iterdir()} == names
 
     def test_a_shipped_model_goes_by_its_name(self, logs: Path, tmp_path: Path):
         found = run_json(["compare", "paper", logs / "b.csv"], tmp_path)

@@ -281,7 +281,8 @@ def drive_resonance(xp: Namespace, drive: Actuator, first: Number, second: Numbe
         )
     ],
     source="Zero error of current sensors and their amplifiers",
-    recognise="A constant residual in the body frame: the wheels seem to push at rest.",
+    recognise="A constant residual in the body frame: the wheels seem to push at rest. As much at "
+    "both front wheels as at both back ones with the other sign exerts no force: no log shows it.",
 )
 def torque_offset(xp: Namespace, channel: Channel, offset: Number) -> Number:
     """True torque behind a channel whose zero is off [N m]: M_i + o_i."""

@@ -8,6 +8,7 @@ import os
 import subprocess
 import sys
 from pathlib import Path
+from xml.etree import ElementTree
 
 import numpy as np
 import pytest
@@ -421,7 +422,8 @@ class TestFiles:
         paths = figures.plot_identification(fitted, folder, truth=PAPER)
         names = ["forces_calibration.png", "motion_calibration.png", "estimates.png"]
         assert [path.name for path in paths] == names
-        assert sorted(path.name for path in folder.iterdir()) == sorted(names), "and no leftovers"
+        written = [*names, *(name.replace(".png", ".svg") for name in names)]
+        assert sorted(path.name for path in folder.iterdir()) == sorted(written), "and no leftovers"
         for path in paths:
             with Image.open(path) as picture:
                 assert picture.format == "PNG"
@@ -429,6 +431,9 @@ class TestFiles:
                 assert 500 <= picture.height <= 1000
                 assert len(picture.convert("RGB").getcolors(10**6) or []) > 10, "not empty"
             assert path.stat().st_size < 250_000
+            drawing = ElementTree.parse(path.with_suffix(".svg")).getroot()
+            assert drawing.tag == "{http://www.w3.org/2000/svg}svg"
+            assert path.with_suffix(".svg").stat().st_size < 3_000_000
 
     def test_of_an_identification_without_a_course(self, fitted: Identification, tmp_path: Path):
         bare = dataclasses.replace(fitted, course=None)
@@ -438,6 +443,8 @@ class TestFiles:
     def test_the_same_result_gives_the_same_bytes(self, compared: Comparison, tmp_path: Path):
         first, again = (figures.plot_comparison(compared, tmp_path / x) for x in "ab")
         assert [path.read_bytes() for path in first] == [path.read_bytes() for path in again]
+        for path, other in zip(first, again, strict=True):
+            assert path.with_suffix(".svg").read_bytes() == other.with_suffix(".svg").read_bytes()
 
     def test_forces_in_the_figure_are_those_of_the_fit(
         self, fitted: Identification, monkeypatch: pytest.MonkeyPatch, tmp_path: Path

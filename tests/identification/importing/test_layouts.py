@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
 
+from identification.importing.import_map import read_map
 from identification.importing.importing import (
     Imported,
     Source,
@@ -14,6 +16,7 @@ from identification.importing.importing import (
     open_source,
     write_imported,
 )
+from identification.importing.map_file import map_text
 from identification.logs.reading import read_log
 from tests.identification.importing.layouts import LAYOUTS, LOG, joined, names, plain, rows
 from tests.identification.shared_data import DATA, needs_data
@@ -195,6 +198,30 @@ def test_positions_tell_the_counts_of_a_turn(tmp_path: Path) -> None:
     assert source.chosen.position.counts_per_turn == pytest.approx(4096, rel=0.01)
     moved = found.made.channels["position"] - found.made.channels["position"][0]
     assert np.abs(moved - (angle - angle[0])).max() < 0.05
+
+
+@pytest.mark.parametrize(("per_turn", "unit"), [(4096, "count"), (None, "rad")])
+def test_positions_alone_become_speeds(per_turn: int | None, unit: str, tmp_path: Path) -> None:
+    angle = np.cumsum(LOG.velocity, axis=0) / LOG.rate
+    given = np.round(angle / (2 * np.pi) * per_turn) if per_turn else angle
+    body = [
+        [row[0], *(f"{n:.6g}" for n in line), *row[5:]]
+        for row, line in zip(rows(LOG), given, strict=True)
+    ]
+    path = written(tmp_path, joined(["time", *names("enc_{}"), *names("torque_{}")], body))
+    source = open_source([path])
+    proposed = source.chosen
+    if per_turn:
+        assert "how many are a turn" in source.undecided[0]
+        with pytest.raises(InputError, match="need counts_per_turn"):
+            import_source(source)
+        proposed = replace(proposed, velocity=replace(proposed.velocity, counts_per_turn=per_turn))
+    asked = tmp_path / "map.toml"
+    asked.write_text(map_text(proposed))
+    made = import_source(open_source([path], read_map(asked))).made
+    assert proposed.velocity.unit == unit
+    off = made.channels["velocity"] - np.gradient(angle, 1 / LOG.rate, axis=0)
+    assert np.sqrt((off**2).mean()) < (0.15 if per_turn else 5e-3)
 
 
 def test_parquet_with_other_names(tmp_path: Path) -> None:

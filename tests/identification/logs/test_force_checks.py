@@ -11,10 +11,12 @@ import pytest
 from controllers.recording import record
 from identification.logs.checks import check, limits_for
 from identification.logs.log import Log
+from identification.logs.settings import LogSettings
 from tests.identification.recordings import recording
 from youbot_env.model.model_file import load_model
 from youbot_env.motions.multisine import multisine
 from youbot_env.physics.hardware import GEAR_RATIO
+from youbot_scripts.blind_bench.cases import draw_case, logs_of
 
 PAPER = load_model("paper")
 
@@ -88,6 +90,17 @@ def test_units_of_speeds_without_a_pose(free: Log, unit: str):
     assert float(told.split("multiply them by ")[1].split()[0]) == pytest.approx(
         1 / SPEED_UNITS[unit], rel=1e-3
     )
+
+
+def test_drives_that_clip_the_torque_have_no_unit():
+    """The masses are then far apart, as with a wrong unit; no log is refused for it."""
+    case = draw_case("one", 18, 902)
+    assert "torque_saturation" in str(case.planted)
+    log = next(log for log in logs_of(case) if log.name == "calibration")
+    strict = LogSettings(max_forces_unexplained=1.0)
+    assert "turns/s" in str(check(log, limits_for(log, None, None, None, strict)))
+    found = check(log, limits_for(log, None, None, None))
+    assert "error" not in {finding.level for finding in found}
 
 
 @pytest.mark.parametrize(

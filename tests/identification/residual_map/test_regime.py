@@ -86,3 +86,11 @@ def test_what_acts_everywhere_has_no_regime():
 
 def test_noise_has_none():
     assert regime(lambda item: np.zeros(len(item))) is None
+
+
+def test_a_range_about_zero_keeps_its_bounds():
+    std = float(np.concatenate([item.wheel_speed[:, 0] for item in SAMPLES]).std())
+    found = regime(lambda item: 2.0 * (np.abs(item.wheel_speed[:, 0]) < 0.04 * std))
+    assert found is not None and "< velocity_fl <" in found.rule
+    low, high = bounds(found.rule)
+    assert low < 0 < high

@@ -7,20 +7,18 @@ import os
 import shutil
 import subprocess
 import sys
-import time
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from pathlib import Path
-from typing import Any
 
 import pytest
 
 from identification.logs.reading import write_log
 from tests.identification.recordings import recording
+from tests.scripts.interactive.browser import CHROMIUM, DRIVER, serve, workbench
 
 pytest.importorskip("dash")
-webdriver = pytest.importorskip("selenium.webdriver")
+pytest.importorskip("selenium.webdriver")
 
-CHROMIUM, DRIVER = shutil.which("chromium"), shutil.which("chromedriver")
 pytestmark = pytest.mark.skipif(
     CHROMIUM is None or DRIVER is None,
     reason="no chromium: apt install chromium chromium-driver",
@@ -29,77 +27,19 @@ pytestmark = pytest.mark.skipif(
 TILT = (("floor_tilt", (("tilt_x", 0.018), ("tilt_y", 0.0))),)
 
 
-class Browser:
-    """A page of the workbench, and what a person does on it."""
-
-    def __init__(self, address: str, profile: Path) -> None:
-        from selenium.webdriver.chrome.service import Service
-
-        options = webdriver.ChromeOptions()
-        for word in (
-            *("--headless=new", "--no-sandbox", "--disable-gpu"),
-            *("--disable-background-networking", f"--user-data-dir={profile}"),
-            "--window-size=1400,2400",
-        ):
-            options.add_argument(word)
-        options.set_capability("goog:loggingPrefs", {"browser": "ALL"})
-        self.driver = webdriver.Chrome(options=options, service=Service(DRIVER))
-        self.driver.get(address)
-        self.until(lambda: self.find("#panel .verdict"), "the panel")
-
-    def find(self, selector: str) -> list[Any]:
-        return self.driver.find_elements("css selector", selector)
-
-    def text(self, selector: str) -> list[str]:
-        """Texts as they are now; elements may be drawn anew at any time."""
-        script = "return [...document.querySelectorAll(arguments[0])].map(e => e.textContent)"
-        return self.driver.execute_script(script, selector)
-
-    def until(self, holds: Callable[[], Any], what: str, limit: float = 180.0) -> Any:
-        end = time.monotonic() + limit
-        while time.monotonic() < end:
-            if found := holds():
-                return found
-            time.sleep(0.3)
-        raise AssertionError(f"{what}: not within {limit:.0f} s; {self.text('#panel')}")
-
-    def press(self, label: str) -> None:
-        script = """for (const b of document.querySelectorAll('button'))
-            if (b.textContent.startsWith(arguments[0]) && !b.disabled) { b.click(); return true; }
-            return false;"""
-        self.until(lambda: self.driver.execute_script(script, label), f"button {label}")
-
-    def ended(self, count: int) -> list[str]:
-        """States of the commands, the newest first, when so many have ended."""
-
-        def states() -> list[str]:
-            found = self.text(".steps .state")
-            is_open = any(state in ("waiting", "running") for state in found)
-            return found if len(found) >= count and not is_open else []
-
-        return self.until(states, f"{count} commands")
-
-    def complaints(self) -> list[str]:
-        return [line["message"] for line in self.driver.get_log("browser")]
-
-
 @pytest.fixture(scope="module")
 def served(tmp_path_factory: pytest.TempPathFactory) -> Iterator[tuple[str, Path]]:
     """The address of a workbench over a folder with one log of a sloped floor."""
     folder = tmp_path_factory.mktemp("runs")
     write_log(folder / "drive.csv", recording("calibration", TILT, rate=50.0))
-    line = [sys.executable, "-m", "youbot_scripts.cli", "workbench", "--folder", str(folder)]
-    with subprocess.Popen(line, stdout=subprocess.PIPE, text=True) as server:
-        assert server.stdout is not None
-        address = server.stdout.readline().split()[-1]
+    with serve(folder) as address:
         yield address, folder
-        server.terminate()
 
 
 @pytest.mark.slow
 def test_from_a_log_to_a_better_model_and_back(served: tuple[str, Path], tmp_path: Path):
     address, folder = served
-    page = Browser(address, tmp_path / "one")
+    page = workbench(address, tmp_path / "one")
     try:
         page.driver.execute_script("document.querySelector('#logs input').click()")
         page.until(lambda: "Next: check the logs" in page.text(".verdict")[0], "the log is chosen")
@@ -118,7 +58,7 @@ def test_from_a_log_to_a_better_model_and_back(served: tuple[str, Path], tmp_pat
         page.until(lambda: page.find("#signals .main-svg"), "signals are drawn")
         page.until(lambda: page.find("#plan .main-svg"), "the floor plan is drawn")
         # A second browser sees the same, and so does a reload.
-        other = Browser(address, tmp_path / "two")
+        other = workbench(address, tmp_path / "two")
         try:
             assert other.text(".versions code") == page.text(".versions code")
             page.driver.refresh()
