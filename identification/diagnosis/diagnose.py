@@ -50,7 +50,7 @@ from identification.diagnosis.structures import (
 from identification.fitting.changed_parameters import changed_parameters
 from identification.fitting.final_fit import coarse_speed_warnings, final_fit
 from identification.fitting.least_squares import Fit
-from identification.logs.log import Log, shared_clock, warnings_of_logs
+from identification.logs.log import Log, in_order_of_time, shared_clock, warnings_of_logs
 from identification.mechanisms.mechanism import Mechanism
 from identification.mechanisms.registry import AnyModel, kind_of, mechanism_of
 from identification.residual_map.residual_map import residual_map
@@ -88,6 +88,7 @@ def diagnose(
     """
     if not logs:
         raise InputError("no log given: diagnose needs at least one")
+    logs = in_order_of_time(logs)
     mechanism = mechanism_of(model, settings=settings.fit.mechanism)
     data = LoggedData(mechanism, logs, seed, progress, settings)
     names = list(effects) if effects is not None else list(mechanism.catalogue.names())
