@@ -10,7 +10,7 @@ import numpy as np
 from controllers.interface import Array, Observation, Reference
 from youbot_env.errors import InputError, finite
 from youbot_env.physics.geometry import Geometry
-from youbot_env.physics.hardware import MAX_WHEEL_TORQUE, STOCK_INTEGRAL, STOCK_PROPORTIONAL
+from youbot_env.physics.hardware import STOCK_INTEGRAL, STOCK_PROPORTIONAL
 
 
 @dataclass(frozen=True)
@@ -49,7 +49,7 @@ class KinematicControl:
     ----------
     geometry : lengths of the platform
     gains : of each wheel's loop
-    torque_limit : [N m] at each wheel
+    torque_limit : [N m] at each wheel; None for the geometry's
     sample_time : [s] between calls
 
     Attributes
@@ -67,12 +67,13 @@ class KinematicControl:
         self,
         geometry: Geometry | None = None,
         gains: Gains | None = None,
-        torque_limit: float = MAX_WHEEL_TORQUE,
+        torque_limit: float | None = None,
         sample_time: float = 0.002,
     ) -> None:
         self.geometry = geometry or Geometry()
         self.gains = gains or Gains()
-        self.torque_limit = finite("torque limit [N m]", torque_limit, positive=True)
+        most = self.geometry.max_wheel_torque if torque_limit is None else torque_limit
+        self.torque_limit = finite("torque limit [N m]", most, positive=True)
         self.sample_time = finite("sample time [s]", sample_time, positive=True)
         self._integral_step = self.gains.integral * self.sample_time
         self._to_wheels = self.geometry.wheel_jacobian

@@ -34,7 +34,7 @@ from identification.logs.columns import joint_columns
 from identification.logs.log import Log
 from identification.logs.wheel_checks import Slip, slip_of
 from identification.mechanisms.mechanism import Mechanism
-from identification.mechanisms.registry import AnyModel, kind_of, mechanism_of
+from identification.mechanisms.registry import AnyModel, kind_of, mechanism_of, platform_geometry
 from identification.mechanisms.samples import Samples
 from identification.residual_map.residual_map import residual_map
 from identification.residual_map.settings import ResidualMapSettings
@@ -296,7 +296,7 @@ def compare(
             force_floor=floor.force[k],
             velocity_floor=floor.velocity[k],
             joint_speed=_joint_speed(mechanism, model.theta, samples[k], velocity[k]),
-            slip=slip_of(log),
+            slip=slip_of(log, platform_geometry(model) if geometry is None else geometry),
         )
         for k, log in enumerate(logs)
     ]

@@ -70,11 +70,12 @@ def main(
         found["parameters"] = {
             name: {**entry, "interval": None} for name, entry in found["parameters"].items()
         }
+    if output:  # before anything is printed: see identify
+        save_any_model(output, result.model)
     given.tell(out)
     given.tell_doubts(out)
     _print(out, found)
     if output:
-        save_any_model(output, result.model)
         out.print(f"model written to {output}")
     write_result(json, found, seed)
     if report:

@@ -22,7 +22,7 @@ from youbot_scripts.blind_bench.scores import score
 from youbot_scripts.blind_bench.trials import Options, Record, Spec, plan, run_trials
 from youbot_scripts.cli import run_script
 from youbot_scripts.shared import options as common
-from youbot_scripts.shared.results_folder import spread
+from youbot_scripts.shared.workers import spread
 
 EXAMPLES = (
     "youbot bench --cases 200 --kinds none --resume bench/",
@@ -31,6 +31,7 @@ EXAMPLES = (
     "youbot bench --kinds noise --first 7 --cases 1 --jobs 1 --keep cases/",
     "youbot bench --cases 105 --kinds sweep",
     "youbot bench --cases 3 --kinds floor_tilt --write cases/",
+    "youbot bench --cases 300 --kinds fleet --write robots/",
     "youbot bench --baseline --calibration docs/calibration.md --kinds none,noise,one,two "
     "--cases 200 --replicates 2000 --seed 11 --resume calibration/",
     "youbot bench --sizes --cases 2",
@@ -111,11 +112,12 @@ def main(
     encoder counts, with Coulomb friction in every other case), one (an effect of about catalogue
     size), quarter (a quarter of it under twice the noise), double_noise (its size under twice the
     noise), two (two effects), unknown (something outside the catalogue), sweep (each effect at 1/16
-    to 4 times its size). Each case is identified, and diagnosed from the published model, whose
-    parameters are not the platform's. The same kind, index, seed, rate and noise make the same
-    case: `--first N --cases 1` runs one alone. Cases that --resume finds are neither run nor kept.
-    --calibration writes a page of what all stated probabilities promise and deliver on these cases
-    and on --replicates fits of platforms to which nothing is added, white noise and other in turn.
+    to 4 times its size), fleet (a robot each, one in ten with an effect). Each case is identified,
+    and diagnosed from the published model, whose parameters are not the platform's. The same kind,
+    index, seed, rate and noise make the same case: `--first N --cases 1` runs one alone. Cases that
+    --resume finds are neither run nor kept. --calibration writes a page of what all stated
+    probabilities promise and deliver on these cases and on --replicates fits of platforms to which
+    nothing is added, white noise and other in turn.
     """
     out = common.console(json)
     if sizes:

@@ -46,6 +46,7 @@ COMMANDS = (
     "tune",
     "bench",
     "benchmark",
+    "fleet",
     "effects",
     "export",
     "workbench",

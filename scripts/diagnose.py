@@ -22,26 +22,46 @@ from youbot_scripts.shared.options import (
     ReportOption,
     SeedOption,
     StrictOption,
+    check_output,
     check_pictures,
     console,
     progress,
     write_json,
     write_result,
+    write_text,
 )
 from youbot_scripts.shared.tables import show
 
 if TYPE_CHECKING:
     from rich.console import Console
 
+    from identification.diagnosis.report import Diagnosis
+
 
 EXAMPLES = (
     "youbot diagnose model.json runs/*.csv -o better.json --plots plots/",
     "youbot diagnose paper runs/*.csv --effects my_effects.py --report diagnosis.html",
+    "youbot diagnose model.json runs/*.csv -o better.json --proposal law.py",
 )
 
 
 SHOWN_CANDIDATES = 4
 """Candidates listed in the terminal; page and JSON list all of them."""
+
+
+def check_law_file(path: Path | None) -> Path | None:
+    """Typer callback: refuse a file that `--effects` could not take, before anything is computed.
+
+    Raises
+    ------
+    InputError
+        If it cannot be made, or its name does not end in .py.
+    """
+    if path is not None and path.suffix != ".py":
+        from youbot_env.errors import InputError
+
+        raise InputError(f"{path}: a law is written as Python; let its name end in .py")
+    return check_output(path)
 
 
 def main(
@@ -53,6 +73,15 @@ def main(
         Path | None,
         typer.Option(
             "--next-motion", metavar="FILE", help="Write the proposed motion here, for `record`."
+        ),
+    ] = None,
+    proposal: Annotated[
+        Path | None,
+        typer.Option(
+            "--proposal",
+            metavar="FILE.py",
+            callback=check_law_file,
+            help="Write the law that is proposed for an unknown rest here, for `--effects`.",
         ),
     ] = None,
     mechanism: MechanismOption = None,
@@ -77,11 +106,18 @@ def main(
     with progress(40, "diagnose") as advance:
         result = diagnose(given.model, given.logs, seed=seed, progress=advance)
     out, found = console(json), {**result.to_dict(), **given.to_dict()}
+    if proposal and result.proposal:
+        found["proposal"]["file"] = str(proposal)
+    # Before anything is printed: a reader that closes its pipe (`| head`) must not cost the model.
+    if output:
+        save_any_model(output, result.model)
     given.tell(out)
     _print(out, found, len(result.first_warnings))
     if next_motion and found["next_experiment"]:
         write_json(next_motion, found["next_experiment"]["motion"])
         out.print(f"motion written to {next_motion}", soft_wrap=True)
+    if proposal:
+        _write_law(out, proposal, result, model, output)
     write_result(json, found, seed)
     if plots:
         from identification.figures.figures import plot_diagnosis
@@ -94,8 +130,20 @@ def main(
         write_diagnosis(report, result, found, given.logs, seed)
         out.print(f"report written to {report}", soft_wrap=True)
     if output:
-        save_any_model(output, result.model)
         out.print(f"model written to {output}", soft_wrap=True)
+
+
+def _write_law(
+    out: Console, path: Path, result: Diagnosis, model: str, output: Path | None
+) -> None:
+    """Write the proposed law as a file of effects, and say what to do with it."""
+    if result.proposal is None:
+        out.print(f"no law is proposed: {path} is not written", soft_wrap=True)
+        return
+    write_text(path, result.proposal.file_text)
+    out.print(f"law written to {path}; next:", soft_wrap=True)
+    added = f"youbot add {output or model} {result.proposal.name} LOG... --effects {path}"
+    out.print(f"  {added} -o NEW_MODEL", soft_wrap=True, highlight=False)
 
 
 def _print(out: Console, found: dict[str, Any], told_first: int) -> None:
@@ -116,6 +164,8 @@ def _print(out: Console, found: dict[str, Any], told_first: int) -> None:
         out,
         result_tables.leading_variables(found["remaining" if accepted else "where"], title=title),
     )
+    if found["proposal"]:
+        show(out, [result_tables.laws(found["proposal"])])
     out.print(f"Verdict: {found['verdict']}", style="bold")
     out.print(found["headline"])
     for sentence in [*found["words"], *found["changes"]["words"]]:

@@ -81,10 +81,12 @@ def main(
     known = model or ("paper" if mechanism == "mecanum" and not geometry else "MODEL")
     result = result.with_next_command(next_diagnosis(str(output or known), logs))
     out = common.console(json)
+    # Before anything is printed: a reader that closes its pipe (`| head`) must not cost the model.
+    if output:
+        save_any_model(output, result.model)
     given.tell(out)
     _print(out, result)
     if output:
-        save_any_model(output, result.model)
         out.print(f"model written to {output}", soft_wrap=True)
     common.write_result(json, {**result.to_dict(), **given.to_dict()}, seed)
     if plots:
@@ -125,10 +127,14 @@ def _geometry_line(geometry: object) -> str:
     if not isinstance(geometry, Geometry):
         return ""
     g = geometry
+    degrees = sorted({round(57.29578 * angle, 2) for angle in g.roller_angles})
+    rollers = f", rollers in {g.arrangement}" if g.arrangement != "X" else ""
+    if degrees != [45.0]:
+        rollers += f", at {' / '.join(f'{angle:g}' for angle in degrees)} degrees"
     whose = " (the youBot's; another robot's: --geometry)" if g == Geometry() else ""
     return (
-        f"with l = {g.l:.4g}, h = {g.h:.4g}, R = {g.R:.4g}, r = {g.r:.4g} m, m1 = {g.m1:.4g} kg "
-        f"taken for true{whose}"
+        f"with l = {g.l:.4g}, h = {g.h:.4g}, R = {g.R:.4g}, r = {g.r:.4g} m, m1 = {g.m1:.4g} kg"
+        f"{rollers} taken for true{whose}"
     )
 
 

@@ -57,7 +57,7 @@ def main(
     # Imported here: `youbot kinematics --help` does without numpy and scipy.
     from identification.kinematics import estimate_kinematics
     from identification.logs.motion_reading import read_motions
-    from youbot_env.model.model_file import LENGTHS, load_geometry
+    from youbot_env.model.model_file import geometry_to_dict, load_geometry
 
     read = read_motions(logs)
     nominal = load_geometry(geometry) if geometry else None
@@ -67,11 +67,13 @@ def main(
         for finding in findings:
             if finding.level != "info":
                 out.print(f"{finding.level}: {motion.name}: {finding}", soft_wrap=True)
+    if output:
+        lengths = geometry_to_dict(found.geometry)
+        write_json(output, {"geometry": lengths, "logs": [motion.name for motion, _ in read]})
     _print(out, found)
     if output:
-        lengths = {name: getattr(found.geometry, name) for name in LENGTHS}
-        write_json(output, {"geometry": lengths, "logs": [motion.name for motion, _ in read]})
-        out.print(f"geometry written to {output}", soft_wrap=True)
+        whose = "" if geometry else "; r, m1 and l : h in it are the youBot's (yours: --geometry)"
+        out.print(f"geometry written to {output}{whose}", soft_wrap=True)
     write_result(json, found.to_dict())
 
 

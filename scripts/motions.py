@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import sys
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -48,11 +49,19 @@ def main(
         ),
     ] = None,
     wheel_speed: Annotated[
-        float, typer.Option(metavar="LIMIT", help="Largest speed of a wheel [rad/s].")
-    ] = 12.0,
+        float | None,
+        typer.Option(
+            metavar="LIMIT",
+            help="Largest speed of a wheel [rad/s]; default: 12, or what the geometry allows.",
+        ),
+    ] = None,
     body_speed: Annotated[
-        float, typer.Option(metavar="LIMIT", help="Largest speed of the robot [m/s].")
-    ] = 0.8,
+        float | None,
+        typer.Option(
+            metavar="LIMIT",
+            help="Largest speed of the robot [m/s]; default: 0.8, or what the geometry allows.",
+        ),
+    ] = None,
     rest: Annotated[
         float, typer.Option(metavar="S", min=0, help="Standing still before and after [s].")
     ] = 2.0,
@@ -74,7 +83,9 @@ def main(
     from youbot_scripts.recording.named_motions import motions_named
 
     lengths = load_geometry(geometry) if geometry else Geometry()
-    limits = MotionLimits(wheel_speed=wheel_speed, body_speed=body_speed)
+    given = {"wheel_speed": wheel_speed, "body_speed": body_speed}
+    known = {name: value for name, value in given.items() if value is not None}
+    limits = replace(MotionLimits.of(lengths), **known)
     named = str(next_motion) if next_motion else motions
     chosen = motions_named(named, lengths, seed)
     made = [set_points(m, lengths, rate=rate, limits=limits, rest=rest) for m in chosen]
@@ -83,7 +94,11 @@ def main(
         write_table(out_dir / f"{points.name}.csv", COLUMNS, points.table)
     pictures = _draw(out_dir, made, lengths)
     result = {
-        "settings": {"rate": rate, "wheel_speed": wheel_speed, "body_speed": body_speed},
+        "settings": {
+            "rate": rate,
+            "wheel_speed": limits.wheel_speed,
+            "body_speed": limits.body_speed,
+        },
         "motions": {points.name: points.to_dict() for points in made},
         "described": [motion.to_dict() for motion in chosen],
     }

@@ -23,7 +23,6 @@ from controllers.tuning.gains_file import save_gains
 from controllers.tuning.tuning import SearchSettings
 from youbot_env.errors import InputError, finite
 from youbot_env.model.model_file import load_model
-from youbot_env.physics.hardware import MAX_WHEEL_TORQUE
 from youbot_scripts.cli import run_script
 from youbot_scripts.shared import options as common, tuning_tables
 from youbot_scripts.shared.tables import show
@@ -65,8 +64,8 @@ def main(
         float, typer.Option(metavar="RAD/S", help="Standard deviation of a wheel speed's noise.")
     ] = 0.01,
     torque_limit: Annotated[
-        float, typer.Option(metavar="N_M", help="At each wheel.")
-    ] = MAX_WHEEL_TORQUE,
+        float | None, typer.Option(metavar="N_M", help="At each wheel; default: the model's.")
+    ] = None,
     lead: Annotated[
         bool,
         typer.Option(
@@ -113,6 +112,8 @@ def main(
     if lag is not None:
         plant = plant.with_effect("actuator_lag", time_constant=finite("lag", lag, positive=True))
     period = 1.0 / finite("rate", rate, positive=True)
+    if torque_limit is None:
+        torque_limit = plant.geometry.max_wheel_torque
     # 0.5: encoder counts give the mean speed of a period, half a period old.
     loop = Loop(period, delay * period, 0.5 * period, torque_limit, noise)
     task = TuningTask(plant, loop, gain_margin, phase_margin, torque_rate, runs, duration, seed)

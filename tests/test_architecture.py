@@ -26,6 +26,8 @@ OPTIONAL = ("torch", "stable_baselines3", "matplotlib", "mujoco", "pygame", "con
 
 CODE_RUNNERS = {"eval", "exec", "compile", "__import__"}
 UNSAFE_MODULES = {"pickle", "marshal", "shelve", "dill", "joblib"}
+SENDS_ITS_OWN_CALLS = {"scripts/shared/workers.py": {"joblib"}}
+"""A file that starts this package's own functions in other processes, and reads no file by it."""
 
 
 def modules(package: str) -> list[Path]:
@@ -50,6 +52,13 @@ def called_names(tree: ast.AST) -> set[str]:
     return {function.id for function in calls if isinstance(function, ast.Name)}
 
 
+def attributes(tree: ast.AST) -> set[str]:
+    """Names of all attributes and imported names that a module reads."""
+    read = {node.attr for node in ast.walk(tree) if isinstance(node, ast.Attribute)}
+    froms = (node for node in ast.walk(tree) if isinstance(node, ast.ImportFrom))
+    return read.union(*({alias.name for alias in node.names} for node in froms))
+
+
 def test_imported_sees_imports_inside_functions():
     source = "import a.b\ndef f():\n    from c.d import e\n    from . import g\n"
     assert imported(ast.parse(source)) == {"a", "c"}
@@ -66,7 +75,11 @@ def test_imports_follow_the_arrows(package: str):
 def test_no_package_can_run_code_from_a_file(package: str):
     for path in modules(package):
         tree = ast.parse(path.read_text())
-        unsafe = (imported(tree) & UNSAFE_MODULES) | (called_names(tree) & CODE_RUNNERS)
+        place = path.relative_to(ROOT).as_posix()
+        known = SENDS_ITS_OWN_CALLS.get(place, set())
+        unsafe = (imported(tree) & UNSAFE_MODULES - known) | (called_names(tree) & CODE_RUNNERS)
+        if known:
+            unsafe |= {"load", "dump"} & attributes(tree)
         assert not unsafe, f"{path.relative_to(ROOT)} uses {sorted(unsafe)}"
 
 

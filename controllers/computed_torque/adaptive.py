@@ -109,7 +109,9 @@ class AdaptiveComputedTorque(ComputedTorque):
         self._settings = settings
         remembered = settings.memory_time if memory is None else memory
         self._memory = finite("memory [s]", remembered, positive=True)
-        self._rows = OnlineRows(model, loop or Loop(), settings.rows)
+        self._rows = OnlineRows(
+            model, loop or Loop(torque_limit=model.geometry.max_wheel_torque), settings.rows
+        )
         mechanism = Mecanum(model.geometry, model.structure)
         self._scale = mechanism.scale[:BASE_COUNT]
         self._start = model.theta[:BASE_COUNT].copy()

@@ -13,8 +13,8 @@ from typing import Any
 
 import numpy as np
 
-from controllers.allocation import NULL_SPACE
 from controllers.computed_torque.computed_torque import LOAD_TOLERANCE, ComputedTorque
+from controllers.computed_torque.feedback_design import velocity_map
 from controllers.interface import Array, Loop, Observation, Reference
 from youbot_env.exports.c_code import (
     NAME,
@@ -74,7 +74,8 @@ def computed_torque_to_c(
     InputError
         If the model, the loop or the name cannot be used.
     """
-    model, loop = load_model(model), loop or Loop(sample_time=0.001)
+    model = load_model(model)
+    loop = loop or Loop(sample_time=0.001, torque_limit=model.geometry.max_wheel_torque)
     name = checked_name(name)
     controller = ComputedTorque(model, loop, bandwidth)
     marks = {"about": about(model), **_sizes(controller), **_numbers(controller)}
@@ -117,8 +118,7 @@ def _numbers(controller: ComputedTorque) -> dict[str, str]:
     return {
         "design": "\n".join(lines),
         "load_tolerance": number(LOAD_TOLERANCE),
-        "null_space": initialiser(NULL_SPACE),
-        "to_velocity": initialiser(controller.model.geometry.body_twist(np.eye(4)).T),
+        "to_velocity": initialiser(velocity_map(controller.model).T),
     }
 
 
@@ -173,15 +173,15 @@ def example_run(controller: ComputedTorque, motion: Multisine, steps: int) -> tu
     state = initial_state(model)[None]
     command, angle, twists = np.zeros(4), np.zeros(4), np.empty((steps, 3))
     advance: Any = kernel(model.structure, dynamics).advance
-    substeps = plant_substeps(model, period)
+    substeps, to_velocity = plant_substeps(model, period), velocity_map(model)
     controller.reset()
     for k in range(steps):
         twists[k], turned = state[0, :3], state[0, 6:10].copy()
         speed = (turned - angle) / period
         if not loop.measurement_delay:
-            speed = model.geometry.wheel_speeds(twists[k])
+            speed = twists[k] @ model.joint_jacobian.T
         angle = turned
-        seen = Observation(k * period, speed, model.geometry.body_twist(speed), None, command)
+        seen = Observation(k * period, speed, speed @ to_velocity, None, command)
         coming = slice(k + 1, k + 1 + ahead)
         command = controller(seen, Reference(wanted[k], slope[k], wanted[coming], slope[coming]))
         for torque, piece in line.passed(command[None].copy(), period):

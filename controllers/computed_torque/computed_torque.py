@@ -8,7 +8,12 @@ from math import ceil
 import numpy as np
 
 from controllers.computed_torque.feedback import COMMAND, DRIVES, ESTIMATE, act
-from controllers.computed_torque.feedback_design import FeedbackSettings, design, feedback_margins
+from controllers.computed_torque.feedback_design import (
+    FeedbackSettings,
+    design,
+    feedback_margins,
+    velocity_map,
+)
 from controllers.computed_torque.prediction import POSE, TIME, TORQUE, TWIST, predict
 from controllers.interface import Array, Loop, Observation, Reference
 from controllers.linear.linear_system import ROUNDING
@@ -17,7 +22,7 @@ from controllers.linear.reference_window import reference_at
 from youbot_env.errors import finite
 from youbot_env.model.model import Model
 from youbot_env.physics import inverse_dynamics as dynamics
-from youbot_env.physics.effect import WORLD
+from youbot_env.physics.effect import CONTACT, SPEED, WORLD
 from youbot_env.simulation.compiled import inverse_kernel
 from youbot_env.simulation.generated_code import MOTION
 
@@ -64,7 +69,8 @@ class ComputedTorque:
         bandwidth: float | None = None,
         settings: FeedbackSettings | None = None,
     ) -> None:
-        self.model, self.loop = model, loop or Loop()
+        self.model = model
+        self.loop = loop or Loop(torque_limit=model.geometry.max_wheel_torque)
         if bandwidth is not None:
             bandwidth = finite("bandwidth [rad/s]", bandwidth, positive=True)
         self.design = design(model, self.loop, bandwidth, settings or FeedbackSettings())
@@ -73,6 +79,9 @@ class ComputedTorque:
         self.preview_needed = ceil(self._lead - ROUNDING) + 1
         # Only forces that read pose or wheel angles need them moved on along the reference.
         self.follows = bool(model.structure.at(WORLD)) or model.structure.depends_on_angle
+        # ``body_twist`` is of wheels as the geometry has them; a model may know better.
+        rolls_as_said = not (model.structure.at(CONTACT) or model.structure.at(SPEED))
+        self._to_twist = None if rolls_as_said else velocity_map(model)
         self._kernel = inverse_kernel(model.structure, dynamics)
         # A copy: the adaptive controller writes into it, and the model is immutable.
         self._lengths, self._theta = model.lengths, model.theta.copy()
@@ -182,6 +191,8 @@ class ComputedTorque:
         inputs = self._inputs
         inputs[TIME] = observation.time
         inputs[TWIST] = observation.body_twist
+        if self._to_twist is not None:
+            inputs[TWIST] = observation.wheel_speed @ self._to_twist
         inputs[POSE] = np.nan if observation.pose is None else observation.pose
         inputs[TORQUE] = np.nan if observation.wheel_torque is None else observation.wheel_torque
         inputs[11:14], inputs[14:17] = reference.twist, reference.acceleration

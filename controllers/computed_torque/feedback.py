@@ -55,6 +55,7 @@ CONSTANTS = np.dtype(
         ("to_acceleration", np.float64, (3, 4)),  # [m/s^2 per N m] of the body, per wheel torque
         ("to_torque", np.float64, (4, 3)),  # [N m per m/s^2] the least-norm way back
         ("jacobian", np.float64, (4, 3)),  # [rad/s per m/s] wheel speeds per twist
+        ("internal", np.float64, 4),  # [N m] torques that exert no force
     ],
     align=True,
 )
@@ -238,7 +239,7 @@ def exert(queue, constants, wanted, forward, mean, planned, out):
         limits[wheel] = given.torque_limit * abs(given.slope[wheel])
         for axis in range(3):
             torque[wheel] += given.to_torque[wheel, axis] * wanted[axis]
-    share = within_limits(torque, limits, kept)
+    share = within_limits(torque, limits, given.internal, kept)
     for row in range(queue.size - 1, 0, -1):
         queue[row] = queue[row - 1]
     sent = queue[0]

@@ -164,13 +164,14 @@ def _fill_limits(constants: np.void, model: Model, loop: Loop, settings: Feedbac
     """The force maps, and what is believed of torques, disturbances and errors."""
     to_acceleration, constants["to_torque"] = force_maps(model)
     constants["to_acceleration"] = to_acceleration
-    constants["jacobian"], constants["slope"] = model.geometry.wheel_jacobian, channel_slope(model)
+    constants["jacobian"], constants["slope"] = model.joint_jacobian, channel_slope(model)
+    constants["internal"] = model.internal
     constants["torque_limit"] = loop.torque_limit
     constants["torque_tolerance"] = settings.contradiction_share * loop.torque_limit
     most = settings.max_disturbance_share * loop.torque_limit * np.abs(to_acceleration).sum(axis=1)
     constants["max_disturbance"] = most
     # A twist is a weighted sum of four wheels' speeds, each with its own noise.
-    per_wheel = np.sqrt((model.geometry.body_twist(np.eye(4)) ** 2).sum(axis=0))
+    per_wheel = np.sqrt((velocity_map(model) ** 2).sum(axis=0))
     constants["max_first_error"] = settings.first_error_deviations * loop.speed_noise * per_wheel
 
 
@@ -192,11 +193,24 @@ def _fill_gains(constants: np.void, model: Model, loop: Loop, bandwidth: float) 
         constants["error_feedback"][axis], constants["drive_feedback"][axis] = error, drive
 
 
+def velocity_map(model: Model) -> Array:
+    """(4, 3) twist per measured wheel speed, of wheels that roll and are measured as modelled.
+
+    How late a filtered speed comes, and creep under load, are no part of it.
+    """
+    none, one = np.zeros(4), np.ones(4)
+    zero, unit = (
+        dynamics.true_speed(np, model.structure, model.theta, speed, none, none, 0.0)
+        for speed in (none, one)
+    )
+    return (np.array(unit) - np.array(zero))[:, None] * model.twist_map
+
+
 def force_maps(model: Model) -> tuple[Array, Array]:
     """(3, 4) body accelerations per wheel torque, and (4, 3) the least-norm way back."""
-    mass, jacobian = model.mass_matrix(), model.geometry.wheel_jacobian
+    mass, jacobian = model.mass_matrix(), model.joint_jacobian
     to_acceleration = np.linalg.solve(mass, jacobian.T)
-    to_torque = model.geometry.wheel_torque(mass.T).T
+    to_torque = model.twist_map @ mass
     return np.array(to_acceleration, np.float64, order="C"), np.array(to_torque, order="C")
 
 

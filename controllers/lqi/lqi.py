@@ -51,7 +51,7 @@ class LQI:
         self._forward = self.design.force + self.design.gain @ self.design.state
         # In u = ... - integral q: the change of q that changes u by a force.
         self._back = np.linalg.inv(self.design.integral)
-        self._limit = np.full(4, loop.torque_limit)
+        self._limits = np.full(4, loop.torque_limit), np.array(model.geometry.internal)
         self._period = loop.sample_time
         self._exerted = CommandTracker(model, loop)
         self.reset()
@@ -75,7 +75,7 @@ class LQI:
         wanted = self._forward @ reference.twist - self.design.gain @ self._state
         wanted -= self.design.gain[:, :3] @ self._shift + self.design.integral @ self._integral
         torque = np.empty(4)
-        share = within_limits(self._to_wheels @ wanted, self._limit, torque)
+        share = within_limits(self._to_wheels @ wanted, *self._limits, torque)
         if apart is not None:
             exerted = self._to_force @ (self._exerted.acting + apart)
             self._integral += self._back @ (wanted - exerted)

@@ -35,7 +35,7 @@ class BodyLoops:
             self._numbers[row] = (*derivative_filter(one, period), one.derivative_time)
         self._to_wheels = geometry.wheel_torque(np.eye(3)).T.copy()
         self._to_twist = geometry.body_twist(np.eye(4))
-        self._limit = np.full(4, loop.torque_limit)
+        self._limits = np.full(4, loop.torque_limit), np.array(geometry.internal)
         self.reset()
 
     def reset(self) -> None:
@@ -50,7 +50,7 @@ class BodyLoops:
     def torques(self, error: Array) -> Array:
         """Wheel torques (n, 4) [N m] at twist errors (n, 3); a new array."""
         out = np.empty((len(error), 4))
-        _step(error, self.state, self._gains, self._numbers, self._to_wheels, self._limit, out)
+        _step(error, self.state, self._gains, self._numbers, self._to_wheels, *self._limits, out)
         return out
 
     def give_back(self, force: Array) -> None:
@@ -59,7 +59,7 @@ class BodyLoops:
 
 
 @njit(cache=True, error_model="numpy")
-def _step(error, state, gains, numbers, to_wheels, limit, out):
+def _step(error, state, gains, numbers, to_wheels, limit, internal, out):
     """Fill ``out`` (n, 4). ``state`` (n, 3, 3): integral [N], filtered slope, last error.
 
     What the limit takes from the force goes back into the integral by ``gains[:, 2]``. An error
@@ -93,7 +93,7 @@ def _step(error, state, gains, numbers, to_wheels, limit, out):
             torque[wheel] = 0.0
             for axis in range(3):
                 torque[wheel] += to_wheels[wheel, axis] * wanted[axis]
-        share = within_limits(torque, limit, out[row])
+        share = within_limits(torque, limit, internal, out[row])
         for axis in range(3):
             for other in range(3):
                 integral[axis] -= gains[row, 2, axis, other] * (1.0 - share) * wanted[other]

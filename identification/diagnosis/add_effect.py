@@ -13,6 +13,7 @@ from identification.diagnosis.candidates import (
     fit_structure,
     rank,
 )
+from identification.diagnosis.kinematic_stage import accepted_kinematics, wheel_evidence
 from identification.diagnosis.report import describe_in, estimates
 from identification.diagnosis.settings import DiagnosisSettings
 from identification.diagnosis.structures import LoggedData, Step
@@ -113,15 +114,20 @@ def add_effect(
     if effect in mechanism.structure.effects:
         raise InputError(f"the model holds {effect} already; identify fits it again")
     data = LoggedData(mechanism, logs, seed, progress, settings)
+    wheels = wheel_evidence(data, mechanism, model.theta, [effect])
     base = fit_base(data, mechanism, model.theta)
-    ranking = rank(data, base, [effect], np.random.default_rng(seed))
+    if wheels.accepted:
+        # Wheels and pose show it: its size comes from there, as in a diagnosis.
+        _, (ranking,) = accepted_kinematics(data, data.step(base, None), wheels, fit_structure)
+    else:
+        ranking = rank(data, base, [effect], np.random.default_rng(seed))
     candidate = ranking.candidates[0]
     fitted = candidate.fitted or fit_structure(data, candidate.mechanism, candidate.theta)
     after = data.step(fitted, effect)
     # With the folds of the larger structure: errors can be compared only on the same folds.
     before = data.step(base, None, fitted.held_out.folds)
     args = (fitted.mechanism, data.samples, data.noise, fitted.theta, seed, settings.fit)
-    result = final_fit(*args)
+    result = wheels.widened(fitted.mechanism, final_fit(*args))
     new = kind_of(model).fitted_model(
         fitted.mechanism,
         result,

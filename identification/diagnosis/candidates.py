@@ -103,6 +103,8 @@ def try_candidate(base: FittedStructure, sums: BaseSums | None, effect: str) -> 
         if split and (part is None or split.fall > part.fall):
             part = split
     assert best is not None  # without shape constants there is one product of nothing
+    if present and part is not None and _is_inexactness(base, effect, part.fall):
+        part = None
     found = [] if present else [_refined(base, grids, best)]
     found += [] if part is None else [_refined(base, grids, _in_part(base, effect, part))]
     if found and sums:
@@ -112,6 +114,24 @@ def try_candidate(base: FittedStructure, sums: BaseSums | None, effect: str) -> 
     if found:
         found[0] = replace(found[0], tried=tuple(scores))
     return found
+
+
+def _is_inexactness(base: FittedStructure, effect: str, fall: float) -> bool:
+    """Whether what an effect would take once more, in some logs, is what it leaves by itself.
+
+    Angles and places that are integrated drift with their noise, and the phase of a ripple with
+    them: in each log another one does a little better.
+
+    ``fall``: of the fitted squares.
+    """
+    alone = base.mechanism.with_effects([effect])
+    if alone.structure.depends_on_angle and not all(s.angle_measured for s in base.samples):
+        return True
+    own = np.array([base.mechanism.labels[k].component == effect for k in base.free])
+    columns = stacked(base.columns)
+    force = columns[:, own] @ base.theta[base.free][own]
+    taken = _unexplained(columns[:, ~own], force[:, None], base.settings)
+    return fall < base.settings.min_share_of_first_instance * float(taken[0])
 
 
 class InPart(NamedTuple):
@@ -326,7 +346,37 @@ def rank(
     # What was tried and is no candidate counts too: chance has had that many chances.
     tried = [score for item in found for score in item.tried]
     p_values = candidate_p_values(scores, rng, data.settings, tried)
-    return ranking_of(data, base, found, p_values, needed)
+    return _with_pair(data, base, ranking_of(data, base, found, p_values, needed))
+
+
+DRIVES = ("actuator_lag", "torque_delay", "drive_resonance")
+"""Effects of a drive that answers late; the first two together are the third, nearly: a lag and a
+delay, and a resonance that does not swing, have the same first two terms in their exponents."""
+
+FIRST_GUESS = {"speed_filter": DRIVES}
+"""Of an effect, twins that are named before it: without a pose nothing tells speeds that are
+filtered from a drive that lags, and each drive lags a little."""
+
+
+def _with_pair(data: LoggedData, base: FittedStructure, ranking: Ranking) -> Ranking:
+    """The ranking; a resonance is in a set with lag and delay where these two do as well."""
+    *names, whole = DRIVES
+    best, known = ranking.best, {item.name: item for item in ranking.candidates}
+    if best is None or best.fitted is None or best.name != whole or data.out_of_time:
+        return ranking
+    if not all(name in known for name in names):
+        return ranking
+    first, second = (known[name] for name in names)
+    first = first if first.fitted else with_joint_fit(data, base, first)
+    if not first.mechanism.structure.can_hold(second.name):
+        return ranking
+    both = first.mechanism.extended(second.name)
+    start = both.extend_theta(first.theta, second.name, {})
+    pair = with_joint_fit(data, base, replace(first, mechanism=both, theta=start))
+    if worse_by(pair, best, base) >= data.settings.max_tied_deviations:
+        return ranking
+    # These three are the set: one of speeds that are filtered is the lag's twin, and not named too.
+    return replace(ranking, tied=tuple(names))
 
 
 def ranking_of(
@@ -467,7 +517,30 @@ def _best_and_tied(
         and worse_by(item, best, base) < settings.max_tied_deviations
         and not contains(item, best, base)
     ]
-    return best, tuple(tied)
+    return _of_drives(best, tied, near, base)
+
+
+def _of_drives(
+    best: Candidate, tied: list[str], near: Sequence[Candidate], base: FittedStructure
+) -> tuple[Candidate, tuple[str, ...]]:
+    """The best effect and its twins; of drives that answer late the three that do best.
+
+    A resonance does better than lag and delay alone if it is true, but where little of it is seen
+    not by what is material: if that is no chance, it is in the set.
+    """
+    if effect_of(best.name) not in (*DRIVES, *FIRST_GUESS):
+        return best, tuple(tied)
+    first = FIRST_GUESS.get(effect_of(best.name), ())
+    drive = next((item for item in near if item.name in tied and item.name in first), None)
+    if drive is not None:
+        tied = [best.name, *(name for name in tied if name != drive.name)]
+        best = drive
+    most = base.settings.max_tied_deviations
+    for item in near:
+        swings = item.name == DRIVES[-1] and item is not best and item.name not in tied
+        if swings and worse_by(best, item, base) > most:
+            tied = [item.name, *tied]
+    return best, tuple(sorted(tied, key=lambda name: name not in DRIVES)[: len(DRIVES) - 1])
 
 
 def _whole_if_as_good(

@@ -24,6 +24,7 @@ from identification.diagnosis.kinematic_stage import (
     accepted_kinematics,
     wheel_evidence,
 )
+from identification.diagnosis.proposed_law import Fits, propose
 from identification.diagnosis.regimes import regime_left
 from identification.diagnosis.report import (
     Diagnosis,
@@ -49,7 +50,7 @@ from identification.diagnosis.structures import (
 from identification.fitting.changed_parameters import changed_parameters
 from identification.fitting.final_fit import coarse_speed_warnings, final_fit
 from identification.fitting.least_squares import Fit
-from identification.logs.log import Log, shared_clock, warnings_of_logs
+from identification.logs.log import Log, in_order_of_time, shared_clock, warnings_of_logs
 from identification.mechanisms.mechanism import Mechanism
 from identification.mechanisms.registry import AnyModel, kind_of, mechanism_of
 from identification.residual_map.residual_map import residual_map
@@ -87,6 +88,7 @@ def diagnose(
     """
     if not logs:
         raise InputError("no log given: diagnose needs at least one")
+    logs = in_order_of_time(logs)
     mechanism = mechanism_of(model, settings=settings.fit.mechanism)
     data = LoggedData(mechanism, logs, seed, progress, settings)
     names = list(effects) if effects is not None else list(mechanism.catalogue.names())
@@ -96,6 +98,9 @@ def diagnose(
     steps, regime = (
         regime_left(data, steps, explained_share(steps)) if unexplained else (steps, None)
     )
+    # Also where trees find nothing: a ripple of the floor is too fine for them.
+    steps, proposal = propose(data, steps, unexplained, Fits(fit_structure, final_fit))
+    unexplained = unexplained or proposal is not None
     floor = data.floor(steps[-1].fitted).to_dict()
     accepted = _names(steps)
     ties = _ties(chosen.rankings, accepted)
@@ -126,10 +131,13 @@ def diagnose(
             *warnings_of(given, steps[0], chosen.out_of_time, settings),
         ),
         told_first=len(of_logs),
-        sentences=tuple(sentences_of(fitted_model, steps, verdict, ties, floor, maps[-1], regime)),
+        sentences=tuple(
+            sentences_of(fitted_model, steps, verdict, ties, floor, maps[-1], regime, proposal)
+        ),
         candidates=candidate_rows(chosen.first, steps, fitted_model),
         settings=settings,
         regime=regime,
+        proposal=proposal,
         changes=changed_parameters(model, fitted_model, mechanism, settings.fit),
     )
 

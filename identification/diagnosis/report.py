@@ -15,6 +15,7 @@ from identification.fitting.changed_parameters import ParameterChanges
 from identification.fitting.predictability import too_short
 from identification.mechanisms.mechanism import Mechanism
 from identification.mechanisms.samples import Samples
+from identification.proposal.proposal import Proposal
 from identification.residual_map.regime import Regime
 from identification.residual_map.shares import ResidualMap
 from identification.showing import Shown
@@ -38,6 +39,7 @@ class Diagnosis(Shown):
     maps : what the residual depends on, before and after the accepted effects
     sentences : the verdict in words
     regime : where what remains lives, of an unknown rest; None if no rule says so
+    proposal : a law beyond the catalogue for an unknown rest; None if none was found
     changes : the given model's parameters beside the refitted ones
     settings : all numbers that the verdict depends on
     """
@@ -61,6 +63,7 @@ class Diagnosis(Shown):
     settings: DiagnosisSettings = field(default_factory=DiagnosisSettings)
     told_first: int = 0
     regime: Regime | None = None
+    proposal: Proposal | None = None
     changes: ParameterChanges = field(default_factory=ParameterChanges)
 
     kind: ClassVar[str] = "diagnosis"
@@ -166,6 +169,7 @@ class Diagnosis(Shown):
             "where": self.where,
             "remaining": self.remaining,
             "regime": self.regime and self.regime.rule,
+            "proposal": self.proposal and self.proposal.to_dict(),
             "next_experiment": self.next_experiment,
             "words": list(self.sentences),
             "warnings": list(self.warnings),
@@ -258,10 +262,12 @@ def sentences_of(
     floor: Mapping[str, float],
     remaining: ResidualMap,
     regime: Regime | None = None,
+    proposal: Proposal | None = None,
 ) -> list[str]:
     """The verdict in words; the effects have the sizes that they have in ``model``.
 
-    ``remaining``: what the last step's residual depends on; ``regime``: where it lives.
+    ``remaining``: what the last step's residual depends on; ``regime``: where it lives;
+    ``proposal``: a law for it.
     """
     found, mechanism = [], steps[-1].fitted.mechanism
     for step in steps[1:]:
@@ -283,16 +289,20 @@ def sentences_of(
             "on stretches that were held out"
         )
     elif verdict == "unknown":
-        found += _of_the_unknown(steps, level, remaining)
+        found += _of_the_unknown(steps, level, remaining, proposal)
         found += [regime.sentence] if regime else []
+        found += proposal.sentences if proposal else []
     return found
 
 
-def _of_the_unknown(steps: Sequence[Step], level: float, remaining: ResidualMap) -> list[str]:
+def _of_the_unknown(
+    steps: Sequence[Step], level: float, remaining: ResidualMap, proposal: Proposal | None = None
+) -> list[str]:
     """How much is explained, how much is not, and on what the rest depends."""
     last, share = steps[-1].force_error, explained_share(steps)
     if steps[-1].predictable.is_noise:
-        return [too_short(steps[-1].predictable)]
+        # A law that repeats itself too finely for anything else to see it speaks for itself.
+        return [] if proposal else [too_short(steps[-1].predictable)]
     left = (
         f"a force error of {last:.2%} remains where noise would leave {level:.2%}, and the motion "
         f"predicts {max(steps[-1].predictable.share_of_motion, 0.0):.0%} of its squares"
@@ -348,8 +358,11 @@ SHOWN_VARIABLES = 3
 def describe_in(model: Any, effect: Any) -> str:
     """One sentence on an effect of the catalogue, at the size that it has in a model."""
     values = {name: entry.value for name, entry in model.effects[effect.name].items()}
-    base = {name: entry.value for name, entry in model.parameters.items()}
-    return describe(effect, values, base)
+    known = {name: entry.value for name, entry in model.parameters.items()}
+    # Beside them the other effects: two may be one law together.
+    for other, entries in model.effects.items():
+        known |= {f"{effect_of(other)}.{name}": entry.value for name, entry in entries.items()}
+    return describe(effect, values, known)
 
 
 def warnings_of(

@@ -19,7 +19,8 @@ def describe(effect: Any, values: Values, base: Values) -> str:
     Parameters
     ----------
     effect : from a catalogue
-    values : the effect's public parameters; ``base``: those of the base model
+    values : the effect's public parameters; ``base``: those of the base model, and of the model's
+        effects as EFFECT.PARAMETER
 
     Effects without words of their own, a user's for instance, get their numbers and the sentence
     on how to recognise them that they were registered with.
@@ -183,10 +184,20 @@ def _speed_gain(values: Values, base: Values) -> str:
 
 
 def _asymmetric(values: Values, base: Values) -> str:
+    viscous = f"{values['viscous']:.4f} N m s more viscous friction"
+    confirm = "to confirm, turn a lifted wheel both ways; a constant offset would stay at rest"
+    dry = base.get("wheel_coulomb_friction.torque")
+    if dry is None:
+        return (
+            f"each wheel has {values['coulomb']:.3f} N m more dry friction and {viscous} forwards, "
+            f"and as much less backwards; {confirm}"
+        )
+    # Friction of one size and this are one law: what a wheel has each way.
+    forwards, backwards = dry + values["coulomb"], dry - values["coulomb"]
     return (
-        f"each wheel has {values['coulomb']:.3f} N m more dry friction and "
-        f"{values['viscous']:.4f} N m s more viscous friction forwards, and as much less backwards;"
-        " to confirm, turn a lifted wheel both ways; a constant offset would stay at rest"
+        f"that dry friction depends on the direction: {forwards:.3f} N m forwards and "
+        f"{backwards:.3f} N m backwards ({values['coulomb'] / dry:+.0%} and as much less), with "
+        f"{viscous} forwards; {confirm}"
     )
 
 

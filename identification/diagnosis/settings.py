@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass, field, replace
 
 from identification.fitting.settings import FitSettings
+from identification.proposal.settings import ProposalSettings
 from identification.residual_map.settings import RegimeSettings, ResidualMapSettings
 from youbot_env.errors import Settings, check_settings
 
@@ -25,6 +26,7 @@ class DiagnosisSettings(Settings):
     fit: FitSettings = field(default_factory=FitSettings)
     residual_map: ResidualMapSettings = field(default_factory=ResidualMapSettings)
     regime: RegimeSettings = field(default_factory=RegimeSettings)
+    proposal: ProposalSettings = field(default_factory=ProposalSettings)
 
     # Verdict
     min_explained_share: float = field(
@@ -224,6 +226,15 @@ class DiagnosisSettings(Settings):
             "unit": "share of the structure's squares",
             "reason": "by which an effect must be better in more logs to be named in more: logs "
             "that hardly show it make no difference",
+        },
+    )
+
+    min_share_of_first_instance: float = field(
+        default=0.01,
+        metadata={
+            "unit": "share of the squares that the effect takes already",
+            "reason": "to be accepted once more, in some logs, at other values: 17 % of its size "
+            "in one log of three. Of a ripple, whose angles drift, a second one took 0.2 %",
         },
     )
 

@@ -34,7 +34,7 @@ def gauge_directions(
     found: list[tuple[Indices, Array]] = []
     for members in gauge_groups(mechanism, free):
         internal = labels[int(members[0])].parameter.relative_to == "internal"
-        unseen = np.array(mechanism.kind.internal if internal else [1.0] * len(members))
+        unseen = np.array(mechanism.internal if internal else [1.0] * len(members))
         found.append((members, unseen / np.linalg.norm(unseen)))
     return found
 

@@ -94,7 +94,7 @@ class Identification(Shown):
     parts : what each stretch of the logs shows; ``total``: all of them together
     course : the recursive estimator's estimates over time, or None
     settings : all numbers that the fit depends on
-    warnings : plain sentences, the most serious first
+    warnings : plain sentences: of the logs, of the misfit, of all else
     misfit : the first of them, where the model lacks something: no interval is stated then
     told_first : how many of them, from the first, are of the logs and the misfit
     at_rest : parameters that only standstill tells apart: no interval is stated of these
@@ -141,7 +141,7 @@ class Identification(Shown):
 
     @property
     def first_warnings(self) -> tuple[str, ...]:
-        """What makes all numbers doubtful: the misfit, and what is wrong with the logs."""
+        """What makes all numbers doubtful: what is wrong with the logs, and the misfit."""
         return self.warnings[: self.told_first]
 
     def with_next_command(self, command: str) -> Identification:
@@ -290,9 +290,9 @@ def identify(
         errors=errors,
         provenance={**(provenance or {}), "clock": shared_clock(logs)},
     )
-    doubts = [line for line in (doubt, misfit) if line]
+    # What is wrong with a log may be why the model does not fit it.
+    doubts = [line for line in (doubt, *warnings_of_logs(logs), misfit) if line]
     doubts += [too_short(predictable)] if predictable.is_short and not misfit else []
-    doubts += warnings_of_logs(logs)
     doubts += [*held.notes, *coarse_speed_warnings(samples, final)]
     noise = [NoiseLevel.of(item, settings).speed for item in samples]
     doubts += doubts_of_kinematics(mechanism, final.theta, samples, noise, settings)

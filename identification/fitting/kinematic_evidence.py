@@ -36,7 +36,7 @@ NUISANCES = len(OF_A_POSE)
 def kinematic_effects(mechanism: Mechanism) -> list[str]:
     """Names of the effects in its catalogue that change how joints roll or speeds are logged."""
     # Where no direction of the speeds is left over, there is nothing to judge them by.
-    if not mechanism.kind.internal:
+    if not mechanism.internal:
         return []
     return [item.name for item in mechanism.catalogue if item.acts_at in (CONTACT, SPEED)]
 
@@ -239,7 +239,7 @@ def slip_of_joints(mechanism: Mechanism, theta: Array, rolling: Samples) -> Arra
         np, mechanism.structure, mechanism.geometry, theta, tuple(s.twist.T)
     )
     apart = s.wheel_speed - np.stack(rates, axis=1)
-    return np.asarray(apart @ np.array(mechanism.kind.internal), np.float64)
+    return np.asarray(apart @ np.array(mechanism.internal), np.float64)
 
 
 def leaders_of(before: KinematicFit, tried: Mapping[str, KinematicFit]) -> tuple[str, ...]:
@@ -293,9 +293,9 @@ def slipping_wheels(
     ----------
     speed_noise : per log (J,) white noise of a speed [rad/s]
     """
-    if not mechanism.kind.internal:
+    if not mechanism.internal:
         return SlippingWheels(0.0, tuple(np.zeros(len(item), bool) for item in logs))
-    known, internal = settings.kinematics, np.array(mechanism.kind.internal)
+    known, internal = settings.kinematics, np.array(mechanism.internal)
     squares, masks = list[Array](), list[NDArray[np.bool_]]()
     usual = np.sqrt(np.mean(np.concatenate([item.wheel_speed for item in logs]) ** 2))
     usual = float(usual * np.linalg.norm(internal))

@@ -30,7 +30,7 @@ from identification.fitting.errors import (
     velocity_traces,
 )
 from identification.fitting.harmonic_scan import harmonic_scan
-from identification.fitting.regression import Regression, filtered_rows, regression
+from identification.fitting.regression import Regression, regression, rows_by_parts
 from identification.fitting.repeated_periods import repeated_noise
 from identification.fitting.settings import FitSettings, PredictabilitySettings
 from identification.mechanisms.mechanism import Mechanism
@@ -105,14 +105,14 @@ class Predictability:
 
         Such a thing happens too seldom to be learnt elsewhere, but noise is not like that.
         """
-        return self._mean_over_median > self.settings.max_mean_over_median
+        return self.mean_over_median > self.settings.max_mean_over_median
 
     @property
     def systematic_share(self) -> float:
         """Share of the residual's squares that is no noise."""
         if self.is_noise:
             return 0.0
-        episodes = 1.0 - 1.0 / self._mean_over_median if self.is_episodic else 0.0
+        episodes = 1.0 - 1.0 / self.mean_over_median if self.is_episodic else 0.0
         return max(self.share_of_motion, episodes)
 
     @property
@@ -159,7 +159,8 @@ class Predictability:
         return blocks[blocks > 0] if (blocks > 0).any() else blocks
 
     @property
-    def _mean_over_median(self) -> float:
+    def mean_over_median(self) -> float:
+        """Of the residual's mean square in blocks of time: 1 of even noise, large of an episode."""
         mean = float(np.mean(self._moving_blocks))
         return mean / max(self._median, 1e-300) if mean > 0 else 1.0
 
@@ -388,6 +389,18 @@ def _motion_features(
     mechanism: Mechanism, samples: Samples, typical: Array, settings: FitSettings
 ) -> Array:
     """(n, Q) of one log, with the filter and the means of the residual's rows."""
+
+    def ends_of(part: Samples) -> Array:
+        signals = _motion_signals(mechanism, part, typical, settings)
+        return np.stack([signals[:-1], signals[1:]])
+
+    return rows_by_parts(ends_of, mechanism, samples, settings)
+
+
+def _motion_signals(
+    mechanism: Mechanism, samples: Samples, typical: Array, settings: FitSettings
+) -> Array:
+    """(N, Q) of samples."""
     chosen, known = settings.predictability, mechanism.variables(samples)
     signals = [known.twist, known.rates, known.position]
     signals.append(np.tanh(known.rates / (chosen.sign_width * typical)))
@@ -404,8 +417,7 @@ def _motion_features(
     sigma = chosen.acceleration_smoothing_time / samples.dt
     acceleration = np.asarray(np.gradient(known.twist, samples.dt, axis=0))
     slopes = [smoothed(acceleration[:, k], sigma) for k in range(acceleration.shape[1])]
-    joined = np.column_stack([joined, *slopes])
-    return filtered_rows(np.stack([joined[:-1], joined[1:]]), mechanism, samples, settings)
+    return np.column_stack([joined, *slopes])
 
 
 def _rows_in(duration: float, step: float) -> int:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -11,7 +11,8 @@ from numpy.typing import NDArray
 from identification.fitting.covariance import hac_covariance
 from identification.fitting.settings import FitSettings
 from identification.mechanisms.mechanism import Mechanism
-from identification.mechanisms.samples import DemandedForce, Samples
+from identification.mechanisms.samples import DemandedForce, Samples, cut
+from identification.signals.filters import settled
 
 Array = NDArray[np.float64]
 Indices = NDArray[np.intp]
@@ -61,8 +62,11 @@ def regression(
 ) -> Regression:
     """Filtered residual and columns of one log; of coarse speeds what `Samples.for_fit` leaves."""
     samples = samples.for_fit
-    ends = residual_and_columns(mechanism, mechanism.demand(theta, samples), samples, free)
-    filtered = filtered_rows(ends, mechanism, samples, settings)
+
+    def ends_of(part: Samples) -> Array:
+        return residual_and_columns(mechanism, mechanism.demand(theta, part), part, free)
+
+    filtered = rows_by_parts(ends_of, mechanism, samples, settings)
     reduced = settings.rows_of(mechanism.filter_rate, samples.dt)
     # Time of the last sample before the first row, which starts where the filter has settled.
     first = samples.time[0] + (reduced.first - 1) * samples.dt
@@ -77,9 +81,11 @@ def filtered_residual(
     settings: FitSettings = FitSettings(),
 ) -> Array:
     """The filtered residual (n, A) of :func:`regression` alone."""
-    samples = samples.for_fit
-    residual = residual_ends(mechanism, mechanism.demand(theta, samples), samples)
-    return filtered_rows(residual, mechanism, samples, settings)
+
+    def ends_of(part: Samples) -> Array:
+        return residual_ends(mechanism, mechanism.demand(theta, part), part)
+
+    return rows_by_parts(ends_of, mechanism, samples.for_fit, settings)
 
 
 def residual_ends(mechanism: Mechanism, demand: DemandedForce, samples: Samples) -> Array:
@@ -95,6 +101,35 @@ def residual_and_columns(
     residual = residual_ends(mechanism, demand, samples)
     # One array, so that residual and columns pass exactly the same filter and means.
     return np.moveaxis(np.concatenate([residual[None], demand.columns(free)]), 0, -1)
+
+
+def rows_by_parts(
+    ends_of: Callable[[Samples], Array],
+    mechanism: Mechanism,
+    samples: Samples,
+    settings: FitSettings = FitSettings(),
+) -> Array:
+    """:func:`filtered_rows` of what ``ends_of`` makes of samples, in parts of long logs.
+
+    An hour at 1 kHz would take gigabytes at once. Each part begins so long before its first row
+    that the filter forgets its start to rounding, and ends as long after its last row, for what
+    looks ahead: slopes, means, a delay.
+    """
+    # What is integrated from corrected wheels would begin anew in each part.
+    whole = mechanism.structure.changes_kinematics
+    if whole or len(samples) <= settings.max_part_samples:
+        return filtered_rows(ends_of(samples), mechanism, samples, settings)
+    reduce = settings.rows_of(mechanism.filter_rate, samples.dt)
+    size, rate = reduce.size, mechanism.filter_rate
+    margin = settled(rate, samples.dt, settings.part_margin_time_constants)
+    rows = max(1, settings.max_part_samples // size)
+    found = []
+    for start in range(reduce.first, len(samples) - size + 1, rows * size):
+        count = min(rows, (len(samples) - start) // size)
+        begin, end = max(0, start - margin), start + count * size + margin
+        part = cut(samples, begin, end)
+        found.append(reduce(ends_of(part), part.moves, start - begin)[:count])
+    return np.concatenate(found)
 
 
 def filtered_rows(

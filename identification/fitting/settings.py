@@ -758,6 +758,23 @@ class FitSettings(Settings):
         },
     )
 
+    # Memory
+    max_part_samples: int = field(
+        default=120_000,
+        metadata={
+            "unit": "samples",
+            "reason": "of a log that are turned into regression rows at once: 0.1 GB; two minutes "
+            "at 1 kHz, so that most logs are one part",
+        },
+    )
+    part_margin_time_constants: float = field(
+        default=37.0,
+        metadata={
+            "unit": "1/a_f",
+            "reason": "that a part of a long log begins before its first row: exp(-37) is rounding",
+        },
+    )
+
     # Recursive least squares
     recursive_prior_variance: float = field(
         default=1e6,

@@ -8,6 +8,15 @@ from typing import Any
 
 import numpy as np
 
+from identification.kinematics.arrangement import (
+    exchange_of,
+    in_x,
+    is_other,
+    may_be_other,
+    order_in_x,
+    other,
+    partners,
+)
 from identification.kinematics.gyro_fit import fit_gyro
 from identification.kinematics.motion import Array, Motion, angles_at, fresh_pose
 from identification.kinematics.orientation import (
@@ -147,10 +156,29 @@ def estimate_kinematics(
     )
 
 
+@dataclass(frozen=True)
+class Aligned:
+    """A motion in the right order, axes and clock, as one of a robot in X.
+
+    orientation, lag [s] : how it stood; findings : what was wrong
+    geometry : as given, with the other arrangement of the rollers where the motion shows that
+    """
+
+    motion: Motion
+    orientation: Orientation
+    lag: float
+    findings: list[KinematicFinding]
+    geometry: Geometry
+
+
 def aligned(
-    motion: Motion, settings: KinematicsSettings
-) -> tuple[Motion, Orientation, float, list[KinematicFinding]]:
-    """A motion in the right order, axes and clock, how it stood, its lag, and what was wrong."""
+    motion: Motion,
+    settings: KinematicsSettings,
+    geometry: Geometry | None = None,
+) -> Aligned:
+    """Find the order, axes and clock of a motion; ``geometry`` None is the youBot's, and unsure."""
+    known, geometry = geometry is not None, geometry or Geometry()
+    logged, motion = motion, in_x(motion, geometry)
     findings: list[KinematicFinding] = []
     lag = clock_lag(motion, settings)
     found = _best(motion, (0.0, lag), settings, True)
@@ -171,8 +199,13 @@ def aligned(
         orientation, lag = _finer(motion, orientation, lag, settings)
     message, cure = describe(orientation)
     if message:
+        message, cure, shown = _or_rollers(motion, orientation, geometry, known, settings)
         now = f"{100 * orientation.share:.0f} % of the pose's way is explained then"
         findings.append(KinematicFinding("error", f"{message}: {now}", cure))
+        if shown != geometry:
+            # Once more: the columns are right, and the pose is not mirrored.
+            again = aligned(logged, settings, shown)
+            return replace(again, findings=[*findings, *again.findings])
     right = orientation.corrected(motion)
     if abs(lag) > settings.max_delay and orientation.share > settings.min_explained_share:
         side = "later" if lag > 0 else "earlier"
@@ -184,7 +217,42 @@ def aligned(
             )
         )
         right, lag = _shifted(right, lag), 0.0
-    return right, orientation, lag, findings
+    return Aligned(right, orientation, lag, findings, geometry)
+
+
+def _or_rollers(
+    motion: Motion,
+    found: Orientation,
+    geometry: Geometry,
+    known: bool,
+    settings: KinematicsSettings,
+) -> tuple[str, str, Geometry]:
+    """What is wrong, its cure, and the geometry; rollers in the other arrangement look like
+    exchanged wheels, and only the arm tells them apart."""
+    message, cure = describe(found)
+    changed = other(geometry)
+    if changed is None or not may_be_other(found, geometry, known):
+        return message, cure, geometry
+    stands = f"the rollers stand in {changed.arrangement}"
+    said = f"in {geometry.arrangement} by {_of(known)}"
+    which = f'"arrangement": "{changed.arrangement}"'
+    mend = f"give a geometry with {which} (youbot kinematics -o FILE writes it)"
+    shown = found.g > 0 and _turning(motion) > settings.min_turning
+    arm = abs(found.c) / found.g if shown else 0.0
+    arm /= units_a_metre(arm, changed, settings) if shown else 1.0
+    if not is_other(arm, geometry):
+        return f"{message}, or {stands}, not {said}", f"{cure}; or {mend}", geometry
+    lengths = "|l - h|" if changed.arrangement == "O" else "l + h"
+    why = f"L = {arm:.4g} m is near their {lengths} = {changed.L:.4g} m"
+    if known:
+        return f"{stands}, {said} ({why})", mend, changed
+    if exchange_of(found) != partners(changed):
+        changed = replace(changed, l=changed.h, h=changed.l)
+    return f"{stands}, {said} ({why}), or {message}", f"{mend}; or {cure}", changed
+
+
+def _of(known: bool) -> str:
+    return "the geometry" if known else "the youBot's geometry (none was given)"
 
 
 def _best(
@@ -236,7 +304,9 @@ def _from_pose(
     nominal = geometry or Geometry()
     done, findings, starts, lags = [], [], [], []
     for motion in motions:
-        right, orientation, lag, wrong = aligned(motion, settings)
+        found = aligned(motion, settings, geometry)
+        right, orientation, lag, wrong = found.motion, found.orientation, found.lag, found.findings
+        nominal = found.geometry if found.geometry != (geometry or Geometry()) else nominal
         if orientation.share < settings.min_related_share:
             raise InputError(
                 f"{motion.name}: the pose does not follow the wheels, in no order or sign "
@@ -272,7 +342,8 @@ def _from_pose(
             # With equal wheels a twist of one direction would look like one of another.
             done = [replace(m, velocity=equalised(m.velocity, own)) for m in done]
             fit = fit_pose(done, fit.theta, settings)
-        wheels = dict(zip(WHEELS, own, strict=True))
+        wheels = {WHEELS[k]: wheel for k, wheel in zip(order_in_x(nominal), own, strict=True)}
+        wheels = {name: wheels[name] for name in WHEELS}
     return _assemble(done, fit, wheels, nominal, geometry is not None, findings, settings)
 
 
@@ -282,16 +353,16 @@ def _wheels_differ(
     radii = np.array([wheel.radius[0] for wheel in wheels])
     least = settings.wheel_deviations * np.sqrt(np.maximum(np.diag(covariance), 0))
     far = np.abs(radii / radii.mean() - 1) > np.maximum(least, settings.min_wheel_difference)
-    return bool(far.any()) or any(_roller_off(wheel, settings) for wheel in wheels)
+    return bool(far.any()) or any(_roller_off(wheel, settings, np.pi / 4) for wheel in wheels)
 
 
-def _roller_off(wheel: WheelFit, settings: KinematicsSettings) -> bool:
-    """Whether the roller's angle is shown and is not 45 degrees."""
+def _roller_off(wheel: WheelFit, settings: KinematicsSettings, said: float) -> bool:
+    """Whether the roller's angle is shown and is not what is said [rad]."""
     if wheel.roller_angle is None:
         return False
     angle, std = wheel.roller_angle
     least = max(settings.min_angle_difference, settings.wheel_deviations * std)
-    return std < settings.max_angle_std and abs(abs(angle) - np.pi / 4) > least
+    return std < settings.max_angle_std and abs(abs(angle) - said) > least
 
 
 def _assemble(
@@ -350,10 +421,10 @@ def _assemble(
         for name, w in wheels.items()
     }
     findings += _length_findings(parameters, nominal, known, turned, settings)
-    findings += _wheel_findings(wheels, settings)
+    findings += _wheel_findings(wheels, nominal, settings)
     counts = _counts(motions, delay, factor, settings)
     slip = slip_of_pose(motions, fit.residuals, settings)
-    found = _geometry(nominal, parameters)
+    found = _geometry(nominal, parameters, wheels, settings)
     return Kinematics(parameters, slip, findings, travelled, turned, found, wheels, unit, counts)
 
 
@@ -435,7 +506,7 @@ def _length_findings(
         if far > max(
             settings.min_scale_difference, settings.difference_deviations * length.std / wanted
         ):
-            of = "the geometry" if known else "the youBot's geometry (none was given)"
+            of = _of(known)
             reach = settings.interval_deviations * length.std
             yield KinematicFinding(
                 "warning",
@@ -463,7 +534,7 @@ def _length_findings(
 
 
 def _wheel_findings(
-    wheels: dict[str, WheelFit], settings: KinematicsSettings
+    wheels: dict[str, WheelFit], nominal: Geometry, settings: KinematicsSettings
 ) -> Iterator[KinematicFinding]:
     if not wheels:
         return
@@ -479,13 +550,15 @@ def _wheel_findings(
                 f"(+- {100 * std:.2g} %), or its encoder counts so",
                 "measure it; the effect wheel_radius_error models it",
             )
-        if wheel.roller_angle and _roller_off(wheel, settings):
+        said = nominal.roller_angles[WHEELS.index(name)]
+        if wheel.roller_angle and _roller_off(wheel, settings, said):
             angle, deviation = wheel.roller_angle
             yield KinematicFinding(
                 "warning",
                 f"the rollers of wheel {name} stand at {np.degrees(abs(angle)):.1f} degrees "
-                f"(+- {np.degrees(deviation):.1f}), not 45",
-                "give it in the geometry, or use the effect roller_angle_error",
+                f"(+- {np.degrees(deviation):.1f}), not {np.degrees(said):.3g}",
+                "give it in the geometry (youbot kinematics -o FILE writes it), or use the effect "
+                "roller_angle_error",
             )
 
 
@@ -507,22 +580,41 @@ def _counts(
     return None if abs(gain - 1) < settings.radian_tolerance else 2 * np.pi * gain
 
 
-def _geometry(nominal: Geometry, parameters: dict[str, Length]) -> Geometry:
+def _geometry(
+    nominal: Geometry,
+    parameters: dict[str, Length],
+    wheels: dict[str, WheelFit],
+    settings: KinematicsSettings,
+) -> Geometry:
     """The nominal geometry with what was found; track and base keep their ratio."""
     radius, arm = parameters["R"].value, parameters["L"].value
+    angles = [
+        abs(wheel.roller_angle[0]) if wheel.roller_angle and _roller_off(wheel, settings, said)
+        else said
+        for wheel, said in zip(wheels.values(), nominal.roller_angles, strict=False)
+    ]  # fmt: skip
     found = nominal
+    if angles:
+        found = replace(found, roller_angles=tuple(angles))
     if radius is not None:
         found = replace(found, R=radius)
     if arm is not None:
-        found = replace(found, l=nominal.l * arm / nominal.L, h=nominal.h * arm / nominal.L)
+        longer = arm / found.L
+        found = replace(found, l=nominal.l * longer, h=nominal.h * longer)
     return found
+
+
+def _or_in(nominal: Geometry) -> str:
+    """Where l > h the other arrangement turns the wheels the other way."""
+    changed = other(nominal) if nominal.l > nominal.h else None
+    return f', or the rollers stand in {changed.arrangement} ("arrangement")' if changed else ""
 
 
 def _from_gyro(
     motions: Sequence[Motion], geometry: Geometry | None, settings: KinematicsSettings
 ) -> Kinematics:
     nominal = geometry or Geometry()
-    theta, covariance, turned = fit_gyro(motions, settings)
+    theta, covariance, turned = fit_gyro([in_x(m, nominal) for m in motions], settings)
     g, delay = theta.tolist()
     std, delay_std = np.sqrt(np.diag(covariance)).tolist()
     shown = turned > settings.min_turning and std < settings.max_relative_std * abs(g) and g > 0
@@ -557,7 +649,7 @@ def _from_gyro(
         findings.append(
             KinematicFinding(
                 "error", "gyro_z turns against the wheels",
-                "multiply it by -1, or exchange the left and right wheels",
+                f"multiply it by -1, or exchange the left and right wheels{_or_in(nominal)}",
             )
         )  # fmt: skip
     else:
@@ -576,4 +668,6 @@ def _from_gyro(
     }
     slip = SlipFound(None, identity_share(motions), [])
     travelled = 0.0
-    return Kinematics(parameters, slip, findings, travelled, turned, _geometry(nominal, parameters))
+    return Kinematics(
+        parameters, slip, findings, travelled, turned, _geometry(nominal, parameters, {}, settings)
+    )

@@ -59,10 +59,15 @@ class Orientation:
         """How much is changed of what the log says: columns, signs, axes."""
         moved = sum(k != i for i, k in enumerate(self.order))
         turned = sum(sign < 0 for sign in self.signs)
+        frame = abs(np.angle(self.c)) > np.pi / 6
+        # All four at once are one fault, a driver that counts the other way. In a frame that is
+        # turned by 180 degrees it is two, and opposite corners are exchanged more likely.
+        if turned == len(self.signs) and not frame:
+            turned = 1
         # Signs of single wheels are rarer than exchanged columns or a mirrored world. A frame that
         # is turned by 90 or 180 degrees is possible too.
         pose = 2.0 * self.mirrored + 2.0 * (self.yaw_sign < 0)
-        return moved + 1.5 * turned + pose + 0.5 * (abs(np.angle(self.c)) > np.pi / 6)
+        return moved + 1.5 * turned + pose + 0.5 * frame
 
     @property
     def as_logged(self) -> bool:

@@ -215,7 +215,8 @@ def _frozen_channels(log: Log, limits: CheckLimits) -> Iterator[Finding]:
         elsewhere = (same.sum() - length) / max(len(same) - length, 1)
         value = signal[longest[0]]
         # A saturated torque is constant too, and its sensor is not frozen.
-        at_limit = value in (signal.min(), signal.max()) and column.startswith("effort")
+        extreme = value in (signal.min(), signal.max())
+        at_limit = extreme and column.startswith("effort")
         coarse = elsewhere >= settings.max_repeated_share
         # A wheel that comes to rest and leaves it gently stands at zero, where noise is small.
         rests = column.startswith("velocity") and _rests(signal, *longest, settings)
@@ -223,6 +224,8 @@ def _frozen_channels(log: Log, limits: CheckLimits) -> Iterator[Finding]:
         if length >= least and not ordinary and np.ptp(signal) > 0:
             message = f"stands still at {value:.4g} for {length * log.dt:.2g} s"
             cure = "cut that part off; check the sensor and its cable"
+            if extreme and value:
+                message, cure = wheel_checks.clipped(float(value), length * log.dt)
             yield _at(log, "error", message, cure, longest[0], column)
 
 

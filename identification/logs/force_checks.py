@@ -19,16 +19,13 @@ from identification.logs.findings import Finding
 from identification.logs.log import Log
 from identification.logs.settings import LogSettings
 from identification.logs.timebase import runs_of
-from identification.logs.wheel_checks import NO_SLIP, UNIT_FACTORS, CheckLimits
+from identification.logs.wheel_checks import UNIT_FACTORS, CheckLimits
 from identification.signals.filters import block_mean, integral_of
 from identification.signals.noise import white_noise
-from youbot_env.physics.geometry import SIGN_LATERAL, SIGN_Y, Geometry
+from youbot_env.physics.geometry import Geometry
 from youbot_env.physics.hardware import GEAR_RATIO, TORQUE_CONSTANT
 
 Array = NDArray[np.float64]
-
-ROLLING = np.column_stack([np.ones(4), SIGN_LATERAL, -np.array(SIGN_Y)])
-"""(4, 3): signs of a wheel's rate for VX, VY and W."""
 
 
 @dataclass(frozen=True)
@@ -64,12 +61,13 @@ def effort_offsets(log: Log, limits: CheckLimits) -> Iterator[Finding]:
     """
     settings = limits.settings
     means = _means(log, limits.geometry, settings)
-    columns = _columns_of_wheels(means, settings)
+    columns = _columns_of_wheels(means, limits.geometry, settings)
     if columns is None or len(columns) < settings.min_offset_rows:
         return
     lag = round(settings.offset_memory / means.step)
     found = np.array([_constant(columns, effort, lag) for effort in means.effort.T])
-    value, std = found[:, 0] - NO_SLIP * (found[:, 0] @ NO_SLIP), found[:, 1]
+    unseen = limits.no_slip
+    value, std = found[:, 0] - unseen * (found[:, 0] @ unseen), found[:, 1]
     usual = np.sqrt((means.effort**2).mean(axis=0))
     # Where the regression explains nearly all, its deviations hold; friction makes them too small.
     fits = found[:, 2] < settings.max_left_of_efforts
@@ -120,7 +118,7 @@ def low_passed_speeds(log: Log, limits: CheckLimits) -> Iterator[Finding]:
     steps = np.diff(log.file_time)
     if float(np.ptp(steps)) > settings.max_step_offset * log.dt:
         return  # interpolated to even times, which colours noise
-    signal = log.velocity @ NO_SLIP
+    signal = log.velocity @ limits.no_slip
     signal = signal - signal.mean()
     total = float(signal @ signal)
     if not total:
@@ -145,7 +143,7 @@ def low_passed_speeds(log: Log, limits: CheckLimits) -> Iterator[Finding]:
         yield Finding("warning", message, cure=cure)
 
 
-def _columns_of_wheels(means: _Means, settings: LogSettings) -> Array | None:
+def _columns_of_wheels(means: _Means, geometry: Geometry, settings: LogSettings) -> Array | None:
     """(n, p) what may make an effort of any wheel, the constant first; None without both ways."""
     twist = means.twist
     size = np.sqrt((twist**2).mean(axis=0))
@@ -153,7 +151,7 @@ def _columns_of_wheels(means: _Means, settings: LogSettings) -> Array | None:
     ways = [min(float((way * twist[:, i] > 0).mean()) for way in (1.0, -1.0)) for i in range(3)]
     if not moving.any() or min(np.array(ways)[moving]) < settings.min_share_of_way:
         return None
-    wheel = twist @ ROLLING.T
+    wheel = twist @ np.sign(geometry.wheel_jacobian).T
     smooth = settings.moving_speed_share * np.sqrt((wheel**2).mean(axis=0))
     products = [twist[:, i] * twist[:, j] for i in range(3) for j in range(i, 3)]
     return np.column_stack(
@@ -211,7 +209,9 @@ def units_of_motion(log: Log, limits: CheckLimits) -> Iterator[Finding]:
             f"{', or '.join(map(described, orders))} are exchanged"
         )
         cure = "put velocity_* and effort_* in the order fl, fr, bl, br"
-        yield Finding("error", message, cure=cure)
+        yield _unless_much_is_missing(
+            Finding("error", message, cure=cure), left, settings.max_left_for_orders
+        )
     if orders or central <= 0:
         return
     number = inertial / central / settings.usual_mass_ratio
@@ -222,12 +222,8 @@ def units_of_motion(log: Log, limits: CheckLimits) -> Iterator[Finding]:
             f"one of {central:.3g} kg"
         )
         cure = f"multiply them by {1 / factor:.6g} to have rad/s of the wheels"
-        level = "error"
-        if left > settings.max_forces_unexplained:
-            # Something large is missing besides; it may be all that sets the masses apart.
-            cure += ", unless something large acts that no mass and no friction explains"
-            level = "warning"
-        yield Finding(level, message, None, "velocity_*", cure)
+        found = Finding("error", message, None, "velocity_*", cure)
+        yield _unless_much_is_missing(found, left, settings.max_forces_unexplained)
     elif not 4 * geometry.m1 < inertial < settings.max_platform_mass:
         usual = settings.usual_platform_mass
         unit, factor = _nearest(inertial / usual, EFFORT_NUMBERS)
@@ -235,6 +231,17 @@ def units_of_motion(log: Log, limits: CheckLimits) -> Iterator[Finding]:
         cure = f"multiply them by {1 / factor:.6g} to have N m at the wheels"
         level = "error" if inertial < 4 * geometry.m1 else "warning"
         yield Finding(level, message, None, "effort_*", cure)
+
+
+def _unless_much_is_missing(found: Finding, left: float, most: float) -> Finding:
+    """A warning where masses and friction leave more than a share of the forces' squares.
+
+    What is missing may then be all that sets the masses apart, or turns the sign of one.
+    """
+    if left <= most:
+        return found
+    cure = f"{found.cure}, unless something large acts that no mass and no friction explains"
+    return replace(found, level="warning", cure=cure)
 
 
 EFFORT_NUMBERS = {

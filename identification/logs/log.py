@@ -144,6 +144,14 @@ def shared_clock(logs: Sequence[Log]) -> dict[str, float] | None:
     return {"start": spans[0][0], "end": spans[-1][1]}
 
 
+def in_order_of_time(logs: Sequence[Log]) -> list[Log]:
+    """The logs, the earliest first, where they share a clock; else in the order given.
+
+    Names of files need not say what came first, and an effect may act since a certain log.
+    """
+    return list(logs) if shared_clock(logs) is None else sorted(logs, key=lambda log: log.time[0])
+
+
 def starts_on_shared_clock(
     logs: Sequence[Log],
     clock: Mapping[str, float] | None = None,

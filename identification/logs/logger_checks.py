@@ -188,7 +188,8 @@ def effort_order(log: Log, limits: CheckLimits) -> Iterator[Finding]:
     effort = block_mean(log.effort, size)
     twist = limits.geometry.body_twist(block_mean(log.velocity, size))
     # Orthonormal: sums of torques that make F_X, F_Y, M_W, and those that cancel.
-    sums = np.array([[1, 1, 1, 1], [-1, 1, 1, -1], [-1, 1, -1, 1]]) / 2
+    columns = limits.geometry.wheel_jacobian
+    sums = (columns / np.sqrt((columns**2).sum(axis=0))).T
     rate = np.gradient(twist, axis=0)
     bases = [np.linalg.qr(np.column_stack([twist[:, i], rate[:, i]]))[0] for i in range(3)]
     total = max(float((effort**2).sum()), 1e-300)

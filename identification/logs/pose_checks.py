@@ -11,6 +11,7 @@ from identification.kinematics.settings import KinematicsSettings
 from identification.logs.findings import Finding
 from identification.logs.log import Log
 from identification.logs.wheel_checks import CheckLimits
+from youbot_env.physics.geometry import Geometry
 
 
 def motion_of(log: Log) -> Motion:
@@ -28,7 +29,10 @@ def pose_against_wheels(log: Log, limits: CheckLimits) -> Iterator[Finding]:
 
     if len(fresh_pose(motion, settings)) < settings.min_poses or not _travels(log, limits):
         return
-    _, orientation, _, findings = aligned(motion, settings)
+    # The youBot's lengths may stand for none: then they decide nothing.
+    given = None if limits.geometry == Geometry() else limits.geometry
+    found = aligned(motion, settings, given)
+    orientation, findings = found.orientation, found.findings
     for finding in findings:
         yield Finding("error", finding.message, None, finding.column, finding.cure)
     if findings:

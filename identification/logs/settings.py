@@ -585,6 +585,14 @@ class LogSettings(Settings):
             "that is clipped at two thirds of its peak leaves 0.084 and sets the masses 4 apart",
         },
     )
+    max_left_for_orders: float = field(
+        default=0.005,
+        metadata={
+            "unit": "share of the forces' squares",
+            "reason": "right and exchanged wheels leave the same, at most 0.001 on platforms that "
+            "lack no effect; at 0.011 one wheel's friction has turned the sign of a mass",
+        },
+    )
     max_platform_mass: float = field(
         default=300.0,
         metadata={"unit": "kg", "reason": "heavier platforms have other drives"},
@@ -716,6 +724,27 @@ class LogSettings(Settings):
         metadata={
             "unit": "s",
             "reason": "pieces whose way gives the scale of a pose, far above its noise",
+        },
+    )
+    lag_grid: float = field(
+        default=0.05,
+        metadata={
+            "unit": "s",
+            "reason": "steps in which speeds and pose are shifted: a tenth of the longest lag",
+        },
+    )
+    max_left_by_lag: float = field(
+        default=0.5,
+        metadata={
+            "unit": "share of the squares without a lag",
+            "reason": "a lag that takes away less is noise, slip or a wrong length",
+        },
+    )
+    max_unlike_pose: float = field(
+        default=0.05,
+        metadata={
+            "unit": "share of the squares of the wheels' ways",
+            "reason": "a wheel of 10 % more leaves 1e-4; more is no matter of a gain or a lag",
         },
     )
     min_scale_difference: float = field(

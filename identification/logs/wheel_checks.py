@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from identification.logs.findings import Finding, percent
 from identification.logs.log import Log
+from identification.logs.pose_travel import pose_travel, told_by_pose
 from identification.logs.settings import LogSettings
 from identification.signals.filters import integral_of
 from youbot_env.physics.geometry import WHEELS, Geometry
@@ -25,6 +26,17 @@ class CheckLimits:
     max_effort: float
     geometry: Geometry
     settings: LogSettings
+
+    @property
+    def no_slip(self) -> NDArray[np.float64]:
+        """Unit vector (4,) normal to the wheel speeds of all rigid motions without slip."""
+        return no_slip_of(self.geometry)
+
+
+def no_slip_of(geometry: Geometry) -> NDArray[np.float64]:
+    """Unit vector (4,) normal to the wheel speeds of all rigid motions without slip."""
+    normal = np.array(geometry.internal)
+    return normal / np.linalg.norm(normal)
 
 
 NO_SLIP = np.array([1.0, 1.0, -1.0, -1.0]) / 2
@@ -57,9 +69,9 @@ def power_share(log: Log, settings: LogSettings = LogSettings()) -> NDArray[np.f
 def _identity(log: Log, limits: CheckLimits) -> Iterator[Finding]:
     """The identity, and which change of sign, order or scale would make it hold."""
     settings = limits.settings
-    ratio = slip_ratio(log.velocity)
+    ratio = slip_ratio(log.velocity, limits.no_slip)
     noise = float(np.sqrt(np.mean(log.speed_noise**2)))
-    along = float(np.sqrt(np.mean((log.velocity @ NO_SLIP) ** 2)))
+    along = float(np.sqrt(np.mean((log.velocity @ limits.no_slip) ** 2)))
     measured = (
         f"phi_1' + phi_2' - phi_3' - phi_4' is {percent(ratio)} of the wheel speeds "
         f"({2 * along:.2g} rad/s rms; noise alone makes {2 * noise:.2g})"
@@ -82,7 +94,7 @@ def _identity(log: Log, limits: CheckLimits) -> Iterator[Finding]:
 def unsigned_speeds(log: Log, limits: CheckLimits) -> Iterator[Finding]:
     """Speeds without their sign: they come down to zero and never go beyond, and nothing fits."""
     settings = limits.settings
-    if slip_ratio(log.velocity) < settings.max_slip:
+    if slip_ratio(log.velocity, limits.no_slip) < settings.max_slip:
         return
     largest = np.abs(log.velocity).max(axis=0)
     small = (np.abs(log.velocity) < settings.small_effort_share * largest).mean(axis=0)
@@ -103,11 +115,15 @@ def _moments_of_slip(log: Log, limits: CheckLimits) -> Iterator[Finding]:
     window = max(int(settings.slip_time / log.dt), 3)
     count = len(log) // window
     pieces = log.velocity[: count * window].reshape(count, window, len(WHEELS))
-    along = np.sqrt(((pieces @ NO_SLIP) ** 2).mean(axis=1))
+    along = np.sqrt(((pieces @ limits.no_slip) ** 2).mean(axis=1))
     usual = float(np.sqrt((log.velocity**2).sum(axis=1).mean()))
     noise = float(np.sqrt(np.mean(log.speed_noise**2)))
     by_noise = settings.slip_noise_deviations * noise
-    slips_a_little = along > max(settings.min_slip_of_still_wheel * usual, by_noise)
+    # Rounding alone may break the identity by as much as one step of the channels.
+    steps = np.abs(np.diff(log.velocity, axis=0))
+    rounding = max((float(np.min(s[s > 0], initial=np.inf)) for s in steps.T), default=0.0)
+    rounding = rounding if np.isfinite(rounding) else 0.0
+    slips_a_little = along > max(settings.min_slip_of_still_wheel * usual, by_noise, rounding)
     # A wheel may rest in a motion without slip. If it rests while the identity fails, its encoder
     # is the likely cause.
     still = (np.ptp(pieces, axis=1) == 0) & slips_a_little[:, None]
@@ -116,14 +132,24 @@ def _moments_of_slip(log: Log, limits: CheckLimits) -> Iterator[Finding]:
         wheel = int(np.argmax(still.any(axis=0)))
         first = int(log.rows[int(np.argmax(still[:, wheel])) * window])
         seconds = float(still[:, wheel].sum() * window * log.dt)
+        signal = log.velocity[:, wheel]
+        held = float(pieces[int(np.argmax(still[:, wheel])), 0, wheel])
         message = f"stands still for {seconds:.2g} s while the other wheels go on"
         cure = "cut that part off; check the sensor and its cable"
+        if held and held in (signal.min(), signal.max()):
+            message, cure = clipped(held, seconds)
         yield Finding("error", message, first, f"velocity_{WHEELS[wheel]}", cure)
     elif slips.any():
         row = int(log.rows[int(np.argmax(along)) * window])
         seconds, most = float(slips.sum() * window * log.dt), 2 * float(along.max())
         message = f"wheels slip for {seconds:.2g} s, by up to {most:.2g} rad/s"
         yield Finding("warning", message, row, cure="cut that part off, or drive more gently")
+
+
+def clipped(value: float, seconds: float) -> tuple[str, str]:
+    """Message and cure for a speed that stays at its largest or least value."""
+    message = f"stays at its extreme {value:.4g} for {seconds:.2g} s: the channel is clipped"
+    return message, "drive more slowly, or log a channel with a larger range"
 
 
 def _sign_cure(log: Log, ratio: float, settings: LogSettings) -> str:
@@ -220,11 +246,19 @@ def scale_of_pose(log: Log, limits: CheckLimits) -> Iterator[Finding]:
         return
     settings, geometry = limits.settings, limits.geometry
     stride = max(int(settings.scale_time / log.dt), 1)
-    twist, yaw = geometry.body_twist(log.velocity), log.pose[:, 2]
+    beside = pose_travel(log, geometry, settings)
+    told = [*told_by_pose(beside, settings)] if beside else []
+    yield from told
+    velocity, pose = log.velocity, log.pose
+    if beside and beside.lag:
+        rows = round(beside.lag / log.dt)
+        count = len(log) - abs(rows)
+        velocity, pose = velocity[max(rows, 0) :][:count], pose[max(-rows, 0) :][:count]
+    twist, yaw = geometry.body_twist(velocity), pose[:, 2]
     c, s = np.cos(yaw), np.sin(yaw)
     world = np.column_stack([c * twist[:, 0] - s * twist[:, 1], s * twist[:, 0] + c * twist[:, 1]])
     rolled = np.diff(integral_of(world, log.dt)[::stride], axis=0)
-    travelled = np.diff(log.pose[::stride, :2], axis=0)
+    travelled = np.diff(pose[::stride, :2], axis=0)
     square = float((rolled**2).sum())
     if square < len(rolled) * settings.min_compared_size**2:
         return
@@ -235,6 +269,8 @@ def scale_of_pose(log: Log, limits: CheckLimits) -> Iterator[Finding]:
     if gain <= 0 or abs(gain - 1) < certain:
         return
     if max(gain, 1 / gain) < settings.max_radius_ratio:
+        if beside and len(beside.odd_wheels(settings)):
+            return  # one wheel is odd, not the radius of all
         radius, reach = geometry.R * gain, settings.interval_deviations * geometry.R * std
         message = (
             f"R = {radius:.5f} +- {reach:.1g} m by the pose (95 %), {geometry.R:g} m by the "
@@ -324,12 +360,14 @@ class Slip:
         return asdict(self)
 
 
-def slip_of(log: Log, settings: LogSettings = LogSettings()) -> Slip | None:
+def slip_of(
+    log: Log, geometry: Geometry | None = None, settings: LogSettings = LogSettings()
+) -> Slip | None:
     """The identity on a log; None for a mechanism that has no such four wheels."""
     if tuple(log.joints) != WHEELS:
         return None
     usual = float(np.sqrt((log.velocity**2).sum(axis=1).mean()))
-    ratio = slip_ratio(log.velocity)
+    ratio = slip_ratio(log.velocity, no_slip_of(geometry or Geometry()))
     noise = float(np.sqrt((log.speed_noise**2).mean())) / max(usual, 1e-300)
     exceeds = ratio > max(settings.slip_noise_ratio * noise, settings.negligible_slip)
     return Slip(ratio, noise, exceeds)

@@ -6,6 +6,7 @@ alike.
 
 from __future__ import annotations
 
+from dataclasses import replace
 from functools import partial
 
 import numpy as np
@@ -26,7 +27,7 @@ from identification.mechanisms.samples import Samples
 from identification.mechanisms.settings import MechanismSettings
 from youbot_env.motions.base import Motion
 from youbot_env.physics.geometry import WHEELS, Geometry
-from youbot_env.physics.mecanum import MECANUM, mecanum_structure
+from youbot_env.physics.mecanum import MECANUM, mecanum_kind, mecanum_structure
 from youbot_env.physics.mechanism import ModelStructure
 
 Array = NDArray[np.float64]
@@ -161,4 +162,5 @@ class Mecanum(Mechanism[Geometry]):
         structure: ModelStructure[Geometry] = BASE,
         settings: MechanismSettings = MechanismSettings(),
     ) -> None:
+        structure = replace(structure, mechanism=mecanum_kind(geometry))
         super().__init__(geometry, structure, CONVENTIONS, settings)

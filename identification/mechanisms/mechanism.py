@@ -23,6 +23,7 @@ from identification.signals.filters import FilterSettings, filter_samples, integ
 from identification.signals.noise import differenced_noise
 from youbot_env.physics import inverse_dynamics as dynamics
 from youbot_env.physics.effect import Parameter, Registry, effect_of
+from youbot_env.physics.geometry import least_squares_of
 from youbot_env.physics.mechanism import Instant, MechanismKind, ModelStructure
 
 Array = NDArray[np.float64]
@@ -212,6 +213,11 @@ class Mechanism(Generic[Known]):
         """Its physics."""
         return self.structure.mechanism
 
+    @cached_property
+    def internal(self) -> tuple[float, ...]:
+        """(J,) torques that exert no force; () if there are none."""
+        return self.kind.internal(self.geometry)
+
     @property
     def axes(self) -> tuple[str, ...]:
         """Names of the axes of force and speed."""
@@ -323,7 +329,7 @@ class Mechanism(Generic[Known]):
             for name in item.parameter_names:
                 parameter = declared.parameter(name)
                 relative = parameter.relative_to
-                if relative == "internal" and not self.kind.internal:
+                if relative == "internal" and not self.internal:
                     relative = None  # each torque exerts a force
                 group = f"{item.name}.{parameter.name}" if relative else None
                 found.append(ParameterLabel(item.name, name, parameter, group))
@@ -390,11 +396,7 @@ class Mechanism(Generic[Known]):
     @cached_property
     def least_squares(self) -> Array:
         """(J, A): makes a twist of joint rates; its transpose makes torques of a force."""
-        gram = self.jacobian.T @ self.jacobian
-        if np.abs(gram - np.diag(np.diag(gram))).max() < 1e-12 * np.diag(gram).max():
-            # Orthogonal columns: a mean with signs, without the rounding of a decomposition.
-            return self.jacobian / (self.jacobian**2).sum(axis=0)
-        return np.asarray(np.linalg.pinv(self.jacobian).T, float)
+        return least_squares_of(self.jacobian)
 
     def samples(self, log: Log) -> Samples:
         """Motion and torque of a log; speeds that are differences of angles are centred."""

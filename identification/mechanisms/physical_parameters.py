@@ -29,7 +29,7 @@ def settle_gauge(mechanism: Mechanism[Any], theta: Array) -> tuple[Array, Array]
         members = [k for k, label in enumerate(mechanism.labels) if label.group == group]
         parameter = mechanism.labels[members[0]].parameter
         if parameter.relative_to == "internal":
-            unseen = np.array(mechanism.kind.internal) / np.linalg.norm(mechanism.kind.internal)
+            unseen = np.array(mechanism.internal) / np.linalg.norm(mechanism.internal)
             step = np.eye(len(names))
             step[np.ix_(members, members)] -= np.outer(unseen, unseen)
             change, theta = step @ change, step @ theta

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import os
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cache
 from typing import Any
 
@@ -146,6 +146,9 @@ def mechanism_of(
     of = kind_of(model)
     acts_in = {name: frozenset(logs) for name, logs in model.effect_logs.items()}
     known = _known(model, geometry)
+    if geometry is not None:
+        # Of other rollers it is of another kind: the model says which.
+        model = replace(model, geometry=known, covariance=None, covariance_names=())
     return Mechanism(known, model.structure, of.conventions, settings, acts_in=acts_in)
 
 

@@ -85,6 +85,20 @@ class Samples:
             bandwidth=np.inf,
         )
 
+    def smoothed(self, channel: str, window: float) -> Array:
+        """(N, J) a channel smoothed over some samples; computed once, for it is asked many times.
+
+        ``channel``: "torque" or "wheel_speed".
+        """
+        known, key = self._smoothed, (channel, window)
+        if key not in known:
+            known[key] = _smoothed(getattr(self, channel), window)
+        return known[key]
+
+    @cached_property
+    def _smoothed(self) -> dict[tuple[str, float], Array]:
+        return {}
+
     @property
     def channels(self) -> tuple[Array, Array]:
         """Speeds and efforts (N, J) of the joints, as logged."""
@@ -144,9 +158,9 @@ def rolled(
     rates = np.zeros_like(s.wheel_speed)
     if structure.filters_speed:
         window = settings.torque_rate_smoothing_time / s.dt
-        rates = np.gradient(_smoothed(s.wheel_speed, window), s.dt, axis=0)
+        rates = np.gradient(s.smoothed("wheel_speed", window), s.dt, axis=0)
     # The torque that a wheel creeps by is smoothed: its noise would be in the motion too.
-    torque = _smoothed(s.torque, settings.internal_torque_smoothing_time / s.dt)
+    torque = s.smoothed("torque", settings.internal_torque_smoothing_time / s.dt)
     at = Instant(tuple(s.twist.T), time=s.time, start=s.start)
     acting = dynamics.channel_torque(np, structure, geometry, theta, tuple(torque.T), at)
     channels = (tuple(s.wheel_speed.T), tuple(rates.T), acting)
@@ -208,7 +222,7 @@ class DemandedForce(Generic[Geometry]):
         known = like is not None and like.structure.depends_on_load
         if structure.depends_on_load and not known:
             internal: Components[Array] = ()
-            if self.mechanism.internal:
+            if self._nominal_forceless:
                 amount = self._acting_internal(theta)
                 internal = tuple(part * amount for part in self._forceless)
             torque = dynamics.acting_torque(
@@ -223,9 +237,13 @@ class DemandedForce(Generic[Geometry]):
             self.instant = replace(self.instant, torque=torque)
 
     @cached_property
+    def _nominal_forceless(self) -> tuple[float, ...]:
+        return self.mechanism.internal(self.geometry)
+
+    @cached_property
     def _forceless(self) -> Array:
         """(J,) torques that exert no force with the joints as they roll, sized as nominal ones."""
-        nominal = np.array(self.mechanism.internal)
+        nominal = np.array(self._nominal_forceless)
         if not self.structure.at(CONTACT):
             return nominal
         units = np.eye(len(self.mechanism.joints))
@@ -357,7 +375,7 @@ class DemandedForce(Generic[Geometry]):
         at = replace(self.instant, torque=torque, torque_rate=rate, torque_second_rate=second)
         said = self._said(theta)
         logged = dynamics.interface_torque(np, structure, geometry, theta, at, said)
-        if (structure.at(CHANNEL) or structure.at(CONTACT)) and self.mechanism.internal:
+        if (structure.at(CHANNEL) or structure.at(CONTACT)) and self._nominal_forceless:
             logged = self._with_internal(logged, theta, at)
         # As the measured force: that of the nominal geometry.
         return self._scaled(self.mechanism.force_of(geometry, logged))
@@ -369,7 +387,7 @@ class DemandedForce(Generic[Geometry]):
 
         Where gains differ by joint, or joints roll unevenly, torques that seem to cancel do not.
         """
-        internal = np.array(self.mechanism.internal)
+        internal = np.array(self._nominal_forceless)
         rows = zip(at.torque, self._forceless, strict=True)
         more = tuple(torque + part for torque, part in rows)
         along = dynamics.interface_torque(
@@ -393,7 +411,7 @@ class DemandedForce(Generic[Geometry]):
     @cached_property
     def _internal(self) -> Array:
         """(2, N - 1) of the logged torques, at both ends of each interval [N m]."""
-        return self._internal_of(self.samples.torque, np.array(self.mechanism.internal))
+        return self._internal_of(self.samples.torque, np.array(self._nominal_forceless))
 
     def _acting_internal(self, theta: Array) -> Array:
         """The same of the torques behind the channels: what acts there loads the wheels."""
@@ -473,7 +491,7 @@ class DemandedForce(Generic[Geometry]):
         What acts behind the channels loads the wheels, internal torques with the rest.
         """
         structure = self.structure
-        internal = self.mechanism.internal
+        internal = self._nominal_forceless
         if not (internal and structure.depends_on_load and structure.at(CHANNEL)):
             return 0.0
         moved = self._acting_internal(ahead) - self._acting_internal(behind)

@@ -71,7 +71,8 @@ def _rms(values: Array) -> Array:
 
 @dataclass(frozen=True)
 class FeatureGroup:
-    """One variable's flexible function: features (N, Q) of a log's variables.
+    """One variable's flexible function: features of a log's variables, (N, Q) at its samples or
+    (2, N - 1, Q) at the ends of its intervals.
 
     pairs: features are cosine and sine of one order after another, of which only a few are used.
     """
@@ -135,18 +136,28 @@ def _of_angle(variables: MotionVariables, scales: FeatureScales, k: int) -> Arra
 
 def _of_torque(variables: MotionVariables, scales: FeatureScales, k: int) -> Array:
     """Of the predicted torque: noise of the measured torque is in the residual as well."""
-    torque = scales.scaled(variables, "torque")[:, k]
+    torque = variables.torque_ends[..., k] / scales.sizes["torque"][k]
     rate = scales.scaled(variables, "torque_rate")[:, k]
     name = "twist" if variables.speed is None else "speed"
     speed = scales.scaled(variables, name)[:, k]
     load = scales.scaled(variables, "load")[:, k]
     signed = [load * np.tanh(speed / width) for width in scales.settings.step_widths[:2]]
-    return np.column_stack([torque, rate, *signed])
+    return np.concatenate([torque[..., None], at_ends(np.column_stack([rate, *signed]))], axis=-1)
 
 
 def _of_acceleration(variables: MotionVariables, scales: FeatureScales, k: int) -> Array:
-    names = ("acceleration", "jerk")
-    return np.column_stack([scales.scaled(variables, name)[:, k] for name in names])
+    jerk = scales.scaled(variables, "jerk")[:, [k]]
+    return np.concatenate([_faster(variables, scales)[..., [k]], at_ends(jerk)], axis=-1)
+
+
+def _faster(variables: MotionVariables, scales: FeatureScales) -> Array:
+    """(2, N - 1, A) the acceleration over its usual size."""
+    return variables.acceleration_ends / scales.sizes["acceleration"]
+
+
+def at_ends(signal: Array) -> Array:
+    """(2, N - 1, ...) a signal (N, ...) at the start and the end of each interval."""
+    return np.stack([signal[:-1], signal[1:]])
 
 
 def _of_heading(variables: MotionVariables, scales: FeatureScales) -> Array:
@@ -185,8 +196,10 @@ def _of_time(variables: MotionVariables, scales: FeatureScales) -> Array:
     """Offsets, frictions and masses that change with the time from the log's start."""
     knots = np.array(scales.settings.time_knots)
     shape = ramps(variables.time / scales.duration, knots) - scales.time_means
-    moving, faster = (scales.scaled(variables, name) for name in ("twist", "acceleration"))
-    return np.column_stack([shape, _products(shape, moving), _products(shape, faster)])
+    moving = at_ends(np.column_stack([shape, _products(shape, scales.scaled(variables, "twist"))]))
+    faster = _faster(variables, scales)
+    ends = [_products(s, a) for s, a in zip(at_ends(shape), faster, strict=True)]
+    return np.concatenate([moving, np.stack(ends)], axis=-1)
 
 
 def place_shape(place: Array, edges: Array, knots: int) -> Array:

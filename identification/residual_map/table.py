@@ -18,7 +18,7 @@ from identification.residual_map.features import FeatureGroup, FeatureScales, fe
 from identification.residual_map.held_out_gain import FoldRows
 from identification.residual_map.settings import ResidualMapSettings
 from identification.residual_map.variables import MotionVariables, RowReduction, smooth
-from identification.signals.filters import block_mean
+from identification.signals.filters import block_mean, slope_ends
 
 Array = NDArray[np.float64]
 Indices = NDArray[np.intp]
@@ -73,7 +73,7 @@ def residual_table(
     folds, sizes = [], []
     for row, one, reduction in zip(rows, variables, reductions, strict=True):
         # The same filter and block means as the residual, or a sharp function would not match it.
-        features = [reduction(group.features(one, scales)) for group in groups]
+        features = [reduction.of_any(group.features(one, scales)) for group in groups]
         sizes = [part.shape[1] for part in features]
         block = rows_per_block(settings.bootstrap_block_time, reduction.step)
         folds.append(FoldRows(np.column_stack(features), row[..., 1:], row[..., 0], block))
@@ -120,6 +120,8 @@ def motion_variables(
     found = mechanism.variables(samples)
     torque = mechanism.joint_torque(force)
     derived = _derived(found.twist, torque, smoothing, samples.dt)
+    derived["acceleration_ends"] = slope_ends(found.twist, samples.dt)
+    derived["torque_ends"] = np.stack([mechanism.joint_torque(side) for side in demanded])
     known: dict[str, Any] = found._asdict() | derived
     return MotionVariables(time=samples.time, **known)
 

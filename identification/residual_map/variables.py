@@ -29,6 +29,8 @@ class MotionVariables:
     angle, speed : (N, W) of the wheels [rad], [rad/s]
     departure : (N, W) part of the wheels' speeds that no rigid motion explains
     turns : of one axis, whether it turns (rad, N m) or slides (m, N)
+    acceleration_ends, torque_ends : (2, N - 1, A) and (2, N - 1, W) at both ends of intervals, as
+        the model's own columns are made
     """
 
     axes: tuple[str, ...]
@@ -39,14 +41,17 @@ class MotionVariables:
     rates: Array
     # Acceleration and torque are not smoothed, because the model's columns are not either. Noise in
     # the columns makes fitted masses too small (attenuation bias). A smoothed acceleration has less
-    # noise and would seem to explain what is then missing, although the model is right. Jerk, load
-    # and torque_rate are smoothed: they would be mostly noise.
+    # noise and would seem to explain what is then missing, although the model is right: the mean of
+    # two intervals does already, at 50 Hz. So features are made of both at the intervals' ends.
+    # Jerk, load and torque_rate are smoothed: they would be mostly noise.
     acceleration: Array
     jerk: Array
     torque: Array
     load: Array
     torque_rate: Array
     position: Array
+    acceleration_ends: Array
+    torque_ends: Array
     heading: Array | None = None
     angle: Array | None = None
     speed: Array | None = None
@@ -89,6 +94,10 @@ class RowReduction:
 
     def __call__(self, signal: Array) -> Array:
         return self._averaged(filter_samples(signal, self.rate, self.dt))
+
+    def of_any(self, signal: Array) -> Array:
+        """Of a matrix that has rows for samples (N, Q), or for both ends of intervals."""
+        return self(signal) if signal.ndim == 2 else self.of_interval_ends(signal)
 
     def of_interval_ends(self, ends: Array) -> Array:
         """The same of a signal given at both ends of each interval (2, N - 1, ...)."""

@@ -161,21 +161,25 @@ class RowFilter:
         """From one row to the next [s]."""
         return self.size * self.dt
 
-    def __call__(self, ends: Array, moves: NDArray[np.bool_] | None = None) -> Array:
+    def __call__(
+        self, ends: Array, moves: NDArray[np.bool_] | None = None, first: int | None = None
+    ) -> Array:
         """Rows (n, ...) of a signal that is given at interval ends (2, N - 1, ...).
 
         Rows in which the mechanism rests are zero: they neither ask nor tell anything.
 
-        ``moves`` (N,): whether it moves; None if it does all the time.
+        ``moves`` (N,): whether it moves; None if it does all the time. ``first``: number of the
+        first row's first sample, if it is not that of a whole log.
         """
+        start = self.first if first is None else first
         filtered = first_order(ends[0], ends[1], self.rate, self.dt)
-        rows = block_mean(filtered[self.first :], self.size)
+        rows = block_mean(filtered[start:], self.size)
         if moves is None:
             return rows
         # The filter remembers what was held at rest, and so does a row soon after it.
         rests = (~moves).astype(float)
         memory = first_order(rests[:-1], rests[1:], self.rate, self.dt)
-        moved = block_mean(memory[self.first :], self.size) < np.exp(-self.settling)
+        moved = block_mean(memory[start:], self.size) < np.exp(-self.settling)
         return rows * moved.reshape(-1, *[1] * (rows.ndim - 1))
 
     def adjoint(self, rows: Array, count: int) -> Array:

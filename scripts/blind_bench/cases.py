@@ -21,6 +21,7 @@ from youbot_scripts.blind_bench.effects import (
     DIFFER,
     EVERYTHING,
     KINEMATICS,
+    LAWS,
     OUTSIDE,
     REGIMES,
     Planted,
@@ -58,20 +59,32 @@ KINDS = (
     "regime",
     "sweep",
     "kinematics",
+    "law",
+    "fleet",
 )
 """Nothing planted; nothing, and noise that is not white; speeds from encoder counts, with Coulomb
 friction in every other case; one effect of about its size; a quarter of it under twice the noise;
 one of about its size under twice the noise; two of about their size; one outside the catalogue;
 one of about its size in some logs only; one outside the catalogue in a part of the motion;
-one at each of `SWEEP` times its size; one effect of kinematics of about its size."""
+one at each of `SWEEP` times its size; one effect of kinematics of about its size; one of all
+that is outside the catalogue, for which a law may be proposed; one effect of about its size in
+one of `FAULTY_ONE_IN` cases, of calibration and one multisine."""
 
 SWEEP = (1 / 16, 1 / 8, 1 / 4, 1 / 2, 1.0, 2.0, 4.0)
 ALL_RATES = (50.0, 100.0, 250.0)
-RATES = {"none": ALL_RATES, "noise": ALL_RATES, "kinematics": (100.0, 50.0, 250.0)}
+RATES = {
+    "none": ALL_RATES,
+    "noise": ALL_RATES,
+    "kinematics": (100.0, 50.0, 250.0),
+    "fleet": (50.0,),
+}
 """Log rates [Hz] that a kind goes through; 100 Hz for the others."""
 
 PAUSE = 20.0
 """[s] Between two logs of a session."""
+
+FAULTY_ONE_IN = 10
+"""Cases of a fleet among which one has an effect."""
 
 POSE_SHARE = 0.5
 """Share of the cases whose logs hold the pose."""
@@ -111,12 +124,10 @@ def _generator(seed: int, kind: str, index: int, purpose: str) -> np.random.Gene
 
 def references(kind: str, index: int, seed: int, dt: float) -> dict[str, Array]:
     """Twists (N, 3) asked for, by log; the multisines are the case's own."""
+    multisines = ("multisine_a",) if kind == "fleet" else ("multisine_a", "multisine_b")
     return {
         "calibration": motions.calibration(dt),
-        **{
-            name: motions.multisine(_generator(seed, kind, index, name), dt)
-            for name in ("multisine_a", "multisine_b")
-        },
+        **{name: motions.multisine(_generator(seed, kind, index, name), dt) for name in multisines},
     }
 
 
@@ -163,7 +174,13 @@ def draw_case(
     has_pose = bool(rng.random() < POSE_SHARE)
     # Drawn for every kind, and also if `noise` is given: later draws then stay the same.
     any_noise = 2.0 ** rng.uniform(-1, 1)
-    drawn_noise = {"none": any_noise, "noise": any_noise, "quarter": 2.0, "double_noise": 2.0}
+    drawn_noise = {
+        "none": any_noise,
+        "noise": any_noise,
+        "fleet": any_noise,
+        "quarter": 2.0,
+        "double_noise": 2.0,
+    }
     # On a fixed grid, so that a case plants the same at every log rate.
     path = _path(references(kind, index, seed, 0.02), 0.02)
     planted = tuple(
@@ -198,6 +215,10 @@ def _what(kind: str, index: int, seed: int, rng: np.random.Generator) -> list[tu
     if kind == "counts":
         # Every other case, so that six in a row meet all counts with and without it.
         return [("wheel_coulomb_friction", about_one[0])] if index % 2 == 0 else []
+    if kind == "fleet":
+        number, place = divmod(index, FAULTY_ONE_IN)
+        faulty = place == FAULTY_ONE_IN - 1
+        return [(names[number % len(names)], about_one[0])] if faulty else []
     if kind in ("one", "double_noise"):
         return [(names[index % len(names)], about_one[0])]
     if kind == "quarter":
@@ -213,6 +234,8 @@ def _what(kind: str, index: int, seed: int, rng: np.random.Generator) -> list[tu
         return [(list(REGIMES)[index % len(REGIMES)], about_one[0])]
     if kind == "unknown":
         return [(list(OUTSIDE)[index % len(OUTSIDE)], about_one[0])]
+    if kind == "law":
+        return [(list(LAWS)[index % len(LAWS)], about_one[0])]
     if kind == "sweep":
         return [(names[index % len(names)], SWEEP[index // len(names) % len(SWEEP)])]
     if kind == "kinematics":
@@ -307,7 +330,7 @@ def log_along(case: Case, name: str, twist: Array, began: float = 0.0) -> Log:
 
 
 def logs_of(case: Case) -> list[Log]:
-    """Calibration and two multisines of a case: 260 s."""
+    """Calibration and two multisines of a case, 260 s; of a fleet's one multisine, 200 s."""
     dt, _ = tick(case.rate)
     twists = references(case.kind, case.index, case.seed, dt)
     shares = any(CATALOGUE[p.name].on_shared_clock for p in case.planted if p.name in CATALOGUE)

@@ -151,3 +151,29 @@ def late(rng: np.random.Generator, size: float, path: Array) -> Values:
 
 def joints(rng: np.random.Generator, size: float, path: Array) -> Values:
     return {"force": size, "distance": rng.uniform(0.1, 0.3), "phase": direction(rng)}
+
+
+def cogging(rng: np.random.Generator, size: float, path: Array) -> Values:
+    """A gear that is no whole number of turns behind the wheel."""
+    return {"torque": size, "wheel": float(rng.integers(4)), "cycles": rng.uniform(1.5, 6.0)}
+
+
+def rubbing(rng: np.random.Generator, size: float, path: Array) -> Values:
+    return {"torque": size, "speed": rng.uniform(2.0, 5.0), "width": rng.uniform(0.5, 1.2)}
+
+
+def strip(rng: np.random.Generator, size: float, path: Array) -> Values:
+    return {"force": size, "x": spot(rng, path)[0], "width": rng.uniform(0.08, 0.2)}
+
+
+def gust(rng: np.random.Generator, size: float, path: Array) -> Values:
+    when = {"time": rng.uniform(15.0, 45.0), "width": rng.uniform(4.0, 10.0)}
+    return {"force": size, "direction": direction(rng), **when}
+
+
+def ramp(rng: np.random.Generator, size: float, path: Array) -> Values:
+    return {"force": size, "direction": direction(rng), "edge": float(np.median(path[:, 0]))}
+
+
+def magnet(rng: np.random.Generator, size: float, path: Array) -> Values:
+    return {"moment": size, "neutral": rng.uniform(-1.0, 1.0)}

@@ -34,6 +34,8 @@ class Plantable:
         depends on
     family : effects of one family can hardly be told apart, so two of them are no pair
     on_shared_clock : whether it runs on over a session's logs
+    site, reads : of what is outside the catalogue, where it acts and the variables that its law
+        reads, as a proposal calls them: one of these variables is the main one
     """
 
     name: str
@@ -44,6 +46,13 @@ class Plantable:
     carriers: tuple[str, ...] = ()
     family: str = ""
     on_shared_clock: bool = False
+    site: str = "world"
+    reads: tuple[str, ...] = ()
+
+    @property
+    def main_variables(self) -> tuple[str, ...]:
+        """What a right proposal reads, one of them at least."""
+        return self.reads or self.carriers or ("twist",)
 
 
 def _renamed(**fields: str) -> Callable[[Values], dict[str, float | Array]]:
@@ -327,6 +336,7 @@ OUTSIDE = {
             draws.one_number("coefficient"),
             _renamed(drift="coefficient"),
             (),
+            site="body",
         ),
         Plantable(
             "bump",
@@ -358,6 +368,8 @@ REGIMES = {
             draws.one_way,
             _renamed(one_way="torque", one_way_wheel="wheel", one_way_sign="sign"),
             tuple(f"wheel_speed_{wheel}" for wheel in WHEELS),
+            site="wheel",
+            reads=("wheel_speed",),
         ),
         Plantable(
             "late_drag",
@@ -371,7 +383,38 @@ REGIMES = {
 }
 """Effects outside the catalogue that act in a part of the motion, which a rule describes."""
 
-EVERYTHING = CATALOGUE | KINEMATICS | OUTSIDE | REGIMES
+STRANGE = {
+    item.name: item
+    for item in (
+        Plantable("air_drag", 120.0, "N s^2/m^2", draws.one_number("coefficient"),
+                  _renamed(air="coefficient"), site="body"),
+        Plantable("cogging_wheel", 0.4, "N m", draws.cogging,
+                  _renamed(cog="torque", cog_wheel="wheel", cog_cycles="cycles"),
+                  tuple(f"wheel_angle_{wheel}" for wheel in WHEELS), site="wheel",
+                  reads=("wheel_angle",)),
+        Plantable("rubbing_at_a_speed", 0.3, "N m", draws.rubbing,
+                  _renamed(rub="torque", rub_speed="speed", rub_width="width"), site="wheel",
+                  reads=("wheel_speed",)),
+        Plantable("magnetic_strip", 15.0, "N", draws.strip,
+                  _renamed(strip="force", strip_x="x", strip_width="width"), ("position_x",)),
+        Plantable("gust", 10.0, "N", draws.gust,
+                  _renamed(gust="force", gust_direction="direction", gust_time="time",
+                           gust_width="width"), ("time",)),
+        Plantable("side_brush", 8.0, "N", draws.one_number("force"), _renamed(brush="force"),
+                  site="body"),
+        Plantable("heading_magnet", 1.5, "N m", draws.magnet,
+                  _renamed(magnet="moment", magnet_neutral="neutral"), ("heading",)),
+        Plantable("ramp", 8.0, "N", draws.ramp,
+                  _renamed(ramp="force", ramp_direction="direction", ramp_edge="edge"),
+                  ("position_x",)),
+    )
+}  # fmt: skip
+"""More of these, of other sites and shapes: a law may be proposed for them."""
+
+LAWS = OUTSIDE | REGIMES | STRANGE
+"""Everything that no name of the catalogue explains."""
+
+EVERYTHING = CATALOGUE | KINEMATICS | LAWS
 
 DIFFER: dict[str, tuple[float, Values]] = {
     "floor_tilt": (1.0, {}),

@@ -17,9 +17,9 @@ from youbot_env.errors import InputError
 from youbot_env.model.model_file import load_model
 from youbot_scripts.blind_bench.cases import draw_case, log_along, references, tick
 from youbot_scripts.blind_bench.promises import NULLS
-from youbot_scripts.blind_bench.trials import Record, failure, stated_base
+from youbot_scripts.blind_bench.trials import Record, stated_base
 from youbot_scripts.shared import options as common
-from youbot_scripts.shared.results_folder import resumed
+from youbot_scripts.shared.results_folder import failure, resumed
 
 FITS = "fits"
 """Folder for the cheap fits, in that of the bench's trials."""

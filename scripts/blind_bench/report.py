@@ -27,6 +27,7 @@ KIND_WORDS = {
     "unknown": "an effect outside the catalogue",
     "differ": "one effect in some of the logs only",
     "regime": "an effect outside the catalogue, in a part of the motion",
+    "law": "an effect outside the catalogue, of any kind",
 }
 
 SCORE_WORDS = {
@@ -52,6 +53,10 @@ SCORE_WORDS = {
     "log_told": "named with its logs, or these told as the regime",
     "regime_right": "the regime in the right words",
     "said_unknown": '"unknown", after one partial fit at most',
+    "law_proposed": "a law proposed",
+    "law_right": "its site and main variable right",
+    "law_helps": "with it the squared velocity error falls by 80 %",
+    "law_needless": "a law proposed that nothing needs",
     "carrier_first_or_second_where": "carrier first or second, base model",
     "carrier_first_or_second_remaining": "carrier first or second, last model",
     "error_fall_of_95": "velocity error falls by 95 % of what it can",
@@ -86,6 +91,15 @@ WANTED = {
     ("quarter", "in_set"): "> 85 %",
     ("two", "both_found"): "> 85 %",
     ("unknown", "said_unknown"): "> 90 %",
+    **{
+        (kind, key): ">= 80 %"
+        for kind in ("unknown", "law")
+        for key in ("law_proposed", "law_right", "law_helps")
+    },
+    ("none", "law_needless"): "<= 1 %",
+    ("noise", "law_needless"): "<= 1 %",
+    ("one", "law_needless"): "<= 3 %",
+    ("two", "law_needless"): "<= 3 %",
     ("differ", "log_named"): ">= 80 %",
     ("regime", "regime_right"): ">= 80 %",
     **{

@@ -9,7 +9,7 @@ from typing import Any
 
 from youbot_scripts.blind_bench import sensors
 from youbot_scripts.blind_bench.draws import WHEELS
-from youbot_scripts.blind_bench.effects import CATALOGUE, KINEMATICS, OUTSIDE, REGIMES
+from youbot_scripts.blind_bench.effects import CATALOGUE, EVERYTHING, KINEMATICS, LAWS
 from youbot_scripts.blind_bench.proportions import Proportion
 from youbot_scripts.blind_bench.sensors import ENCODER
 from youbot_scripts.blind_bench.trials import Record
@@ -31,7 +31,7 @@ BOUND = 3.0
 
 TWIST = "twist"
 
-UNNAMED = frozenset((*OUTSIDE, *REGIMES))
+UNNAMED = frozenset(LAWS)
 """What no effect of the catalogue explains."""
 
 
@@ -179,6 +179,49 @@ def error_fall(record: Record) -> float | None:
     return 1.0 - (fixed**2 - true**2) / (base**2 - true**2)
 
 
+def _proposal(record: Record) -> dict[str, Any] | None:
+    return record.get("found", {}).get("proposal")
+
+
+def law_proposed(record: Record) -> bool | None:
+    """Whether a law is proposed for what is outside the catalogue; None: nothing is."""
+    return bool(_proposal(record)) if set(planted(record)) & UNNAMED else None
+
+
+def law_needless(record: Record) -> bool | None:
+    """Whether a law is proposed though nothing is missing, or a name has it; None elsewhere."""
+    return None if set(planted(record)) & UNNAMED else bool(_proposal(record))
+
+
+def law_right(record: Record) -> bool | None:
+    """Whether the proposal's site and main variable are right; None where none is wanted."""
+    outside = [name for name in planted(record) if name in UNNAMED]
+    if not outside:
+        return None
+    said = _proposal(record)
+    item = EVERYTHING[outside[0]]
+    return bool(
+        said and said["site"] == item.site and set(said["variables"]) & set(item.main_variables)
+    )
+
+
+LAW_FALL = 0.8
+"""Share of the squared velocity error, held out, that a proposed law must take away."""
+
+
+def law_helps(record: Record) -> bool | None:
+    """Whether the held-out velocity error falls by most of it; None where no law is wanted.
+
+    Of all of it, not of the way to what the true law reaches, which is a little less.
+    """
+    if law_proposed(record) is None:
+        return None
+    said, steps = _proposal(record), record.get("found", {}).get("steps")
+    if not said or not steps or not said["velocity_error"] or not steps[0]["velocity_error"]:
+        return False
+    return 1.0 - (said["velocity_error"] / steps[0]["velocity_error"]) ** 2 >= LAW_FALL
+
+
 def tie_resolved(record: Record) -> bool | None:
     """Whether, with the proposed experiment, the true effects were named without ties.
 
@@ -324,7 +367,7 @@ def confusion(records: Iterable[Record]) -> dict[str, dict[str, int]]:
         names = planted(record)
         if len(names) < 2:
             table[names[0] if names else "none"][answer(record)] += 1
-    order = ["none", *CATALOGUE, *KINEMATICS, *OUTSIDE, *REGIMES]
+    order = ["none", *CATALOGUE, *KINEMATICS, *LAWS]
     return {name: dict(table[name].most_common()) for name in order if name in table}
 
 
@@ -434,6 +477,7 @@ def _of_every_kind(records: Sequence[Record]) -> dict[str, Any]:
         identify_failed=identify_failed,
         warned=warned,
         named_exactly=named_exactly,
+        law_needless=law_needless,
         baseline_right=_baseline(right),
         baseline_wrongly_named=_baseline(wrongly_named),
         baseline_named_exactly=_baseline(named_exactly),
@@ -474,7 +518,7 @@ def _of_one_kind(kind: str, records: Sequence[Record]) -> dict[str, Any]:
             coulomb_called_stribeck=_called_stribeck,
             accepted_unplanted=accepted_unplanted,
         ) | _numbers(records)
-    if kind in ("unknown", "regime") or kind in UNNAMED:
+    if kind in ("unknown", "regime", "law") or kind in UNNAMED:
         ranks = {
             f"carrier_first_or_second_{key}": Proportion.of(
                 None if (rank := carrier_rank(record, key)) is None else rank <= 2
@@ -482,7 +526,9 @@ def _of_one_kind(kind: str, records: Sequence[Record]) -> dict[str, Any]:
             ).to_dict()
             for key in ("where", "remaining")
         }
-        return _shares(records, said_unknown=said_unknown, regime_right=regime_right) | ranks
+        laws = {"law_proposed": law_proposed, "law_right": law_right, "law_helps": law_helps}
+        said = {"said_unknown": said_unknown, "regime_right": regime_right}
+        return _shares(records, **said, **laws) | ranks
     if kind == "differ":
         return _shares(
             records, log_named=log_named, log_told=log_told, accepted_unplanted=accepted_unplanted

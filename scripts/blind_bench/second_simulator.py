@@ -125,6 +125,27 @@ class Physics(NamedTuple):
     one_way_sign: float = 1.0
     late_drag: float = 0.0
     late_time: float = NEVER
+    air: float = 0.0
+    cog: float = 0.0
+    cog_wheel: float = 0.0
+    cog_cycles: float = 1.0
+    rub: float = 0.0  # dry friction of all wheels around one speed
+    rub_speed: float = 1.0
+    rub_width: float = 1.0
+    strip: float = 0.0
+    strip_x: float = 0.0
+    strip_width: float = 1.0
+    gust: float = 0.0
+    gust_direction: float = 0.0
+    gust_time: float = 0.0
+    gust_width: float = 1.0
+    brush: float = 0.0
+    brush_width: float = 0.05
+    magnet: float = 0.0
+    magnet_neutral: float = 0.0
+    ramp: float = 0.0
+    ramp_direction: float = 0.0
+    ramp_edge: float = 0.0
 
 
 @njit(cache=True)
@@ -143,6 +164,11 @@ def _wheel_friction(p: Physics, i: int, rate: float, angle: float, torque: float
         total += p.one_way_sign * p.one_way * max(p.one_way_sign * math.tanh(rate / p.dry_width), 0)
     if p.ripple != 0.0:
         total += p.ripple * math.sin(p.ripple_cycles * angle + p.ripple_phase[i])
+    if p.cog != 0.0 and i == int(p.cog_wheel):
+        total += p.cog * math.sin(p.cog_cycles * angle)
+    if p.rub != 0.0:
+        near = (abs(rate) - p.rub_speed) / p.rub_width
+        total += p.rub * math.exp(-near * near) * math.tanh(rate / p.dry_width)
     # Larger forwards: the same sign whichever way the wheel turns.
     if p.forward_dry != 0.0 or p.forward_viscous != 0.0:
         total += p.forward_dry * abs(math.tanh(rate / p.forward_width))
@@ -204,6 +230,24 @@ def _outside(p: Physics, x: float, y: float, yaw: float, u: float, v: float, tim
     if p.late_drag != 0.0 and time >= p.late_time:
         speed = math.sqrt(u * u + v * v + 0.005**2)
         fx, fy = fx - p.late_drag * u / speed, fy - p.late_drag * v / speed
+    if p.air != 0.0:
+        speed = math.sqrt(u * u + v * v)
+        fx, fy = fx - p.air * speed * u, fy - p.air * speed * v
+    if p.strip != 0.0:
+        way = (x - p.strip_x) / p.strip_width
+        fx += p.strip * way * math.exp(0.5 - 0.5 * way * way)
+    if p.gust != 0.0:
+        push = p.gust * math.exp(-(((time - p.gust_time) / p.gust_width) ** 2))
+        fx += push * math.cos(p.gust_direction)
+        fy += push * math.sin(p.gust_direction)
+    if p.brush != 0.0:
+        # Against sideways motion of the body, levelling off.
+        left = math.cos(yaw) * v - math.sin(yaw) * u
+        push = -p.brush * math.tanh(left / p.brush_width)
+        fx, fy = fx - push * math.sin(yaw), fy + push * math.cos(yaw)
+    if p.ramp != 0.0 and x > p.ramp_edge:
+        fx += p.ramp * math.cos(p.ramp_direction)
+        fy += p.ramp * math.sin(p.ramp_direction)
     if p.joints != 0.0:
         fx += p.joints * math.sin(2.0 * math.pi * x / p.joint_distance + p.joint_phase)
     return fx, fy
@@ -261,6 +305,7 @@ def derivative(
     b[1] = w * w * sy + fy + mass * slope_y
     b[2] = sx * slope_y - sy * slope_x
     b[2] -= p.scrub * math.tanh(w / p.scrub_width) + p.twist_stiffness * (q[2] - p.twist_neutral)
+    b[2] -= p.magnet * math.sin(2.0 * (q[2] - p.magnet_neutral))
 
     for i in range(4):
         x = p.half_length if i < 2 else -p.half_length
@@ -351,7 +396,9 @@ def steps_for(p: Physics, dt: float) -> int:
     That of a smoothed dry friction at rest is inertia times width over torque. With much longer
     steps the method would be unstable.
     """
-    wheel = (p.coulomb + p.dry.max() + p.breakaway + p.load_share * 2.0 + p.one_way) / p.dry_width
+    wheel = (
+        p.coulomb + p.dry.max() + p.breakaway + p.load_share * 2.0 + p.one_way + p.rub
+    ) / p.dry_width
     wheel += abs(p.forward_dry) / p.forward_width
     roller = (p.roller_coulomb + p.roller_dry.max()) / p.roller_dry_width
     inertia = 0.25 * p.m0 * p.wheel_radius**2 + p.I1

@@ -5,7 +5,6 @@ from __future__ import annotations
 import signal
 import tempfile
 import time
-import traceback
 import warnings
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
@@ -21,7 +20,6 @@ from identification.fitting.errors import SumsOfSquares, add_up, velocity_traces
 from identification.logs.log import Log
 from identification.logs.reading import read_logs
 from identification.mechanisms.mecanum import Mecanum
-from youbot_env.errors import InputError
 from youbot_env.files import write_json
 from youbot_env.model.model import Model
 from youbot_env.model.model_file import load_model
@@ -29,7 +27,7 @@ from youbot_env.motions.base import motion_from_dict
 from youbot_env.physics.effect import CATALOGUE as REGISTERED
 from youbot_scripts.blind_bench.cases import Case, draw_case, log_along, tick, write_case
 from youbot_scripts.blind_bench.effects import CATALOGUE, EVERYTHING
-from youbot_scripts.shared.results_folder import resumed
+from youbot_scripts.shared.results_folder import failure, resumed
 
 SINGLES = ("one", "quarter", "double_noise", "sweep")
 """Kinds that go through the effects of the catalogue."""
@@ -135,17 +133,6 @@ def stated_base(model: Any) -> dict[str, dict[str, float | None]]:
     return {
         name: {"value": estimate.value, "std": estimate.std}
         for name, estimate in model.parameters.items()
-    }
-
-
-def failure(error: Exception) -> Record:
-    """What is kept of an exception: of an InputError, which is a refusal, its message alone."""
-    kind = type(error).__name__
-    last = traceback.extract_tb(error.__traceback__)[-1]
-    return {
-        "error": str(error) if isinstance(error, InputError) else f"{kind}: {error}",
-        "error_class": kind,
-        "raised_at": f"{Path(last.filename).name}:{last.lineno}",
     }
 
 

@@ -18,6 +18,7 @@ from youbot_env.model.model_file import load_model
 from youbot_env.motions.base import Motion, check_length
 from youbot_env.motions.multisine import multisine
 from youbot_env.physics.effect import CATALOGUE
+from youbot_env.physics.geometry import Geometry
 from youbot_env.simulation.plant import Plant
 from youbot_env.simulation.platforms import Platforms
 from youbot_scripts.evaluation.summary import RUNS_ALSO
@@ -73,7 +74,7 @@ class LoopSettings:
         for name in ("delay", "noise"):
             finite(name, getattr(self, name), least=0.0)
 
-    def known(self) -> Loop:
+    def known(self, geometry: Geometry) -> Loop:
         """The loop as a controller's designer knows it; the drives' lag is part of the model.
 
         Encoder counts over a period give the mean speed over it, which is half a period old.
@@ -83,6 +84,7 @@ class LoopSettings:
             sample_time=period,
             delay=self.delay * period,
             measurement_delay=0.5 * period,
+            torque_limit=geometry.max_wheel_torque,
             speed_noise=self.noise,
         )
 

@@ -130,7 +130,7 @@ class DesignTask:
     def __call__(self) -> Record:
         design = registry.entry(self.controller).design
         assert design is not None
-        settings = design(self.model, self.loop.known())
+        settings = design(self.model, self.loop.known(self.model.geometry))
         return {"key": self.key, "controller": self.controller, "settings": dict(settings)}
 
 
@@ -164,7 +164,7 @@ class EvaluationTrial:
     def trace(self) -> Trace:
         """Run the closed loop."""
         plant, stated, reference = self.condition.plant, self.condition.loop, self.reference
-        loop = stated.known()
+        loop = stated.known(plant.truth.geometry)
         noise = int(generator(self.seed, str(self.index), "noise").integers(2**31))
         with np.errstate(all="ignore"):  # a loop that diverges is a result
             return closed_loop(

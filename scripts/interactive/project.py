@@ -16,7 +16,7 @@ from pathlib import Path
 from typing import Any
 
 from youbot_env.errors import InputError
-from youbot_env.files import write_atomically
+from youbot_env.files import FileKind, Schema, read_json, write_atomically
 
 WAITING, RUNNING, DONE, FAILED, CANCELLED = "waiting", "running", "done", "failed", "cancelled"
 
@@ -63,6 +63,37 @@ class Step:
     def is_open(self) -> bool:
         """Whether it waits or runs."""
         return self.state in (WAITING, RUNNING)
+
+
+_NAMES: Schema = {"type": "array", "items": {"type": "string"}}
+_STEP: Schema = {
+    "type": "object",
+    "properties": {
+        "number": {"type": "integer", "minimum": 1},
+        **dict.fromkeys(("kind", "title", "result", "model", "message"), {"type": "string"}),
+        "arguments": _NAMES,
+        "state": {"enum": [WAITING, RUNNING, DONE, FAILED, CANCELLED]},
+        "share": {"type": "number", "minimum": 0, "maximum": 1},
+        "undone": {"type": "boolean"},
+    },
+    "required": ["number", "kind", "title", "arguments", "result"],
+    "additionalProperties": False,
+}
+
+PROJECT_FILE = FileKind(
+    "a project of the workbench (move it away to begin a new one)",
+    {
+        "type": "object",
+        "properties": {
+            **dict.fromkeys(("logs", "chosen", "versions"), _NAMES),
+            "steps": {"type": "array", "items": _STEP},
+            "revision": {"type": "integer", "minimum": 0},
+        },
+        "required": ["logs", "chosen", "versions", "steps", "revision"],
+    },
+    lambda content, source: content,
+    version=None,
+)
 
 
 @dataclass
@@ -131,18 +162,12 @@ class Project:
 
     @classmethod
     def _read(cls, path: Path, folder: Path) -> Project:
-        try:
-            data = json.loads(path.read_text("utf-8"))
-            steps = [Step(**step) for step in data["steps"]]
-            names = ("logs", "chosen", "versions")
-            lists = {name: [str(item) for item in data[name]] for name in names}
-            found = cls(folder, **lists, steps=steps, revision=int(data["revision"]))
-            found.versions = found.versions or ["paper"]
-            return found
-        except (OSError, ValueError, KeyError, TypeError) as error:
-            raise InputError(
-                f"{path}: is no project of the workbench ({type(error).__name__}): move it away"
-            ) from None
+        data = read_json(path, PROJECT_FILE)
+        steps = [Step(**step) for step in data["steps"]]
+        lists = {name: list(data[name]) for name in ("logs", "chosen", "versions")}
+        found = cls(folder, **lists, steps=steps, revision=int(data["revision"]))
+        found.versions = found.versions or ["paper"]
+        return found
 
     def changed(self) -> None:
         """Count and keep a change."""

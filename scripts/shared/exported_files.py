@@ -13,6 +13,7 @@ from youbot_env.files import json_text, write_atomically
 
 if TYPE_CHECKING:
     from controllers.interface import Loop
+    from youbot_env.physics.geometry import Geometry
 
 
 @dataclass(frozen=True)
@@ -30,17 +31,18 @@ class LoopOptions:
     torque_limit: float | None
     bandwidth: float | None
 
-    def loop(self) -> Loop:
-        """The same in SI units."""
+    def loop(self, geometry: Geometry) -> Loop:
+        """The same in SI units, with a platform's torque limit where none is stated."""
         from controllers.interface import Loop
-        from youbot_env.physics.hardware import MAX_WHEEL_TORQUE
 
         period = 1.0 / finite("--rate [Hz]", self.rate, positive=True)
         return Loop(
             sample_time=period,
             delay=finite("--delay", self.delay, least=0.0) * period,
             measurement_delay=finite("--age", self.age, least=0.0) * period,
-            torque_limit=MAX_WHEEL_TORQUE if self.torque_limit is None else self.torque_limit,
+            torque_limit=geometry.max_wheel_torque
+            if self.torque_limit is None
+            else self.torque_limit,
             speed_noise=self.noise,
         )
 
@@ -55,8 +57,9 @@ def exported(model: str, form: str, name: str, options: LoopOptions) -> dict[str
     """
     if form == "c":
         from controllers.computed_torque.c_code import computed_torque_to_c
+        from youbot_env.model.model_file import load_model
 
-        loop = options.loop()
+        loop = options.loop(load_model(model).geometry)
         return computed_torque_to_c(model, loop, name=name, bandwidth=options.bandwidth)
     from youbot_env.exports.c_code import checked_name
 

@@ -196,6 +196,8 @@ def _of_diagnosis(result: Diagnosis, found: Found, logs: Sequence[Log]) -> Itera
             yield Charts([charts.pop(name)])
     yield from groups_of(charts)
     yield result_tables.candidates(found)
+    if found.get("proposal"):
+        yield result_tables.laws(found["proposal"])
     effects = result.mechanism.structure.effects
     yield equations_with(result.model.mechanism.name, effects, found["missing"])
     model = result_tables.of_model(result.model)

@@ -236,6 +236,15 @@ def _sizes(found: Mapping[str, Found]) -> str:
     return ", ".join(f"{name} {number(entry['value'], 3)}" for name, entry in found.items())
 
 
+def laws(proposal: Found) -> Table:
+    """Laws beyond the catalogue, of each length the best, with the squares that it leaves."""
+    rows = tuple(
+        (row["name"], row["length"], row["left"], row["formula"]) for row in proposal["pareto"]
+    )
+    shown = ("length", Column("leaves", percent), text("force"))
+    return Table("Laws beyond the catalogue, by length", columns("law", *shown), rows)
+
+
 # --- logs ------------------------------------------------------------------------------------
 
 

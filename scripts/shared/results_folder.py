@@ -4,19 +4,14 @@ from __future__ import annotations
 
 import hashlib
 import json
-import multiprocessing
-import os
-import signal
-import threading
-from collections.abc import Callable, Iterator, Mapping, Sequence
-from concurrent.futures import ProcessPoolExecutor, as_completed
+import traceback
+from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Any, TypeVar
 
 from youbot_env.errors import InputError
 from youbot_env.files import FileKind, read_bytes, write_atomically
-from youbot_env.plugins import load_effects, loaded_files
-from youbot_env.threads import THREADS
+from youbot_scripts.shared.workers import spread
 
 Record = dict[str, Any]
 Item = TypeVar("Item")
@@ -36,6 +31,17 @@ RECORD = FileKind(
     may_hold_nan=True,
 )
 """One line of the file. The fields depend on the command that wrote it."""
+
+
+def failure(error: Exception) -> Record:
+    """What is kept of an exception: of an InputError, which is a refusal, its message alone."""
+    kind = type(error).__name__
+    last = traceback.extract_tb(error.__traceback__)[-1]
+    return {
+        "error": str(error) if isinstance(error, InputError) else f"{kind}: {error}",
+        "error_class": kind,
+        "raised_at": f"{Path(last.filename).name}:{last.lineno}",
+    }
 
 
 def plain(record: Record) -> Record:
@@ -81,7 +87,7 @@ def read_results(
         if not line.strip():
             continue
         try:
-            record = _record(line, f"{path}: row {row}", what)
+            record = unsealed(line, f"{path}: row {row}", what)
             found[key(record)] = record
         except InputError:
             # An interrupted run may have written a part of its last line.
@@ -97,7 +103,14 @@ def read_results(
     return found
 
 
-def _record(line: bytes, source: str, what: str) -> Record:
+def unsealed(line: bytes, source: str, what: str) -> Record:
+    """The record of a line.
+
+    Raises
+    ------
+    InputError
+        If it is no such record or was changed.
+    """
     try:
         record = RECORD.from_text(line, source)
     except InputError as error:
@@ -164,64 +177,3 @@ def resumed(
             append_result(folder, record)
         progress()
     return {name: done[name] for name in items}
-
-
-Result = TypeVar("Result")
-
-
-def spread(
-    function: Callable[[Item], Result], items: Sequence[Item], jobs: int
-) -> Iterator[tuple[Item, Result]]:
-    """Items with their results, in the order in which they are finished.
-
-    Parameters
-    ----------
-    function : picklable if ``jobs`` is more than one
-    jobs : number of processes; with one, all is done in this process, in order
-    """
-    if jobs == 1:
-        for item in items:
-            yield item, function(item)
-        return
-    # Not fork: it copies the locks of compiled code's threads but not the threads themselves, and
-    # the child may wait for ever.
-    context = multiprocessing.get_context("spawn")
-    others = multiprocessing.active_children()
-    pool = ProcessPoolExecutor(
-        min(jobs, len(items) or 1), context, _be_one_of_many, (loaded_files(),)
-    )
-    try:
-        waiting = {pool.submit(function, item): item for item in items}
-        for done in as_completed(waiting):
-            yield waiting[done], done.result()
-    except BaseException:
-        for process in multiprocessing.active_children():
-            if process not in others:
-                process.terminate()  # its item may take minutes, and nobody needs the result
-        raise
-    finally:
-        pool.shutdown(wait=True, cancel_futures=True)
-
-
-def _be_one_of_many(effects: Sequence[str]) -> None:
-    """Set up a worker process.
-
-    It ignores Ctrl-C, which a terminal sends to all processes; the parent handles it. It uses one
-    thread, since the processes share the cores. It ends if the parent dies. It loads the user's
-    files of ``effects``, which the parent's catalogue holds.
-    """
-    signal.signal(signal.SIGINT, signal.SIG_IGN)
-    # setdefault: a number that the user has set stays.
-    os.environ.setdefault(THREADS, "1")
-    threading.Thread(target=_end_with_parent, daemon=True).start()
-    for path in effects:
-        load_effects(path)
-
-
-def _end_with_parent() -> None:
-    """End this process if the parent has died: a killed parent cannot stop its workers."""
-    parent = multiprocessing.parent_process()
-    assert parent is not None
-    parent.join()
-    # Not sys.exit, which would end this thread only.
-    os._exit(1)

@@ -248,11 +248,11 @@ def chosen(algorithm: str, given: dict[str, Any]) -> tuple[Choice, Model]:
     """
     if "share" in given and "residual" not in given:
         raise InputError("share: belongs to --residual; a policy alone may use all the torque")
-    learner = LEARNERS[algorithm]
+    learner, model = LEARNERS[algorithm], load_model(given.get("model", "paper"))
     choice = Choice(
         algorithm,
         learner,
-        Conditions(**learner.conditions),
+        Conditions(**{"torque_limit": model.geometry.max_wheel_torque, **learner.conditions}),
         randomise=given.get("randomise", "auto"),
         effects=tuple(given.get("effect", ())),
         base=given.get("residual"),
@@ -261,6 +261,4 @@ def chosen(algorithm: str, given: dict[str, Any]) -> tuple[Choice, Model]:
     )
     short = ("steps", "envs", "delay", "lag")
     assignments = [f"{name}={given[name]}" for name in short if name in given]
-    return changed(choice, [*given.get("set", ()), *assignments]), load_model(
-        given.get("model", "paper")
-    )
+    return changed(choice, [*given.get("set", ()), *assignments]), model

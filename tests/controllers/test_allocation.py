@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from scipy.optimize import linprog
 
-from controllers.allocation import NULL_SPACE, allocate
+from controllers.allocation import allocate
 from youbot_env.physics.geometry import Geometry
 
 GEOMETRY = Geometry()
@@ -27,7 +27,7 @@ def largest_share(force: np.ndarray, limit: np.ndarray) -> float:
 
 
 def test_idle_torques_exert_no_force() -> None:
-    np.testing.assert_allclose(GEOMETRY.body_force(NULL_SPACE), 0.0, atol=1e-12)
+    np.testing.assert_allclose(GEOMETRY.body_force(GEOMETRY.internal), 0.0, atol=1e-12)
 
 
 def test_within_the_limits_it_is_the_least_norm() -> None:
@@ -53,7 +53,7 @@ def test_bracing_makes_room_that_clipping_has_not() -> None:
     """Forward, leftward and turning demands that add up at one wheel leave the others some room."""
     force = GEOMETRY.body_force(np.array([3.0, 1.0, 0.0, 0.0]))
     plain = GEOMETRY.wheel_torque(force)
-    spread = np.array(NULL_SPACE) * plain
+    spread = np.array(GEOMETRY.internal) * plain
     limit = 0.5 * float(np.ptp(spread))
     assert np.abs(plain).max() > 1.2 * limit
     torque, share = allocate(GEOMETRY, force, limit)

@@ -14,9 +14,15 @@ from typing import Any
 
 from identification import read_log, write_log
 from identification.importing import import_source, open_source, read_map
+from identification.kinematics import estimate_kinematics
+from identification.logs.motion_reading import read_motion
 from tests.identification.healthy import healthy_log
 from tests.identification.importing import bags, layouts
 from tests.scripts.test_files import KINDS
+from youbot_env.files import write_json
+from youbot_env.model.model_file import geometry_to_dict, load_geometry
+from youbot_env.physics.geometry import Geometry
+from youbot_scripts.interactive.project import Project, Step
 
 
 @dataclass(frozen=True)
@@ -44,6 +50,10 @@ def readers() -> dict[str, Reader]:
     found["log"] = Reader((_log(".csv"), _log(".csv.gz")), read_log)
     found["table"] = Reader(tuple(map(_layout, _layouts())), imported)
     found["map"] = Reader((_map,), read_map)
+    found["import by a map"] = Reader((_map,), _imported_by)
+    found["kinematics"] = Reader((_log(".csv"), _log(".csv.gz")), _lengths)
+    found["other wheels"] = Reader((_other_wheels,), load_geometry)
+    found["project"] = Reader((_project,), lambda path: Project.open(path.parents[1], "", []))
     found["weights"] = Reader((_weights,), _read_weights)
     found["old weights"] = Reader((_old_weights,), _read_old_weights)
     if has("pyarrow"):
@@ -97,6 +107,31 @@ def _map(folder: Path) -> Path:
     text = open_source([path]).map_text
     (folder / "map.toml").write_text(text, "utf-8")
     return folder / "map.toml"
+
+
+def _imported_by(path: Path) -> object:
+    """``youbot import table.csv --map map.toml``: the map is the file that is mutated."""
+    return import_source(open_source([path.with_name("table.csv")], read_map(path)))
+
+
+def _lengths(path: Path) -> object:
+    """``youbot kinematics``."""
+    motion, _ = read_motion(path)
+    return estimate_kinematics([motion])
+
+
+def _other_wheels(folder: Path) -> Path:
+    geometry = Geometry(arrangement="O", roller_angles=(0.7, 0.8, 0.7, 0.8), torque_limit=3.0)
+    write_json(folder / "geometry.json", {"geometry": geometry_to_dict(geometry)})
+    return folder / "geometry.json"
+
+
+def _project(folder: Path) -> Path:
+    (folder / "runs").mkdir(exist_ok=True)
+    project = Project.open(folder / "runs", "", ["a.csv"])
+    project.steps.append(Step(1, "doctor", "Check", ["doctor", "a.csv"], "1.json", share=0.5))
+    project.changed()
+    return project.home / "project.json"
 
 
 def _weights(folder: Path) -> Path:

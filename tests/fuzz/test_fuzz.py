@@ -5,6 +5,7 @@ from __future__ import annotations
 import random
 import resource
 import warnings
+from collections.abc import Callable, Iterable
 from pathlib import Path
 
 import pytest
@@ -14,6 +15,8 @@ from tests.fuzz import trying
 from tests.fuzz.__main__ import corpus, main, seeds, try_out
 from tests.fuzz.mutations import BLIND, TEXT, mutated, of_json
 from tests.fuzz.readers import has, readers
+from tests.identification.healthy import healthy_log
+from tests.identification.importing import bags
 from youbot_env.errors import InputError
 from youbot_env.files import FileKind
 
@@ -64,18 +67,55 @@ def trying_first(reader):
     return type(reader)(reader.seeds[:1], reader.read)
 
 
-@pytest.mark.slow
-@pytest.mark.skipif(not has("rosbags", "mcap"), reason="needs the extra for bags")
-@pytest.mark.parametrize("number", range(len(readers()["bag"].seeds) if "bag" in NAMES else 0))
-def test_a_bag_that_is_cut_anywhere_is_read_or_refused(number: int, tmp_path: Path):
+BAGS = range(len(readers()["bag"].seeds) if "bag" in NAMES else 0)
+NEEDS_BAGS = pytest.mark.skipif(not has("rosbags", "mcap"), reason="needs the extra for bags")
+
+
+def cut_bags_are_read_or_refused(number: int, folder: Path, sizes: Callable[[int], Iterable[int]]):
+    """A seed bag that ends after each of some numbers of its bytes."""
     reader = readers()["bag"]
-    path = reader.seeds[number](tmp_path)
+    path = reader.seeds[number](folder)
     whole = path.read_bytes()
-    # Every byte of the first and last 200, and as many between them.
-    ends = {*range(200), *range(len(whole) - 200, len(whole))}
-    for size in sorted(ends | set(range(0, len(whole), max(1, len(whole) // 200)))):
+    for size in sizes(len(whole)):
         path.write_bytes(whole[:size])
         assert trying.fault(reader.read, path) is None, size
+
+
+@NEEDS_BAGS
+@pytest.mark.parametrize("number", BAGS)
+def test_a_bag_that_is_cut_is_read_or_refused(number: int, tmp_path: Path):
+    cut_bags_are_read_or_refused(number, tmp_path, lambda size: range(7, size, max(1, size // 12)))
+
+
+@pytest.mark.slow
+@NEEDS_BAGS
+@pytest.mark.parametrize("number", BAGS)
+def test_a_bag_that_is_cut_anywhere_is_read_or_refused(number: int, tmp_path: Path):
+    ends = lambda size: {*range(min(200, size)), *range(max(size - 200, 0), size)}  # noqa: E731
+    cut_bags_are_read_or_refused(
+        number,
+        tmp_path,
+        lambda size: sorted(ends(size) | set(range(0, size, max(1, size // 200)))),
+    )
+
+
+@pytest.mark.slow
+@NEEDS_BAGS
+@pytest.mark.parametrize("make", [bags.ros1_bag, bags.mcap_cdr], ids=["ros1", "mcap"])
+def test_a_short_bag_that_is_cut_at_any_byte_is_read_or_refused(
+    make: Callable[[Path], Path], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+):
+    """Three rows: all that a format has in it, and few enough bytes to try every one."""
+    few = healthy_log(duration=0.03, extras=True)
+    monkeypatch.setattr(bags, "LOG", few)
+    for function in (bags.instants, bags.poses):
+        monkeypatch.setattr(function, "__defaults__", (few,))
+    path = make(tmp_path)
+    whole = path.read_bytes()
+    read = readers()["bag"].read
+    for size in range(len(whole)):
+        path.write_bytes(whole[:size])
+        assert trying.fault(read, path) is None, size
 
 
 # --- the fuzzer itself -----------------------------------------------------------------------

@@ -35,7 +35,8 @@ from youbot_scripts.blind_bench import (
 from youbot_scripts.blind_bench.effect_sizes import Sizing, size_table
 from youbot_scripts.blind_bench.proportions import Proportion
 from youbot_scripts.cli import main
-from youbot_scripts.shared.results_folder import RESULTS, spread
+from youbot_scripts.shared.results_folder import RESULTS
+from youbot_scripts.shared.workers import spread
 
 FOLDER = Path(next(iter(blind_bench.__path__)))
 
@@ -276,6 +277,7 @@ def test_noise_is_white_and_of_the_size_asked_for():
 def test_every_effect_meets_its_turn():
     names = list(effects.CATALOGUE)
     kinds = {"one": 15, "quarter": 15, "double_noise": 15, "unknown": len(effects.OUTSIDE)}
+    kinds["law"] = len(effects.LAWS)
     for kind, turn in kinds.items():
         drawn = [cases.draw_case(kind, i, 0) for i in range(turn)]
         assert len({case.planted[0].name for case in drawn}) == turn
@@ -467,7 +469,7 @@ def test_workers_end_with_a_parent_that_is_killed(tmp_path):
     script = tmp_path / "parent.py"
     script.write_text(
         "import os, sys, time\n"
-        "from youbot_scripts.shared.results_folder import spread\n"
+        "from youbot_scripts.shared.workers import spread\n"
         "def work(item):\n"
         "    open(os.path.join(sys.argv[1], str(os.getpid())), 'w').close()\n"
         "    time.sleep(60)\n"
@@ -700,6 +702,36 @@ def test_the_carrier_is_ranked_among_what_lies_beyond_the_twist():
     row["found"]["remaining"] = [{**where[0], "variable": "time"}, where[2]]
     assert scores.carrier_rank(row, "remaining") == 3
     assert scores.carrier_rank(record("sideways_drift", {"where": where})) is None
+
+
+def test_a_proposed_law_is_judged_by_its_site_its_variable_and_its_error():
+    law = {"site": "wheel", "variables": ["wheel_angle"], "velocity_error": 0.05}
+    steps = [{"velocity_error": 0.2}]
+    row = record("cogging_wheel", {"verdict": "unknown", "proposal": law, "steps": steps})
+    assert scores.law_proposed(row) and scores.law_right(row) and scores.law_helps(row)
+    law |= {"site": "world", "velocity_error": 0.15}
+    assert not scores.law_right(row) and not scores.law_helps(row)
+    silent = record("cogging_wheel", {"verdict": "unknown", "proposal": None, "steps": steps})
+    assert scores.law_proposed(silent) is False and scores.law_right(silent) is False
+    assert scores.law_needless(row) is None
+    # Where nothing is missing, or the catalogue has it, none is wanted.
+    for what in ("", "floor_tilt"):
+        named = record(what, {"proposal": law})
+        assert scores.law_needless(named) is True and scores.law_proposed(named) is None
+    table = scores.score([row | {"case": {**row["case"], "kind": "law"}}])["kinds"]["law"]
+    assert table["law_proposed"]["count"] == 1
+
+
+@pytest.mark.parametrize("name", effects.LAWS)
+def test_what_is_outside_the_catalogue_acts_and_says_what_it_depends_on(name: str):
+    case = cases.draw_case(name, 0, 3, rate=50.0, noise=0.0)
+    item, planted = effects.EVERYTHING[name], cases.physics(case)
+    assert item.site in ("body", "world", "wheel") and item.main_variables
+    fields = item.plant(case.planted[0].values)
+    assert set(fields) <= set(planted._fields)
+    # The first one is its strength, which means none at zero.
+    strength = next(iter(fields))
+    assert getattr(planted, strength) != 0 and planted._field_defaults[strength] == 0
 
 
 def test_the_fall_of_the_error_is_measured_against_what_it_can_fall():

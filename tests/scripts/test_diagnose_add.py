@@ -3,12 +3,14 @@
 import functools
 import json
 import sys
+from importlib import import_module
 from pathlib import Path
 
 import pytest
 
 from identification.diagnosis.diagnose import diagnose
 from identification.logs.reading import write_log
+from tests.identification.proposal.test_proposal import proposal_of
 from tests.identification.recordings import recording
 from youbot_env.model.model_file import load_model
 from youbot_env.physics.effect import CATALOGUE
@@ -122,3 +124,35 @@ def test_a_mistake_is_one_line_and_status_2(arguments, capsys):
     assert cli.main(arguments) == 2
     error = capsys.readouterr().err.strip()
     assert error.startswith("youbot:") and "\n" not in error and "Traceback" not in error
+
+
+def test_a_law_is_written_as_python_only(tmp_path, capsys):
+    assert cli.main(["diagnose", "paper", *LOGS, "--proposal", str(tmp_path / "law.txt")]) == 2
+    assert "let its name end in .py" in capsys.readouterr().err
+    assert cli.main(["diagnose", "paper", *LOGS, "--proposal", str(tmp_path / "no" / "l.py")]) == 2
+    assert "does not exist" in capsys.readouterr().err
+
+
+@pytest.mark.slow
+def test_where_no_law_is_proposed_no_file_is_written(tmp_path, capsys, monkeypatch):
+    module = import_module("identification.diagnosis.diagnose")
+    path, result = tmp_path / "law.py", tmp_path / "d.json"
+    monkeypatch.setattr(module, "propose", lambda data, steps, unexplained, fits: (steps, None))
+    arguments = ["diagnose", "paper", *LOGS, "--proposal", str(path), "--json", str(result)]
+    assert cli.main(arguments) == 0
+    assert "no law is proposed" in capsys.readouterr().out and not path.exists()
+    assert json.loads(result.read_text())["proposal"] is None
+
+
+def test_a_proposed_law_is_told_and_written(tmp_path, capsys, monkeypatch):
+    module = import_module("identification.diagnosis.diagnose")
+    found = proposal_of("dry_nap")
+    monkeypatch.setattr(module, "propose", lambda data, steps, unexplained, fits: (steps, found))
+    path, result = tmp_path / "law.py", tmp_path / "d.json"
+    arguments = ["diagnose", "paper", *LOGS, "--proposal", str(path), "--json", str(result)]
+    assert cli.main(arguments) == 0
+    out, said = capsys.readouterr().out, json.loads(result.read_text())
+    assert "Laws beyond the catalogue" in out and "youbot add paper dry_nap" in out
+    # With a proposal the verdict stays, or becomes, unknown.
+    assert said["verdict"] == "unknown" and said["proposal"]["file"] == str(path)
+    assert path.read_text() == found.file_text == said["proposal"]["source"]

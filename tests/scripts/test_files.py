@@ -199,7 +199,33 @@ def test_numbers_that_overflow_together_are_one_line(name: str, key: str, tmp_pa
         refused(kind, path)
 
 
-@pytest.mark.parametrize("mechanism", ["arm", 1, ["axis"], {"a": 1}, None])
+@pytest.mark.parametrize("number", [1e308, -1e308, 5e-324])
+@pytest.mark.parametrize("stands", ["X", "O"])
+@pytest.mark.parametrize("key", ["l", "h", "R", "r", "m1", "torque_limit", "speed_limit"])
+def test_lengths_of_any_size_are_read_or_refused(
+    key: str, stands: str, number: float, tmp_path: Path
+):
+    path = tmp_path / "g.json"
+    geometry(path)
+    put(path, content(path) | {"arrangement": stands, key: number})
+    try:
+        load_geometry(path)
+    except InputError as error:
+        assert "\n" not in str(error)
+
+
+@pytest.mark.parametrize("key", ["duration", "frequency", "speed"])
+def test_motions_of_any_size_are_read_or_refused(key: str, tmp_path: Path):
+    kind, path = KINDS["motion"], tmp_path / "m.json"
+    kind.write(path)
+    put(path, content(path) | {key: 1e308})
+    try:
+        kind.read(path)
+    except InputError:
+        refused(kind, path)
+
+
+@pytest.mark.parametrize("mechanism", ["arm", 1, ["axis"], {"a": 1}, None, [], {}, ""])
 def test_a_mechanism_that_is_none_is_refused(mechanism: Any, tmp_path: Path):
     kind, path = KINDS["model of any mechanism"], tmp_path / "m.json"
     kind.write(path)

@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import json
+import os
 import re
+import subprocess
 import sys
 from collections.abc import Sequence
 from dataclasses import replace
@@ -444,3 +446,14 @@ class TestRefusals:
         arguments = ["compare", model, logs / "b.csv", "--plots", tmp_path / "plots"]
         assert "pip install 'youbot[plots]'" in refused(arguments, capsys)
         assert list(tmp_path.iterdir()) == []
+
+
+@pytest.mark.skipif(os.name != "posix", reason="needs a shell's pipes")
+def test_a_reader_that_closes_its_pipe_does_not_cost_the_model(logs: Path, tmp_path: Path):
+    target = tmp_path / "m.json"
+    run = "import sys; from youbot_scripts.cli import main; sys.exit(main(sys.argv[1:]))"
+    command = [sys.executable, "-c", run, "identify", str(logs / "calibration.csv"), "-o"]
+    with subprocess.Popen([*command, str(target)], stdout=subprocess.PIPE) as process:
+        assert process.stdout is not None
+        process.stdout.close()
+    assert load_model(target).values

@@ -36,12 +36,14 @@ from identification.importing.settings import ImportSettings
 from identification.kinematics.settings import KinematicsSettings
 from identification.logs.settings import LogSettings
 from identification.mechanisms.settings import MechanismSettings
+from identification.proposal.settings import ProposalSettings
 from identification.residual_map.settings import RegimeSettings, ResidualMapSettings
 from identification.signals.filters import FilterSettings
 from identification.signals.held import HeldSettings
 from identification.signals.noise import NoiseSettings
 from youbot_env.contact.settings import EngineSettings
 from youbot_env.tracking.task import REWARD_TERMS, TrackingTask
+from youbot_scripts.fleets.settings import FleetSettings
 
 AREAS = {
     "Identification": (
@@ -58,6 +60,7 @@ AREAS = {
         FitSettings,
         ResidualMapSettings,
         RegimeSettings,
+        ProposalSettings,
         DiagnosisSettings,
         ComparisonSettings,
     ),
@@ -77,6 +80,7 @@ AREAS = {
         PolicySettings,
     ),
     "Simulation and task": (EngineSettings, TrackingTask),
+    "Fleets": (FleetSettings,),
 }
 """Classes on the page by area, each after those that it is made of."""
 

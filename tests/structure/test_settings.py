@@ -23,6 +23,18 @@ NO_SETTING = {
         "SHOWN_VARIABLES": "variables that a sentence names",
         "SHOWN_STRETCHES": "stretches that a sentence names",
     },
+    "proposal": {
+        "LINE": "longest line of a written file",
+        "DIGITS": "of a number in a written file",
+        "ROUNDING": "rounding: directions that are not seen",
+        "RIDGE": "rounding: so that columns which are alike have a solution",
+        "MIN_LEFT": "rounding: of a column that the structure absorbs",
+        "MOST_CELLS": "bound on memory",
+        "MOST_CELLS_A_SIDE": "bound on memory",
+        "SHOWN_LOGS": "logs that a file names",
+        "CIRCLE": "bounds of a direction",
+        "UNITS": "units of a force over powers of a variable",
+    },
     "fitting": {"TIMES": "place of features in a row"},
     "threads": {"MAX_THREADS": "threads by default; no result depends on it"},
     "kinematics": {
@@ -156,7 +168,8 @@ def test_nor_do_they_hide_in_default_arguments():
 
 
 def test_every_class_of_settings_is_on_the_page():
-    packages = [ROOT / name for name in ("youbot_env", "identification", "controllers")]
+    names = ("youbot_env", "identification", "controllers", "scripts/fleets")
+    packages = [ROOT / name for name in names]
     found = {
         node.name
         for package in packages

@@ -13,7 +13,7 @@ from youbot_env.contact.mjcf import mjcf
 from youbot_env.contact.settings import Contact, EngineSettings
 from youbot_env.errors import optional_library
 from youbot_env.model.model import Model
-from youbot_env.physics.geometry import COS_ROLLER, SIGN_X, WHEELS
+from youbot_env.physics.geometry import SIGN_X, WHEELS
 from youbot_env.physics.mecanum import STATE
 from youbot_env.simulation.platforms import DRIVES, POSE, TWIST, WHEEL_ANGLE, drive_delay
 
@@ -104,7 +104,7 @@ class Bodies:
         for i, first in enumerate(self._v):
             data.qvel[first] = rate[i]
             # All rollers of a wheel, so that the next one touches the floor without slip too.
-            spin = -(vy + w * SIGN_X[i] * g.h) / (g.r * COS_ROLLER)
+            spin = -(vy + w * SIGN_X[i] * g.h) * g.slants[i] / g.r
             data.qvel[first + 1 : first + 1 + rollers] = spin
         _engine().mj_forward(self._now, data)
 

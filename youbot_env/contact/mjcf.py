@@ -12,7 +12,7 @@ from youbot_env.contact.settings import Contact, EngineSettings
 from youbot_env.errors import InputError
 from youbot_env.model.model import Model
 from youbot_env.physics.catalogue import GRAVITY
-from youbot_env.physics.geometry import SIGN_LATERAL, SIGN_X, SIGN_Y, WHEELS, Geometry
+from youbot_env.physics.geometry import SIGN_X, SIGN_Y, WHEELS, Geometry
 
 TRANSLATED = (
     *("floor_tilt", "wheel_coulomb_friction", "uneven_wheel_friction", "payload_change"),
@@ -23,7 +23,7 @@ TRANSLATED = (
 Array = NDArray[np.float64]
 
 
-def roller_half_length(geometry: Geometry, rollers: int) -> float:
+def roller_half_length(geometry: Geometry, rollers: int, slant: float = 2**0.5) -> float:
     """Half axis [m] of the ellipsoids of radius r whose envelope is nearly the circle of radius R.
 
     Turned by an angle a from the floor, a roller of half axis c holds the wheel's centre at the
@@ -37,7 +37,8 @@ def roller_half_length(geometry: Geometry, rollers: int) -> float:
     smooth = r * (R - r)
     level = ((R - (R - r) * math.cos(edge)) ** 2 - r**2) / math.sin(edge) ** 2
     # c^2 = r^2 + 2 k, with k the mean of the two.
-    return math.sqrt(r**2 + smooth + level)
+    # Of the roller at an angle d to X cos^2(d) of c^2 - r^2 counts, half at 45 degrees.
+    return math.sqrt(r**2 + 0.5 * slant**2 * (smooth + level))
 
 
 def profile(geometry: Geometry, rollers: int, angle: Array) -> Array:
@@ -218,11 +219,11 @@ def _roller(model: Model, contact: Contact, wheel: Wheel, index: int, k: int) ->
     """Roller ``k``; number 0 stands on the floor when the wheel angle is zero."""
     v, g = model.values, model.geometry
     # skew: angle between the roller's axis and X where it stands on the floor.
-    turn, skew = 2 * math.pi * k / contact.rollers, SIGN_LATERAL[index] * math.pi / 4
+    turn, skew = 2 * math.pi * k / contact.rollers, math.atan(g.tangents[index])
     c, s = math.cos(turn), math.sin(turn)
     axis = (math.cos(skew) * c, math.sin(skew), -math.cos(skew) * s)
     place = (-(g.R - g.r) * s, 0.0, -(g.R - g.r) * c)
-    half = roller_half_length(g, contact.rollers)
+    half = roller_half_length(g, contact.rollers, g.slants[index])
     # With the inertia dt mu2 explicit damping stops a free roller in one step. With less its speed
     # would change sign in each step, and with less than half of it grow.
     spin = contact.timestep * v["mu2"]

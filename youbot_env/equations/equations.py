@@ -41,7 +41,14 @@ from youbot_env.physics.effect import (
     Wheel,
     World,
 )
-from youbot_env.physics.geometry import Geometry, body_force, roller_rates, wheel_rates
+from youbot_env.physics.geometry import (
+    SLANTS,
+    TANGENTS,
+    Geometry,
+    body_force,
+    roller_rates,
+    wheel_rates,
+)
 from youbot_env.physics.inverse_dynamics import rolling_geometry
 from youbot_env.physics.mecanum import MECANUM, Base
 from youbot_env.physics.mechanism import EffectPoints, Instant, ModelStructure, component_force
@@ -84,7 +91,7 @@ def equation(what: ModelStructure | Model, form: Form = "text") -> str:
         raise InputError(f"form {form!r}: choose text, latex or numeric")
     if form == "numeric" and not isinstance(what, Model):
         raise InputError("numbers need a model: a structure holds no values")
-    motion = Equations(structure)
+    motion = Equations(structure, what.geometry if isinstance(what, Model) else Geometry())
     values = motion.values(what) if form == "numeric" and isinstance(what, Model) else {}
     show = latex if form == "latex" else text
     lines = [
@@ -273,13 +280,34 @@ class Equations:
     """The equations of motion of a structure as sympy expressions."""
 
     structure: ModelStructure
+    known: Geometry = Geometry()
 
     @cached_property
     def geometry(self) -> Any:
-        """Symbols of the lengths, with l + h = L as the paper abbreviates."""
+        """Symbols of the lengths, with l + h = L as the paper abbreviates; of rollers in O
+        |l - h| = L. Of rollers at other angles than 45 degrees the tangents stay symbols."""
         # l is written as L - h, so that l + h simplifies to L in every formula.
-        h, R, r, L = real_symbols("h R r L")
-        return SimpleNamespace(l=L - h, h=h, R=R, r=r)
+        l, h, R, r, L = real_symbols("l h R r L")  # noqa: E741 - the paper's name
+        if self.structure.mechanism is MECANUM:
+            return SimpleNamespace(l=L - h, h=h, R=R, r=r)
+        if not self._all_45:
+            return SimpleNamespace(l=l, h=h, R=R, r=r, **self._slanted)
+        arm = L if self.known.l > self.known.h else -L
+        tangents = map(sympy.Integer, self.known.tangents)
+        return SimpleNamespace(
+            **{"l": h + arm, "h": h, "R": R, "r": r},
+            **dict(zip(TANGENTS, tangents, strict=True)),
+            **dict.fromkeys(SLANTS, sympy.sqrt(2)),
+        )
+
+    @property
+    def _all_45(self) -> bool:
+        return all(abs(t) == 1.0 for t in self.known.tangents)
+
+    @cached_property
+    def _slanted(self) -> dict[str, Any]:
+        names = [f"{part}{i}" for part in ("tan_d", "sec_d") for i in range(1, 5)]
+        return dict(zip((*TANGENTS, *SLANTS), real_symbols(names), strict=True))
 
     @cached_property
     def theta(self) -> list[sympy.Expr]:
@@ -354,8 +382,9 @@ class Equations:
     def values(self, model: Model) -> dict[sympy.Expr, float]:
         """A model's numbers for the parameters and lengths."""
         g = model.geometry
-        lengths = zip(real_symbols("h R r L"), (g.h, g.R, g.r, g.L), strict=True)
-        return dict(lengths) | dict(zip(self.theta, model.theta.tolist(), strict=True))
+        lengths = zip(real_symbols("l h R r L"), (g.l, g.h, g.R, g.r, g.L), strict=True)
+        slanted = {symbol: getattr(g, name) for name, symbol in self._slanted.items()}
+        return dict(lengths) | slanted | dict(zip(self.theta, model.theta.tolist(), strict=True))
 
     def groups(self, values: dict[sympy.Expr, float]) -> list[list[Group]]:
         """Each side as groups (coefficient, motion): accelerations first, then by degree."""
@@ -383,7 +412,7 @@ class Equations:
         force = body_force(self.rolling, torque)
         lines = [
             f"{show(sympy.Symbol(side))} = {show(with_values(tidy(value), values))}"
-            for side, value in zip(SIDES, force, strict=True)
+            for side, value in zip(SIDES, map(sympy.factor_terms, force), strict=True)
         ]
         for symbol, value in self.no_slip.items():
             if any(side.has(symbol) for side in self.sides):

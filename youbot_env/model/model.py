@@ -14,7 +14,8 @@ from youbot_env.errors import InputError
 from youbot_env.model.covariance import check_covariance
 from youbot_env.physics import inverse_dynamics as dynamics
 from youbot_env.physics.effect import Effect, Parameter
-from youbot_env.physics.mecanum import MECANUM
+from youbot_env.physics.geometry import Geometry, least_squares_of, no_force_of
+from youbot_env.physics.mecanum import MECANUM, mecanum_kind
 from youbot_env.physics.mechanism import Instant, MechanismKind, ModelStructure
 from youbot_env.physics.stated_parameters import to_public, to_theta
 
@@ -82,6 +83,9 @@ class Model(Generic[Known]):
     effect_logs: Mapping[str, tuple[str, ...]] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
+        if isinstance(self.geometry, Geometry):
+            # The rollers decide which formulas hold: a model of other rollers is of another kind.
+            object.__setattr__(self, "mechanism", mecanum_kind(self.geometry))
         missing = [name for name in self.base_parameters if name not in self.parameters]
         if missing:
             raise InputError(f"model {self.name}: parameter {missing[0]!r} is missing")
@@ -151,7 +155,7 @@ class Model(Generic[Known]):
 
     @cached_property
     def lengths(self) -> Array:
-        """Lengths of the geometry that compiled code reads; for a platform (4,) l, h, R, r [m]."""
+        """Lengths of the geometry that compiled code reads; for a platform l, h, R, r [m]."""
         return np.array([getattr(self.geometry, name) for name in self.mechanism.lengths], float)
 
     @cached_property
@@ -165,6 +169,16 @@ class Model(Generic[Known]):
         units = tuple(np.eye(len(self.mechanism.axes)))
         rates = dynamics.joint_rates(np, self.structure, self.geometry, self.theta, units)
         return np.stack(np.broadcast_arrays(*rates))
+
+    @cached_property
+    def twist_map(self) -> Array:
+        """(J, A): makes the nearest twist of rates at which the joints truly roll."""
+        return least_squares_of(self.joint_jacobian)
+
+    @cached_property
+    def internal(self) -> tuple[float, ...]:
+        """(4,) torques of a platform's wheels that exert no force as the wheels truly roll."""
+        return no_force_of(self.joint_jacobian)
 
     def with_theta(self, theta: Sequence[float] | Array) -> Model:
         """The same model at other parameters (P,), without the old ones' uncertainty."""

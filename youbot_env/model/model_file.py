@@ -24,10 +24,13 @@ from youbot_env.files import (
 from youbot_env.model.covariance import covariance_of
 from youbot_env.model.model import BASE_UNITS, Estimate, Model
 from youbot_env.physics.effect import CATALOGUE
-from youbot_env.physics.geometry import Geometry
+from youbot_env.physics.geometry import ARRANGEMENTS, WHEELS, Geometry
 
 LENGTHS = ("l", "h", "R", "r", "m1")
 """Of a platform's geometry, in the order of :class:`Geometry`."""
+
+OPTIONAL = ("arrangement", "roller_angles", "torque_limit", "speed_limit")
+"""What a geometry file may say beside them: see :class:`Geometry`."""
 
 MIN_WHEEL_RADIUS, MAX_WHEEL_RADIUS = 0.015, 0.6
 """Of wheels that a platform may have [m]: beyond, the file is in another unit."""
@@ -215,12 +218,26 @@ def load_model(source: str | os.PathLike[str] | Model[Geometry]) -> Model[Geomet
 
 
 def load_geometry(source: str | os.PathLike[str]) -> Geometry:
-    """l, h, R, r, m1 from a model, a shipped model's name, or a JSON file with those five keys."""
+    """What is known of a platform, from a model, a shipped model's name, or a JSON file.
+
+    Such a file holds l, h, R, r, m1 (and ``OPTIONAL`` keys), bare or under "geometry".
+    """
     name = os.fspath(source)
     if _shipped(name):
         return load_model(name).geometry
     content = read_content(name)
     return GEOMETRY_FILE.from_content({"geometry": content.get("geometry", content)}, name)
+
+
+def geometry_to_dict(geometry: Geometry) -> dict[str, Any]:
+    """A geometry as files hold it; what is not the youBot's alone beside the five numbers."""
+    found: dict[str, Any] = {name: getattr(geometry, name) for name in LENGTHS}
+    usual = Geometry()
+    for name in OPTIONAL:
+        value = getattr(geometry, name)
+        if value != getattr(usual, name):
+            found[name] = list(value) if isinstance(value, tuple) else value
+    return found
 
 
 def save_model(path: str | os.PathLike[str], model: Model[Geometry]) -> None:
@@ -234,7 +251,7 @@ def model_to_dict(model: Model[Geometry]) -> dict[str, Any]:
         "schema_version": SCHEMA_VERSION,
         "name": model.name,
         "mechanism": "mecanum",
-        "geometry": {name: getattr(model.geometry, name) for name in LENGTHS},
+        "geometry": geometry_to_dict(model.geometry),
         "parameters": {name: estimate_entry(model.parameters[name]) for name in BASE_UNITS},
         "effects": effect_entries(model),
         **history_to_dict(model),
@@ -291,7 +308,16 @@ def _geometry(content: dict[str, Any], source: str) -> Geometry:
             f"{source}: geometry.R: {found['R']:g} m cannot be a wheel's radius; lengths in "
             f"{unit}? divide l, h, R, r by {factor}"
         )
-    return Geometry(**found)
+    more = {name: numbers[name] for name in ("arrangement",) if name in numbers}
+    for name in ("torque_limit", "speed_limit"):
+        if numbers.get(name) is not None:
+            more[name] = number(numbers[name], f"geometry.{name}")
+    if (angles := numbers.get("roller_angles")) is not None:
+        several = angles if isinstance(angles, list) else [angles] * len(WHEELS)
+        more["roller_angles"] = tuple(
+            number(angle, f"geometry.roller_angles[{i}]") for i, angle in enumerate(several)
+        )
+    return Geometry(**found, **more)
 
 
 def _effect(name: str, entry: Mapping[str, Any]) -> dict[str, Estimate]:
@@ -308,6 +334,18 @@ def _effect(name: str, entry: Mapping[str, Any]) -> dict[str, Estimate]:
 
 
 GEOMETRY: Schema = numbers_schema(LENGTHS)
+_LIMIT: Schema = {**ENTRY, "type": ["number", "object", "null"]}
+_ANGLES: Schema = {
+    # One for all wheels, bare or with its unit, or a list.
+    **ENTRY,
+    **{"type": ["number", "object", "array", "null"], "items": ENTRY, "minItems": 4, "maxItems": 4},
+}
+GEOMETRY["properties"] |= {
+    "arrangement": {"enum": list(ARRANGEMENTS)},
+    "roller_angles": _ANGLES,
+    "torque_limit": _LIMIT,
+    "speed_limit": _LIMIT,
+}
 
 MODEL_FILE = FileKind(
     "a model file",

@@ -6,12 +6,21 @@ from collections.abc import Callable, Sequence
 
 from youbot_env.errors import InputError, count, finite
 from youbot_env.motions.base import Motion, MotionSequence, sequence
+from youbot_env.motions.limits import MotionLimits
 from youbot_env.motions.periodic import Circling, Straight, Turning
 from youbot_env.physics.geometry import Geometry
 
 # The default amplitudes and frequencies of motions I to IV keep the paper's platform below
 # 11.5 rad/s and 2 N m on the ideal motion. Low frequencies serve the stock loop, which hardly
 # follows above some 2 rad/s: what tells m0 from I1 is the product of speed and yaw rate.
+
+
+def _rim_speed(name: str, geometry: Geometry, wheel_speed: float) -> float:
+    """Speed [m/s] at the rim of a wheel, no faster than a platform's wheels may be driven."""
+    speed = finite(f"motion '{name}' wheel_speed", wheel_speed)
+    if geometry.speed_limit is not None:
+        speed = min(speed, MotionLimits.of(geometry).wheel_speed)
+    return geometry.R * speed
 
 
 def motion_i(
@@ -56,7 +65,7 @@ def _turning(
 
     Two wheels stand still there, and the other two run at twice L W / R.
     """
-    rim_speed = geometry.R * finite(f"motion '{name}' wheel_speed", wheel_speed)
+    rim_speed = _rim_speed(name, geometry, wheel_speed)
     lever_x, lever_y = (share * geometry.L for share in direction)
     return Turning(
         name=name,
@@ -82,7 +91,7 @@ def motion_iii(
     rate. Raises InputError if a number cannot be.
     """
     geometry = geometry or Geometry()
-    rim_speed = geometry.R * finite("motion 'III' wheel_speed", wheel_speed)
+    rim_speed = _rim_speed("III", geometry, wheel_speed)
     # A wheel rolls at |VX +- VY|, whose peak on a circle is sqrt(2) times the speed.
     return Circling(name="III", duration=duration, frequency=frequency, speed=rim_speed / 2**0.5)
 
@@ -104,7 +113,7 @@ def motion_iv(
     Raises InputError if a number cannot be.
     """
     geometry = geometry or Geometry()
-    rim_speed = geometry.R * finite("motion 'IV' wheel_speed", wheel_speed)
+    rim_speed = _rim_speed("IV", geometry, wheel_speed)
     yaw_share = finite("motion 'IV' yaw_share", yaw_share)
     legs = count("motion 'IV' legs", legs)
     return sequence(

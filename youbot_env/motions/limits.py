@@ -39,6 +39,18 @@ class MotionLimits:
             value = finite(f"limit {f.name}", getattr(self, f.name), positive=True)
             object.__setattr__(self, f.name, value)
 
+    @classmethod
+    def of(cls, geometry: Geometry) -> MotionLimits:
+        """Those of a platform that says its top wheel speed or torque; else the youBot's."""
+        if geometry.speed_limit is None:
+            return cls(wheel_torque=geometry.max_wheel_torque)
+        share = cls.wheel_speed / hardware.MAX_WHEEL_SPEED
+        return cls(
+            wheel_speed=share * geometry.speed_limit,
+            body_speed=geometry.max_body_speed,
+            wheel_torque=geometry.max_wheel_torque,
+        )
+
     def room(self, twist: Array, geometry: Geometry) -> float:
         """Largest factor, at most 1, that brings twists (n, 3) within the speed limits."""
         wheel = np.abs(geometry.wheel_speeds(twist)).max(initial=0.0)
@@ -77,7 +89,8 @@ def check_limits(
     InputError
         If a peak passes its limit: names the motion, the wheel, the second and the cure.
     """
-    geometry, limits = geometry or Geometry(), limits or MotionLimits()
+    geometry = geometry or Geometry()
+    limits = limits or MotionLimits.of(geometry)
     time = np.linspace(0.0, motion.duration, int(np.ceil(motion.duration * rate)) + 1)
     twist, acceleration = motion.evaluate(time)
 

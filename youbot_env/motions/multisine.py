@@ -121,7 +121,7 @@ def multisine(
     amplitude : peak of VX, VY [m/s] and W [rad/s]; 0 leaves an axis at rest
     duration, ramp : [s]
     geometry, limits : all axes shrink together until wheel speed and body speed respect the
-        limits; the default is the youBot and ``MotionLimits()``
+        limits; the default is the youBot and ``MotionLimits.of(geometry)``
     draws : sets of phases tried; the one of the lowest peak is kept, for each axis
 
     Raises
@@ -149,7 +149,8 @@ def multisine(
     bound = PEAK_BOUND * np.column_stack(values)
     gain = peak / np.abs(bound).max(axis=0)
     # One factor for all axes keeps their proportions.
-    gain *= (limits or MotionLimits()).room(gain * bound, geometry or Geometry())
+    geometry = geometry or Geometry()
+    gain *= (limits or MotionLimits.of(geometry)).room(gain * bound, geometry)
     drawn = [
         Tone(axis, float(w), float(gain[axis]), float(phi))
         for axis in np.flatnonzero(gain).tolist()

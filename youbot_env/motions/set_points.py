@@ -121,7 +121,8 @@ def set_points(
     InputError
         If a number cannot be, or the rate is too low for the motion.
     """
-    geometry, limits = geometry or Geometry(), limits or MotionLimits()
+    geometry = geometry or Geometry()
+    limits = limits or MotionLimits.of(geometry)
     rate = finite("rate [Hz]", rate, positive=True)
     rest = finite("rest [s]", rest, least=0.0)
     rows = (motion.duration + 2 * rest) * rate

@@ -102,6 +102,7 @@ def steps(
     drawn = rng.uniform(0.3, 1.0, (pairs, 3)) * rng.choice([-1.0, 1.0], (pairs, 3))
     levels = np.repeat(drawn * amplitude, 2, axis=0)
     levels[1::2] *= -1.0
-    levels *= (limits or MotionLimits()).room(levels, geometry or Geometry())
+    geometry = geometry or Geometry()
+    levels *= (limits or MotionLimits.of(geometry)).room(levels, geometry)
     rows = tuple((float(vx), float(vy), float(wz)) for vx, vy, wz in levels)
     return Steps(name=name, rise=rise, hold=hold, levels=rows)

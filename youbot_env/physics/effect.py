@@ -150,7 +150,12 @@ class Contact(NamedTuple):
     turns for the speed of its centre ahead, on what it turns for that speed sideways, and on the
     rate of its roller. They do not depend on the motion, so that rates stay linear in the twist
     and forces are their transpose. Those of several effects are multiplied.
+
+    ``tangent`` [-] is that of the roller's nominal angle to X, to the wheel's own side: 1 at 45
+    degrees in X, -1 in O.
     """
+
+    tangent: Number = 1.0
 
 
 class SpeedChannel(NamedTuple):

@@ -24,7 +24,6 @@ from youbot_env.physics.effect import (
     Actuator,
     Channel,
     Clock,
-    Contact,
     Effect,
     SpeedChannel,
 )
@@ -91,11 +90,11 @@ def rolling_geometry(
     changes, uneven = structure.at(CONTACT), structure.mechanism.uneven
     if not changes or uneven is None:
         return geometry
-    joints = range(len(structure.mechanism.joints))
-    factors: list[tuple[Number, ...]] = [(1.0, 1.0, 1.0) for _ in joints]
+    contacts = structure.mechanism.contacts(geometry)
+    factors: list[tuple[Number, ...]] = [(1.0, 1.0, 1.0) for _ in contacts]
     for item, where in changes:
-        for i in joints:
-            more = cast("tuple[Number, ...]", item.evaluate(xp, Contact(), theta[where], i))
+        for i, contact in enumerate(contacts):
+            more = cast("tuple[Number, ...]", item.evaluate(xp, contact, theta[where], i))
             factors[i] = tuple(a * b for a, b in zip(more, factors[i], strict=True))
     return uneven(geometry, factors)
 

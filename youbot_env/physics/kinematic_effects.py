@@ -6,7 +6,7 @@ the wheels as they are, and takes logged speeds for what they are.
 
 from __future__ import annotations
 
-from math import pi
+from typing import cast
 
 from youbot_env.physics.effect import (
     CONTACT,
@@ -16,7 +16,6 @@ from youbot_env.physics.effect import (
     SpeedChannel,
     effect,
 )
-from youbot_env.physics.geometry import COS_ROLLER
 from youbot_env.physics.namespaces import Namespace, Number, Triple
 
 
@@ -48,11 +47,14 @@ def wheel_radius_error(xp: Namespace, contact: Contact, error: Number) -> Triple
     "another way sideways than the wheels.",
 )
 def roller_angle_error(xp: Namespace, contact: Contact, error: Number) -> Triple:
-    """Rollers at 45 degrees + e_i to X instead of 45, on each wheel to its own side."""
-    angle = error + pi / 4
-    c = xp.cos(angle)
-    # The tangent on the speed sideways; the roller's rate is that speed over r cos(d).
-    return 1.0, xp.sin(angle) / c, COS_ROLLER / c
+    """Rollers at 45 degrees + e_i to X instead of 45, on each wheel to its own side.
+
+    Where the geometry says another angle than 45 degrees, at that angle + e_i.
+    """
+    c, s, t = xp.cos(error), xp.sin(error), abs(cast(float, contact.tangent))
+    steeper = t * s
+    # tan(d + e) over tan(d) on the speed sideways; the roller's rate is that speed over r cos(d).
+    return 1.0, (c + s / t) / (c - steeper), 1.0 / (c - steeper)
 
 
 @effect(

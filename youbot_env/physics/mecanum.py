@@ -7,6 +7,7 @@ the time derivative (VX', VY', W') of the twist's components. Pose is (x, y, yaw
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from typing import NamedTuple
 
 import youbot_env.physics.catalogue  # noqa: F401  # pyright: ignore - fills the registries
@@ -20,22 +21,26 @@ from youbot_env.physics.effect import (
     WORLD,
     BaseParameters,
     Body,
+    Contact,
     Roller,
     Wheel,
     World,
 )
 from youbot_env.physics.geometry import (
+    SIGN_LATERAL,
+    SLANTS,
+    TANGENTS,
     Geometry,
     Lengths,
-    UnevenContacts,
     allocate,
     body_force,
     nearest_twist,
     roller_force,
     roller_rates,
+    uneven_contacts,
     wheel_rates,
 )
-from youbot_env.physics.hardware import MAX_BODY_SPEED, MAX_WHEEL_TORQUE, WHEELS
+from youbot_env.physics.hardware import MAX_BODY_SPEED, WHEELS
 from youbot_env.physics.mechanism import (
     Components,
     EffectPoints,
@@ -150,11 +155,23 @@ def _as_they_are(points: object, efforts: Sequence[Number]) -> Components[Number
     return tuple(efforts)
 
 
-def _uneven(geometry: Lengths, factors: Sequence[Sequence[Number]]) -> UnevenContacts:
+def _uneven(geometry: Lengths, factors: Sequence[Sequence[Number]]) -> Lengths:
     """The platform whose wheels roll as four triples say: ahead, sideways, and their rollers."""
-    ahead, sideways, roller = zip(*factors, strict=True)
-    lengths = geometry.l, geometry.h, geometry.R, geometry.r
-    return UnevenContacts(*lengths, ahead, sideways, roller)  # type: ignore[arg-type]
+    return uneven_contacts(geometry, *zip(*factors, strict=True))  # type: ignore[return-value]
+
+
+def _contacts(geometry: Lengths) -> list[Contact]:
+    """The four wheels on the floor, each to its own side: the tangent is positive in X."""
+    signed = [getattr(geometry, name, SIGN_LATERAL[i]) for i, name in enumerate(TANGENTS)]
+    return [Contact(SIGN_LATERAL[i] * tangent) for i, tangent in enumerate(signed)]
+
+
+def _full_speed(geometry: Geometry) -> tuple[float, ...]:
+    """The youBot's, or what turns the fastest wheel as fast as it can."""
+    if geometry.speed_limit is None:
+        return FULL_SPEED
+    fastest = max(abs(rate) for rate in wheel_rates(geometry, FULL_SPEED))
+    return tuple(geometry.speed_limit / fastest * part for part in FULL_SPEED)
 
 
 def _fault(geometry: Geometry, values: Mapping[str, float]) -> str:
@@ -198,17 +215,33 @@ MECANUM = MechanismKind(
     force_of=body_force,
     torque_of=allocate,
     pose_rates=planar_rates,
-    full_speed=lambda geometry: FULL_SPEED,
-    full_torque=lambda geometry: MAX_WHEEL_TORQUE,
-    internal=(1.0, 1.0, -1.0, -1.0),  # orthogonal to all columns of the wheel Jacobian
+    full_speed=_full_speed,
+    full_torque=lambda geometry: geometry.max_wheel_torque,
+    internal=lambda geometry: geometry.internal,
     stated=("m0", "I0", "I1", "aX", "aY", "mu1", "mu2"),
     fault=_fault,
     uneven=_uneven,  # type: ignore[arg-type]  # formulas take any object with these lengths
+    contacts=_contacts,
     twist_of=nearest_twist,
 )
-"""The mecanum platform with four wheels."""
+"""The mecanum platform with four wheels, whose rollers stand at 45 degrees in X."""
+
+ANY_ROLLERS = replace(
+    MECANUM,
+    home="youbot_env.physics.mecanum:ANY_ROLLERS",
+    lengths=(*MECANUM.lengths, *TANGENTS, *SLANTS),
+    geometry=Geometry(arrangement="O"),
+)
+"""The same with rollers in O, or at other angles: codes read each roller's tangent and slant."""
 
 
-def mecanum_structure(effects: Sequence[str] = ()) -> ModelStructure[Geometry]:
+def mecanum_kind(geometry: Geometry) -> MechanismKind[Geometry]:
+    """The kind of mechanism that a geometry is of."""
+    return MECANUM if geometry.is_plain else ANY_ROLLERS
+
+
+def mecanum_structure(
+    effects: Sequence[str] = (), geometry: Geometry = MECANUM.geometry
+) -> ModelStructure[Geometry]:
     """The structure of a platform's model with these effects beside the base."""
-    return ModelStructure(tuple(effects), MECANUM)
+    return ModelStructure(tuple(effects), mecanum_kind(geometry))

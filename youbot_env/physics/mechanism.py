@@ -26,6 +26,7 @@ from youbot_env.physics.effect import (
     Actuator,
     BaseParameters,
     Channel,
+    Contact,
     Effect,
     Parameter,
     Place,
@@ -157,6 +158,10 @@ def _any_effect(item: Effect, geometry: object) -> bool:
     return True
 
 
+def _nothing(geometry: object) -> tuple[()]:
+    return ()
+
+
 def _no_fault(geometry: object, values: Mapping[str, float]) -> str:
     return ""
 
@@ -183,7 +188,8 @@ class MechanismKind(Generic[Geometry]):
     pose_rates(xp, pose, twist) : (D) derivative of the pose
     full_speed(geometry), full_torque(geometry) : a twist (A) and a torque that are about the
         greatest, to judge how finely it must be simulated
-    internal : (J) torques that exert no force, which a motion leaves open; () if there are none
+    internal(geometry) : (J) torques that exert no force, which a motion leaves open; () if there
+        are none
     stated : names of the base parameters as people state them, in the order of files and tables;
         () for that of the base model's components
     declared(effect, geometry) : the effect with units, bounds and sizes of the mechanism at hand
@@ -192,6 +198,7 @@ class MechanismKind(Generic[Geometry]):
     uneven(geometry, factors) : the geometry whose joints roll as J triples of factors say (see
         `effect.Contact`), which ``joint_rates`` and the other maps take as well; None where no
         effect of the catalogue acts there
+    contacts(geometry) : (J) what these effects see of the joints
     twist_of(geometry, rates) : the twist whose joint rates come nearest to given ones
     """
 
@@ -217,7 +224,7 @@ class MechanismKind(Generic[Geometry]):
     )
     full_speed: Callable[[Geometry], tuple[float, ...]] = field(repr=False)
     full_torque: Callable[[Geometry], float] = field(repr=False)
-    internal: tuple[float, ...] = ()
+    internal: Callable[[Geometry], tuple[float, ...]] = field(default=_nothing, repr=False)
     stated: tuple[str, ...] = ()
     declared: Callable[[Effect, Geometry], Effect] = field(default=_as_it_is, repr=False)
     holds: Callable[[Effect, Geometry], bool] = field(default=_any_effect, repr=False)
@@ -225,6 +232,7 @@ class MechanismKind(Generic[Geometry]):
     uneven: Callable[[Geometry, Sequence[Sequence[Number]]], Geometry] | None = field(
         default=None, repr=False
     )
+    contacts: Callable[[Geometry], Sequence[Contact]] = field(default=_nothing, repr=False)
     twist_of: LinearMap[Geometry] | None = field(default=None, repr=False)
 
     @property

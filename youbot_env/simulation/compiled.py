@@ -19,7 +19,6 @@ import numpy as np
 import youbot_env
 from youbot_env.caching import cache_folder, is_safe, private_folder
 from youbot_env.simulation.generated_code import (
-    LENGTHS,
     MOTION,
     SOURCES,
     Dynamics,
@@ -56,7 +55,7 @@ class Kernel:
 
     advance(state, torque, lengths, theta, duration, substeps)
         ``state`` (n, S) moves on in place by ``duration`` [s] under the interface torques
-        ``torque`` (n, 4) [N m], held constant. ``lengths`` (4,): l, h, R, r [m];
+        ``torque`` (n, 4) [N m], held constant. ``lengths``: the mechanism's, in its order;
         ``theta`` (n, P) in the order of ``structure.parameter_names``. One platform is a batch of
         one: the same code.
     derivative(*state, *torque, *lengths, *theta)
@@ -175,7 +174,8 @@ def _compiled_inverse(structure: Structure, path: Path) -> InverseKernel:
     module = load(path)
     found = InverseKernel(structure, module.acting, module.several, module.interface, module.held)
     motion, torque = np.zeros((3, len(MOTION))), np.zeros((3, 4))
-    lengths, theta = np.ones(len(LENGTHS)), np.ones(len(structure.parameter_names))
+    lengths = np.ones(len(structure.mechanism.lengths))
+    theta = np.ones(len(structure.parameter_names))
     found.held(motion, 1.0, lengths, theta, 1.0, torque, np.empty(4), np.empty(4))
     found.acting(motion, lengths, theta, 1.0, torque)
     found.several(motion, lengths, theta[None], 1.0, torque[None])
@@ -258,6 +258,8 @@ def _key(structure: Structure, system: Generated) -> str:
     """Changes with whatever could change the generated source."""
     digest = hashlib.sha256(youbot_env.__version__.encode())
     digest.update(system.variant.encode())
+    # Several kinds may stand in one module.
+    digest.update(repr((structure.mechanism.home, structure.mechanism.lengths)).encode())
     for name in (*SOURCES, *system.sources, system.dynamics.__name__, structure.mechanism.module):
         # The source files, not the version alone: an edit of the physics must give a new kernel.
         digest.update(Path(str(sys.modules[name].__file__)).read_bytes())

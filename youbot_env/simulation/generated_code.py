@@ -79,7 +79,7 @@ def kernel_source(structure: Structure, dynamics: Dynamics) -> str:
     names = {
         "state": [f"s{i}" for i in range(size)],
         "torque": [f"u{i + 1}" for i in range(len(mechanism.joints))],
-        "lengths": [f"g_{name}" for name in mechanism.lengths],
+        "lengths": _lengths(structure),
         "theta": [f"p{i}" for i in range(len(structure.parameter_names))],
     }
     derivative = function_source(derivative_formulas(structure, dynamics, names))
@@ -268,9 +268,6 @@ RATES = ("w1", "w2", "w3", "w4")
 
 SECOND_RATES = ("z1", "z2", "z3", "z4")
 
-LENGTHS = ("l", "h", "R", "r")
-"""Lengths of the platform, in the order in which its kernels take them."""
-
 ROUNDS = 400
 """Most iterations for torques that depend on themselves. Each reduces the error by the share of the
 loss: the largest share is 0.9, and 0.9^400 is below rounding. A share of 0.3 takes 30."""
@@ -306,6 +303,10 @@ class Inverse:
         )
 
 
+def _lengths(structure: Structure) -> list[str]:
+    return [f"g_{name}" for name in structure.mechanism.lengths]
+
+
 def _theta(structure: Structure) -> list[str]:
     return [f"p{i}" for i in range(len(structure.parameter_names))]
 
@@ -313,7 +314,7 @@ def _theta(structure: Structure) -> list[str]:
 def demand_formulas(
     structure: Structure,
     dynamics: Dynamics,
-    lengths: Sequence[str] = tuple(f"g_{name}" for name in LENGTHS),
+    lengths: Sequence[str] | None = None,
     theta: Sequence[str] | None = None,
     motion: Sequence[str] = MOTION,
     torque: Sequence[str] = TORQUES,
@@ -324,6 +325,7 @@ def demand_formulas(
     ``lengths``, ``theta``; by default as the platform's compiled code takes them.
     """
     mechanism = structure.mechanism
+    lengths = _lengths(structure) if lengths is None else lengths
     names = motion, torque, lengths, _theta(structure) if theta is None else theta
     moving, acting, length, parameter = (real_symbols(group) for group in names)
     geometry = SimpleNamespace(**dict(zip(mechanism.lengths, length, strict=True)))
@@ -346,7 +348,7 @@ def demand_formulas(
 def command_formulas(
     structure: Structure,
     dynamics: Dynamics,
-    lengths: Sequence[str] = tuple(f"g_{name}" for name in LENGTHS),
+    lengths: Sequence[str] | None = None,
     theta: Sequence[str] | None = None,
     motion: Sequence[str] = MOTION,
     torque: Sequence[str] = TORQUES,
@@ -358,6 +360,7 @@ def command_formulas(
     The arguments are named as those of `demand_formulas`.
     """
     mechanism = structure.mechanism
+    lengths = _lengths(structure) if lengths is None else lengths
     names = torque, rate, second, motion, lengths, _theta(structure) if theta is None else theta
     acting, changing, bending, moving, length, parameter = (real_symbols(group) for group in names)
     geometry = SimpleNamespace(**dict(zip(mechanism.lengths, length, strict=True)))
@@ -376,7 +379,7 @@ def command_formulas(
 
 def _inverse_loops(structure: Structure) -> str:
     theta = ", ".join(f"theta[{i}]" for i in range(len(structure.parameter_names)))
-    lengths = ", ".join(f"lengths[{i}]" for i in range(len(LENGTHS)))
+    lengths = ", ".join(f"lengths[{i}]" for i in range(len(structure.mechanism.lengths)))
     row = ", ".join(f"motion[k, {i}]" for i in range(len(MOTION)))
     place = ", ".join(f"motion[{i}]" for i in range(len(MOTION)))
     # Without losses under load the demand does not read the torque: the first round is exact.

@@ -620,7 +620,9 @@ def geometry_names(structure: Structure) -> tuple[str, ...]:
     from dataclasses import fields, is_dataclass
 
     known = structure.mechanism.geometry
-    return tuple(f.name for f in fields(known)) if is_dataclass(known) else ()
+    if not is_dataclass(known):
+        return ()
+    return tuple(f.name for f in fields(known) if isinstance(getattr(known, f.name), float))
 
 
 def _conversion(structure: Structure) -> str:

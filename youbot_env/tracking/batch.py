@@ -146,7 +146,7 @@ class Batch:
         model = self.nominal = setup.source.draw(np.random.default_rng(0))
         self.structure, self.geometry = model.structure, model.geometry
         samples = setup.steps + 1 + setup.task.preview
-        self._reference = reference_draws(setup.task, samples * setup.period)
+        self._reference = reference_draws(setup.task, samples * setup.period, self.geometry)
         if setup.reference is None:  # so that what cannot be shows here, not at the first reset
             setup.task.reference(np.random.default_rng(0), samples * setup.period, model.geometry)
         self._start = self._state_of(setup.start)

@@ -13,6 +13,7 @@ from youbot_env.errors import InputError
 from youbot_env.model.model import Model
 from youbot_env.motions.limits import MotionLimits
 from youbot_env.motions.multisine import SAMPLES_PER_PERIOD, Multisine, Tone
+from youbot_env.physics.geometry import Geometry
 from youbot_env.physics.stated_parameters import public_parameters
 from youbot_env.tracking.episode_draws import COARSE, FIXED, NORMAL, PHASES, UNIFORM
 from youbot_env.tracking.randomisation import Posterior, Same, Source, Uniform, with_effects
@@ -113,7 +114,9 @@ def geometry_numbers(geometry: Any) -> Array:
     """All numbers of a geometry, in the order of its fields."""
     if not is_dataclass(geometry):
         raise InputError("an environment needs a geometry that is a dataclass of numbers")
-    return np.array([float(getattr(geometry, f.name)) for f in fields(geometry)])
+    numbers = (getattr(geometry, f.name) for f in fields(geometry))
+    # Names, limits and angles are no part of what converts parameters.
+    return np.array([number for number in numbers if isinstance(number, float)])
 
 
 @dataclass(frozen=True)
@@ -140,8 +143,8 @@ class ReferenceDraws:
     ramp: float
 
 
-def reference_draws(task: TrackingTask, duration: float) -> ReferenceDraws:
-    """For episodes that see ``duration`` [s] of a reference."""
+def reference_draws(task: TrackingTask, duration: float, geometry: Geometry) -> ReferenceDraws:
+    """For episodes of a platform that see ``duration`` [s] of a reference."""
     (low, high), needed = task.band, 3 * task.tones
     period = max(duration, 2 * math.pi * needed / (high - low))
     base = 2 * math.pi / period
@@ -153,7 +156,7 @@ def reference_draws(task: TrackingTask, duration: float) -> ReferenceDraws:
             f"episode_length: {duration:g} s hold {last} periods of the band's lowest harmonic, "
             f"{PHASES - 1} at most; make it shorter"
         )
-    limits = MotionLimits()
+    limits = MotionLimits.of(geometry)
     return ReferenceDraws(
         tones=task.tones,
         period=period,

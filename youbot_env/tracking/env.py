@@ -16,7 +16,6 @@ from youbot_env.contact.settings import Contact
 from youbot_env.errors import InputError
 from youbot_env.model.model import Model
 from youbot_env.motions.base import Motion
-from youbot_env.physics import hardware
 from youbot_env.physics.geometry import Geometry
 from youbot_env.tracking import randomisation
 from youbot_env.tracking.actuation import action_rows
@@ -120,7 +119,7 @@ class YouBotTrackingEnv(gym.Env[NDArray[np.float32], NDArray[np.float32]]):
     | `plant`              | "model"          | "contact": MuJoCo; or its settings, `Contact(...)` |
     | `lag`                | None             | time constant [s] of the effect actuator_lag       |
     | `delay`              | 0                | whole control periods by which torques act late    |
-    | `torque_limit`       | 2.008            | N m at an action of 1                              |
+    | `torque_limit`       | None             | N m at an action of 1; None: the model's, 2.008    |
     | `wheel_speed_noise`  | 0                | standard deviation [rad/s] of each wheel's speed   |
     | `encoder_ticks`      | None             | counts per wheel turn; youBot: 103,352             |
     | `randomise`          | None             | "covariance", or `{name: (low, high)}`, see below  |
@@ -161,7 +160,7 @@ class YouBotTrackingEnv(gym.Env[NDArray[np.float32], NDArray[np.float32]]):
         plant: str | Contact = "model",
         lag: float | None = None,
         delay: int = 0,
-        torque_limit: float = hardware.MAX_WHEEL_TORQUE,
+        torque_limit: float | None = None,
         wheel_speed_noise: float = 0.0,
         encoder_ticks: float | None = None,
         randomise: randomisation.Ranges | str | None = None,

@@ -14,7 +14,6 @@ from youbot_env.errors import InputError, finite
 from youbot_env.model.model import Model
 from youbot_env.model.model_file import load_model
 from youbot_env.motions.base import Motion
-from youbot_env.physics import hardware
 from youbot_env.tracking import randomisation
 from youbot_env.tracking.actuation import Actuation
 from youbot_env.tracking.sensors import Sensors
@@ -29,7 +28,7 @@ def tracking_setup(
     plant: str | Contact = "model",
     lag: float | None = None,
     delay: int = 0,
-    torque_limit: float = hardware.MAX_WHEEL_TORQUE,
+    torque_limit: float | None = None,
     wheel_speed_noise: float = 0.0,
     encoder_ticks: float | None = None,
     randomise: randomisation.Ranges | str | None = None,
@@ -58,8 +57,11 @@ def tracking_setup(
     added: dict[str, Any] = dict(effects or {})
     if lag is not None:
         added["actuator_lag"] = {"time_constant": finite("lag", lag, positive=True)}
+    known = load_model(model)
+    if torque_limit is None:
+        torque_limit = known.geometry.max_wheel_torque
     return Setup(
-        source=randomisation.source(randomise, load_model(model), added),
+        source=randomisation.source(randomise, known, added),
         task=TrackingTask(
             band=band,
             tones=tones,

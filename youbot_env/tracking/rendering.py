@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from youbot_env.errors import InputError
-from youbot_env.physics.geometry import SIGN_LATERAL, SIGN_X, SIGN_Y, WHEELS, Geometry
+from youbot_env.physics.geometry import SIGN_X, SIGN_Y, WHEELS, Geometry
 
 Array = NDArray[np.float64]
 Color = tuple[int, int, int]
@@ -256,7 +256,7 @@ class Renderer:
         for i in range(4):
             x, y = SIGN_X[i] * g.h, SIGN_Y[i] * g.l
             canvas.polygon(self._placed(_box(x, y, g.R, 0.5 * g.R)), TYRE)
-            for stripe in _stripes(g.R, -SIGN_LATERAL[i], float(info["wheel_angle"][i])):
+            for stripe in _stripes(g.R, -g.tangents[i], float(info["wheel_angle"][i])):
                 canvas.line(self._placed(np.add(stripe, (x, y))), ROLLER, 2)
             self._torque(canvas, i, x, y + SIGN_Y[i] * 1.6 * g.R)
 

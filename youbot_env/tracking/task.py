@@ -14,7 +14,6 @@ from youbot_env.caching import njit
 from youbot_env.errors import InputError, finite
 from youbot_env.motions.base import Motion
 from youbot_env.motions.multisine import multisine
-from youbot_env.physics import hardware
 from youbot_env.physics.geometry import Geometry
 from youbot_env.tracking.actuation import whole_number
 
@@ -180,9 +179,10 @@ class TrackingTask:
 
 
 def twist_scale(geometry: Geometry) -> Array:
-    """(3,): the youBot's top speed [m/s] twice, and the yaw rate [rad/s] of its top wheel speed."""
-    yaw_rate = hardware.MAX_WHEEL_SPEED * geometry.R / geometry.L
-    return np.array([hardware.MAX_BODY_SPEED, hardware.MAX_BODY_SPEED, yaw_rate])
+    """(3,): the platform's top speed [m/s] twice, and the yaw rate [rad/s] of its wheels' top
+    speed; those of the youBot, where the geometry says none."""
+    yaw_rate = geometry.max_wheel_speed * geometry.R / geometry.L
+    return np.array([geometry.max_body_speed, geometry.max_body_speed, yaw_rate])
 
 
 def reference_table(motion: Motion, period: float, samples: int) -> Array:

@@ -13,9 +13,6 @@ enum { FOLLOWS = /*@follows@*/ };
 /* [N m] to which torques are found where friction depends on them. */
 static const double LOAD_TOLERANCE = /*@load_tolerance@*/;
 
-/* Torques that exert no force on the platform: the wheels push against each other. */
-static const double NULL_SPACE[YOUBOT_JOINTS] = /*@null_space@*/;
-
 /* Velocity of the body per wheel speed, least squares. */
 static const double TO_VELOCITY[YOUBOT_AXES][YOUBOT_JOINTS] = /*@to_velocity@*/;
 
@@ -501,27 +498,29 @@ static void correct(const youbot_controller *c, const double change[YOUBOT_AXES]
 }
 
 /* Torques within +-`limit` that exert a share of the force of `torque`, which is returned: 1 where
-   a shift along NULL_SPACE is enough.
+   a shift along `internal`, torques that exert no force, is enough.
 
-   In w = NULL_SPACE * torque the shift adds one number to all four, so the limits leave an interval
+   In w = torque / internal the shift adds one number to all four, so the limits leave an interval
    for it. Where it is empty, the two values of w that are furthest apart, relative to the sum of
    their limits, give the share that is left. */
 static double within_limits(const double torque[YOUBOT_JOINTS], const double limit[YOUBOT_JOINTS],
-                            double out[YOUBOT_JOINTS])
+                            const double internal[YOUBOT_JOINTS], double out[YOUBOT_JOINTS])
 {
-    double low = -HUGE_VAL, high = HUGE_VAL, share = 1.0, apart, value, shift;
+    double low = -HUGE_VAL, high = HUGE_VAL, share = 1.0, apart, most, value, shift;
     int i, j;
 
     for (i = 0; i < WHEELS; i++)
         for (j = 0; j < WHEELS; j++) {
-            apart = NULL_SPACE[i] * torque[i] - NULL_SPACE[j] * torque[j];
-            if (share * apart > limit[i] + limit[j])
-                share = (limit[i] + limit[j]) / apart;
+            apart = torque[i] / internal[i] - torque[j] / internal[j];
+            most = limit[i] / fabs(internal[i]) + limit[j] / fabs(internal[j]);
+            if (share * apart > most)
+                share = most / apart;
         }
     for (i = 0; i < WHEELS; i++) {
-        value = share * NULL_SPACE[i] * torque[i];
-        low = fmax(low, -limit[i] - value);
-        high = fmin(high, limit[i] - value);
+        value = share * torque[i] / internal[i];
+        most = limit[i] / fabs(internal[i]);
+        low = fmax(low, -most - value);
+        high = fmin(high, most - value);
     }
     /* The interval is one point; rounding may have made its lower end the larger one. */
     if (share < 1.0)
@@ -530,7 +529,7 @@ static double within_limits(const double torque[YOUBOT_JOINTS], const double lim
     shift = fmin(fmax(0.0, low), high);
     for (i = 0; i < WHEELS; i++)
         /* Cut once more, because rounding may exceed the limit by a last digit. */
-        out[i] = between(share * torque[i] + NULL_SPACE[i] * shift, -limit[i], limit[i]);
+        out[i] = between(share * torque[i] + internal[i] * shift, -limit[i], limit[i]);
     return share;
 }
 
@@ -552,7 +551,7 @@ static double exert(youbot_controller *c, const double wanted[YOUBOT_AXES],
         for (axis = 0; axis < AXES; axis++)
             torque[wheel] += d->to_torque[wheel][axis] * wanted[axis];
     }
-    share = within_limits(torque, limits, kept);
+    share = within_limits(torque, limits, d->internal, kept);
     for (row = YOUBOT_QUEUE - 1; row > 0; row--)
         c->queue[row] = c->queue[row - 1];
     for (axis = 0; axis < AXES; axis++) {

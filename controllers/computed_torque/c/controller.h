@@ -80,6 +80,7 @@ typedef struct youbot_design {
     double to_acceleration[YOUBOT_AXES][YOUBOT_JOINTS]; /* [m/s^2 per N m] */
     double to_torque[YOUBOT_JOINTS][YOUBOT_AXES];       /* the least-norm way back */
     double jacobian[YOUBOT_JOINTS][YOUBOT_AXES];        /* [rad/s per m/s] wheels per body */
+    double internal[YOUBOT_JOINTS];                     /* [N m] torques that exert no force */
 } youbot_design;
 
 extern const youbot_design youbot_designed;

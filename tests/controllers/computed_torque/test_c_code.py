@@ -16,6 +16,7 @@ from controllers.computed_torque.c_code import (
     example_run,
 )
 from controllers.computed_torque.computed_torque import ComputedTorque
+from controllers.computed_torque.feedback_design import velocity_map
 from controllers.interface import Loop, Observation, Reference
 from controllers.loop import Trace
 from tests.youbot_env.exports.c_compiler import C_COMPILERS, CXX_OF, compiled, library, run, write
@@ -79,6 +80,7 @@ class ControllerOfC:
             ]
 
         self.seen, self.wanted = Seen, Wanted
+        self.to_twist: np.ndarray | None = None
         self.reset()
 
     def reset(self) -> None:
@@ -89,7 +91,11 @@ class ControllerOfC:
         pose = unknown[:3] if observation.pose is None else observation.pose
         torque = unknown if observation.wheel_torque is None else observation.wheel_torque
         seen = self.seen(observation.time)
-        seen.velocity[:], seen.pose[:] = list(observation.body_twist), list(pose)
+        twist = observation.body_twist
+        if self.to_twist is not None:  # of wheels that do not roll as the geometry has them
+            with np.errstate(invalid="ignore"):
+                twist = observation.wheel_speed @ self.to_twist
+        seen.velocity[:], seen.pose[:] = list(twist), list(pose)
         seen.torque[:] = list(torque)
         wanted: Any = self.wanted()
         wanted.velocity[:] = list(reference.twist)
@@ -119,6 +125,8 @@ def assert_same_commands(ours: ComputedTorque, theirs: ControllerOfC, seed: int,
     slope = rng.standard_normal((count + ahead, 3))
     ours.reset()
     theirs.reset()
+    theirs.to_twist = ours._to_twist
+    to_speed = np.linalg.pinv(velocity_map(ours.model))
     command = np.zeros(4)
     for k in range(count):
         measured = twist[k] + 0.1 * rng.standard_normal(3)
@@ -126,9 +134,11 @@ def assert_same_commands(ours: ComputedTorque, theirs: ControllerOfC, seed: int,
         torque = (None, command, rng.uniform(-2, 2, 4))[rng.choice(3, p=(0.2, 0.6, 0.2))]
         if rng.random() < 0.05:
             measured = measured * np.array([1.0, np.nan, np.inf])
+        with np.errstate(invalid="ignore"):
+            speed = measured @ to_speed
         seen = Observation(
             k * ours.loop.sample_time if rng.random() < 0.9 else np.nan,
-            np.zeros(4),
+            speed,
             measured,
             pose,
             torque,

@@ -8,7 +8,7 @@ import pytest
 from identification.diagnosis.diagnose import diagnose
 from identification.diagnosis.restricted import BaseSums, LogSums, choices
 from identification.diagnosis.settings import DiagnosisSettings
-from identification.logs.log import Log
+from identification.logs.log import Log, in_order_of_time
 from tests.identification.recordings import recording
 from youbot_env.model.model_file import load_model
 
@@ -107,3 +107,12 @@ def test_a_slope_in_all_logs_is_one_of_all():
     ]
     found = diagnose(load_model("paper"), logs, effects=["floor_tilt", "quadratic_friction"])
     assert (found.missing, found.logs) == (("floor_tilt",), {})
+
+
+def test_logs_are_taken_in_the_order_of_their_time_not_of_their_files():
+    log = recording("I")
+    later, last = (replace(log, time=log.time + shift) for shift in (1000.0, 2000.0))
+    assert in_order_of_time([last, log, later]) == [log, later, last]
+    # Logs that overlap have no order of time: that of the files stays.
+    alike = [replace(log, time=log.time + 1.0), log]
+    assert in_order_of_time(alike) == alike

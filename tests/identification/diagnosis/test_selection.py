@@ -198,3 +198,13 @@ def test_what_is_accepted_beside_an_effect_is_no_rival_of_it():
     assert _ties([tied], [name, "torque_delay"]) == {name: ["friction_warmup"]}
     assert _ties([replace(first, tied=("torque_delay",))], [name, "torque_delay"]) == {}
     assert _ties([tied], ["torque_delay"]) == {}
+
+
+def test_what_is_added_of_kinematics_has_the_size_that_the_wheels_show():
+    larger = (("error_fl", 0.03), ("error_fr", -0.01), ("error_bl", -0.01), ("error_br", -0.01))
+    log = recording("calibration", (("wheel_radius_error", larger),))
+    found = add_effect(load_model("paper"), "wheel_radius_error", [log])
+    size = found.model.effects["wheel_radius_error"]["error_fl"]
+    # Forces alone know it a hundred times less well.
+    assert size.value == pytest.approx(0.03, abs=4 * size.std) and 0 < size.std < 2e-4
+    assert found.worthwhile

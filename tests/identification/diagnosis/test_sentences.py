@@ -4,7 +4,9 @@ from __future__ import annotations
 
 import pytest
 
+from identification.diagnosis.report import describe_in
 from identification.diagnosis.sentences import describe
+from identification.mechanisms.registry import mechanism_of
 from youbot_env.model.model_file import load_model
 from youbot_env.physics.effect import CATALOGUE
 
@@ -35,3 +37,13 @@ def test_an_anchor_beyond_any_cable_is_a_force_that_is_the_same_everywhere(ancho
 def test_the_floor_falls_where_a_ball_would_roll(tilt, words):
     values = {"tilt_x": tilt[0], "tilt_y": tilt[1]}
     assert words in describe(CATALOGUE["floor_tilt"], values, BASE)
+
+
+def test_dry_friction_and_its_direction_are_one_law():
+    model = load_model("paper").with_effect("wheel_coulomb_friction", torque=0.2)
+    model = model.with_effect("asymmetric_friction", coulomb=0.06, viscous=0.0)
+    words = describe_in(model, mechanism_of(model).catalogue["asymmetric_friction"])
+    assert "0.260 N m forwards and 0.140 N m backwards (+30%" in words
+    alone = load_model("paper").with_effect("asymmetric_friction", coulomb=0.06, viscous=0.0)
+    words = describe_in(alone, mechanism_of(alone).catalogue["asymmetric_friction"])
+    assert "0.060 N m more dry friction" in words

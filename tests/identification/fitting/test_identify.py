@@ -1,6 +1,7 @@
 """identify and compare as a whole, on recordings of known plants and on given logs."""
 
 import json
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -9,6 +10,7 @@ import identification
 from identification.comparison import compare, write_predictions
 from identification.fitting.errors import SumsOfSquares, force_traces, velocity_traces
 from identification.fitting.identify import identify
+from identification.logs.findings import Finding
 from identification.logs.log import Log
 from identification.logs.reading import read_log
 from identification.mechanisms.mecanum import Mecanum
@@ -233,3 +235,12 @@ def test_a_free_run_that_diverges_has_no_error_and_is_told(tmp_path, monkeypatch
     table = np.genfromtxt(tmp_path / "I.csv", delimiter=",", names=True)
     assert np.isfinite(table["velocity_fl"][0]) != stiff
     assert np.isnan(table["velocity_fl"][-1])
+
+
+def test_what_is_wrong_with_a_log_is_told_before_the_misfit() -> None:
+    log = recording(effects=(("wheel_coulomb_friction", (("torque", 0.3),)),), rate=50.0)
+    told = Finding("warning", "the clock jumps")
+    found = identify([replace(log, findings=(*log.findings, told))], recursive=False)
+    assert found.misfit
+    jumps = next(k for k, line in enumerate(found.warnings) if "the clock jumps" in line)
+    assert jumps < found.warnings.index(found.misfit) < found.told_first

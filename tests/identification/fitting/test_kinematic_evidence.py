@@ -137,4 +137,4 @@ def test_slip_that_a_radius_explains_is_none():
 
 def test_one_axis_has_no_such_evidence():
     conventions = MECHANISMS["axis"]().conventions
-    assert not conventions.kind.internal
+    assert not conventions.kind.internal(conventions.kind.geometry)

@@ -8,7 +8,7 @@ import numpy as np
 
 from identification.kinematics import Motion
 from identification.signals.filters import integral_of
-from youbot_env.physics.geometry import SIGN_LATERAL, SIGN_X, SIGN_Y, Geometry
+from youbot_env.physics.geometry import SIGN_X, SIGN_Y, Geometry
 
 
 @dataclass(frozen=True)
@@ -66,7 +66,7 @@ def made(what: Made, seed: int = 0, name: str = "made") -> Motion:
     velocity = heading * (twist[:, 0] + 1j * twist[:, 1])
     place = integral_of(velocity.real, dt / 4) + 1j * integral_of(velocity.imag, dt / 4)
     g = what.geometry
-    lateral = np.array(SIGN_LATERAL) * np.tan(what.roller_angle)
+    lateral = np.sign(g.tangents) * np.tan(what.roller_angle)
     arm = -(np.array(SIGN_Y) * g.l) + lateral * np.array(SIGN_X) * g.h
     wheels = (twist[:, :1] + twist[:, 1:2] * lateral + twist[:, 2:] * arm) / (
         g.R * np.array(what.radii)

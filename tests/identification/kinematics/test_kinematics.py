@@ -8,6 +8,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from identification.importing.delays import channel_delays
 from identification.kinematics import Kinematics, Motion, estimate_kinematics
 from identification.kinematics.motion import angles_at
 from identification.kinematics.units import speed_units
@@ -245,3 +246,14 @@ def test_angles_at_a_delay_are_exact_for_speeds_linear_between_samples():
     found = angles_at(Motion("m", time, speed), 0.0137)
     at = time + 0.0137
     np.testing.assert_allclose(found[:-2, 0], (3 * at + at**2)[:-2], rtol=1e-12)
+
+
+@pytest.mark.parametrize("delay", [0.05, -0.03])
+def test_the_delay_is_the_one_that_import_reports_by_the_same_sign(delay: float):
+    motion = made(replace(USUAL, delay=delay, outliers=0.0, lever=(0.0, 0.0)), 1)
+    assert motion.pose is not None
+    found = estimate_kinematics([motion], PLATFORM)
+    (told,) = channel_delays(motion.time, {"velocity": motion.velocity, "pose": motion.pose})
+    assert value(found, "delay") == pytest.approx(delay, abs=3 * spread(found, "delay") + 5e-4)
+    assert told.value == pytest.approx(value(found, "delay"), abs=5e-4)
+    assert (told.channel, told.behind) == ("velocity", "pose")

@@ -64,3 +64,45 @@ def test_another_clock(tracked: Log, rows: int):
     word = "earlier" if rows > 0 else "later"
     assert "the wheels' clock is" in told and word in told
     assert float(told.split("clock is ")[1].split()[0]) == pytest.approx(abs(rows) / 50, abs=0.1)
+
+
+def test_a_driver_that_counts_the_other_way(tracked: Log):
+    told = first(replace(tracked, velocity=-tracked.velocity))
+    assert "the sign of velocity_fl and velocity_fr and velocity_bl and velocity_br" in told
+
+
+@pytest.mark.parametrize("rows", [-14, -4, 5, 12])
+def test_speeds_and_pose_that_are_out_of_step(tracked: Log, rows: int):
+    """Told with their lag, and not as another radius."""
+    assert tracked.pose is not None
+    at = np.clip(np.arange(len(tracked)) + rows, 0, len(tracked) - 1)
+    late = replace(tracked, pose=tracked.pose[at])
+    told = first(late)
+    which = "the speeds come" if rows > 0 else "the pose comes"
+    assert which in told
+    assert float(told.split(" s later")[0].split()[-1]) == pytest.approx(
+        abs(rows) * tracked.dt, abs=0.015
+    )
+
+
+@pytest.mark.parametrize("wheel", range(4))
+@pytest.mark.parametrize("gain", [0.95, 1.1])
+def test_one_wheel_that_is_not_like_the_others(tracked: Log, wheel: int, gain: float):
+    speed = tracked.velocity.copy()
+    speed[:, wheel] *= gain
+    told = first(replace(tracked, velocity=speed))
+    name = f"velocity_{('fl', 'fr', 'bl', 'br')[wheel]}"
+    assert "beside the pose and the other wheels" in told and name in told
+    found = float(told.split(f"{name} ")[1].split()[0])
+    assert found == pytest.approx(gain, abs=0.015)
+
+
+def test_a_channel_that_is_clipped(tracked: Log):
+    most = 0.6 * np.abs(tracked.velocity).max()
+    told = first(replace(tracked, velocity=np.clip(tracked.velocity, -most, most)))
+    assert "the channel is clipped" in told
+
+
+def test_counts_of_whole_radians_a_second_are_no_standstill(tracked: Log):
+    told = first(replace(tracked, velocity=np.round(tracked.velocity)))
+    assert "stands still" not in told and "steps of 1 rad/s" in told

@@ -27,9 +27,8 @@ def shares(missing: Callable[[int, np.ndarray], np.ndarray], seed: int = 0) -> d
         folds.append(FoldRows(np.zeros((ROWS, 0)), columns, residual, 100))
         none = np.zeros((ROWS, 3))
         time = STEP * np.arange(ROWS, dtype=float)
-        variables.append(
-            MotionVariables((), (), (), time, none, none, none, none, none, none, none, none)
-        )
+        of_motion = (none, none, none, none, none, none, none, none, none, none)
+        variables.append(MotionVariables((), (), (), time, *of_motion))
         reductions.append(RowReduction(10.0, 0.0, STEP, 1))
     found = log_shares(folds, variables, reductions, SETTINGS)
     return {item.variable: item for item in found}

@@ -15,6 +15,7 @@ import pytest
 
 from controllers.recording import record
 from identification.fitting.identify import identify
+from identification.fitting.least_squares import fit
 from identification.logs.reading import read_log
 from identification.logs.wheel_checks import slip_of
 from identification.mechanisms.mecanum import Mecanum
@@ -103,6 +104,17 @@ def test_a_sound_model_leaves_nothing_to_explain():
     assert found.leading == ()
     assert all(share.share == 0.0 for share in found.shares)
     assert abs(found.refit) < 0.05
+
+
+@pytest.mark.parametrize("seed", [0, 1])
+def test_noise_of_the_speeds_that_accelerations_share_explains_nothing(seed: int):
+    """A difference over two samples has less noise than the model's own, and seemed to explain."""
+    log = recording(noise=0.0)
+    noise = 0.01 * np.random.default_rng(seed).standard_normal(log.velocity.shape)
+    samples = [MECHANISM.samples(replace(log, velocity=log.velocity + noise))]
+    found = residual_map(MECHANISM, fit(MECHANISM, samples, PAPER.theta).theta, samples)
+    (yaw,) = (share for share in found.shares if share.variable == "acceleration_yaw")
+    assert yaw.p_value > 0.05
 
 
 @pytest.mark.parametrize("rate", [50.0, 250.0])

@@ -101,5 +101,5 @@ def test_the_script_is_plain_shell(project: Project):
 
 def test_a_damaged_project_is_told_in_one_line(project: Project):
     (project.home / "project.json").write_text('{"steps": 3}')
-    with pytest.raises(InputError, match=r"project.json: is no project of the workbench"):
+    with pytest.raises(InputError, match=r"is it a project of the workbench"):
         Project.open(project.folder, "", [])

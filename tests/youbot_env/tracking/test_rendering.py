@@ -11,6 +11,7 @@ import numpy as np
 import pytest
 
 from youbot_env import InputError
+from youbot_env.physics.geometry import SIGN_LATERAL
 from youbot_env.tracking.env import YouBotTrackingEnv
 
 pytest.importorskip("pygame")
@@ -69,10 +70,10 @@ def test_velocity_arrow_grows_with_the_speed():
 
 def test_rollers_slant_outwards_from_the_centre_and_move_with_the_wheel():
     for wheel, slant in zip(range(4), (1, -1, -1, 1), strict=True):
-        still = rendering._stripes(1.0, -rendering.SIGN_LATERAL[wheel], 0.3)
+        still = rendering._stripes(1.0, -SIGN_LATERAL[wheel], 0.3)
         run = np.diff(still, axis=1)[:, 0]
         assert run[:, 1] / run[:, 0] == pytest.approx(np.full(len(run), slant))
-        turned = rendering._stripes(1.0, -rendering.SIGN_LATERAL[wheel], 0.35)
+        turned = rendering._stripes(1.0, -SIGN_LATERAL[wheel], 0.35)
         assert (turned.mean(axis=1)[:, 0] > still.mean(axis=1)[:, 0]).all()
 
 

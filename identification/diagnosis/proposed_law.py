@@ -1,0 +1,159 @@
+"""A law beyond the catalogue, judged as effects are: fitted jointly, held out, in free run."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import replace
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from identification.diagnosis.structures import FittedStructure, LoggedData, Step
+from identification.fitting.least_squares import Fit
+from identification.mechanisms.mechanism import Mechanism
+from identification.proposal.law import FoundLaw, Verdict
+from identification.proposal.proposal import Proposal
+from identification.proposal.propose import Left, find_law, with_law
+from identification.proposal.settings import ProposalSettings
+
+Array = NDArray[np.float64]
+
+
+class Fits(NamedTuple):
+    """How structures are fitted: structure(data, mechanism, theta) jointly on all logs, and
+    final(...) with intervals, see `final_fit`."""
+
+    structure: Callable[[LoggedData, Mechanism[Any], Array], FittedStructure]
+    final: Callable[..., Fit]
+
+
+def propose(
+    data: LoggedData, steps: tuple[Step, ...], unexplained: bool, fits: Fits
+) -> tuple[tuple[Step, ...], Proposal | None]:
+    """The law that explains what the last step leaves, and the steps that hold beside it.
+
+    It is sought beside the accepted effects and without them: what has no name in the catalogue is
+    imitated by what has. Where the law does as well without them, they are no part of the answer.
+
+    ``unexplained``: whether the motion predicts a part of what the last step leaves
+    """
+    found = _found(data, steps, unexplained, fits)
+    if found is None:
+        return steps, None
+    base, verdict, fitted, count = found
+    kept = steps[:count]
+    step = data.step(fitted, verdict.found.law.name)
+    return kept, _proposal(data, kept, step, verdict, fits)
+
+
+Found = tuple[Step, Verdict, FittedStructure, int]
+"""The step below a law, the law, the joint fit, and how many steps are kept."""
+
+
+def _found(data: LoggedData, steps: Sequence[Step], unexplained: bool, fits: Fits) -> Found | None:
+    """The best of laws beside all accepted effects and beside none."""
+    counts = [len(steps)] if len(steps) == 1 or not unexplained else [1, len(steps)]
+    found: list[Found] = []
+    for count in counts:
+        base = steps[count - 1]
+        left = Left(
+            base.fitted.mechanism,
+            base.fitted.theta,
+            base.fitted.free,
+            base.predictable.systematic_share if unexplained else 0.0,
+            base.predictable.is_episodic,
+        )
+        settings = data.settings
+        verdict = find_law(
+            *(left, data.samples, data.seed, settings.proposal, settings.fit, data.progress)
+        )
+        if verdict is None:
+            continue
+        verdict = replace(verdict, found=_named_apart(verdict.found, base.fitted))
+        mechanism, start = _with_law(base.fitted, verdict.found)
+        fitted = fits.structure(data, mechanism, start)
+        if fitted.square < base.fitted.square:
+            found.append((base, verdict, fitted, count))
+        if count == 1 and found and _is_enough(data, steps, fitted, settings.proposal):
+            break
+    if not found:
+        return None
+    alone = found[0]
+    most = 1.0 + data.settings.min_extension_gain
+    best = min(found, key=lambda item: item[2].square)
+    return alone if alone[2].square <= most * best[2].square else best
+
+
+def _is_enough(
+    data: LoggedData, steps: Sequence[Step], fitted: FittedStructure, settings: ProposalSettings
+) -> bool:
+    """Whether a law without the accepted effects leaves less than they do, and no more than noise
+    by far."""
+    return fitted.square < settings.max_rest_share * steps[-1].fitted.square
+
+
+def _named_apart(found: FoundLaw, base: FittedStructure) -> FoundLaw:
+    """The law under a name that no effect has."""
+    name, known, number = found.law.name, base.mechanism.kind.catalogue.names(), 2
+    while name in known:
+        name, number = f"{found.law.name}_{number}", number + 1
+    return replace(found, law=replace(found.law, name=name))
+
+
+def _with_law(base: FittedStructure, found: FoundLaw) -> tuple[Mechanism[Any], Array]:
+    """The mechanism with the law beside all that it holds, and theta (P,)."""
+    effect = found.effect()
+    values = [found.values.get(name, 0.0) for name in effect.parameter_names]
+    return with_law(base.mechanism, effect), np.concatenate([base.theta, values])
+
+
+def _proposal(
+    data: LoggedData, kept: Sequence[Step], step: Step, verdict: Verdict, fits: Fits
+) -> Proposal:
+    fitted, settings = step.fitted, data.settings
+    args = (fitted.mechanism, data.samples, data.noise, fitted.theta, data.seed, settings.fit)
+    final = fits.final(*args)
+    parameters = _parameters(fitted, final, verdict.found, settings.fit.interval_deviations)
+    values = {name: entry["value"] for name, entry in parameters.items()}
+    base = kept[-1]
+    # Judged with the same folds, or the errors could not be compared.
+    before = data.step(base.fitted, base.effect, fitted.held_out.folds).force_error
+    systematic = base.predictable.systematic_share
+    share = None
+    if systematic > 0:
+        share = min((1.0 - (step.force_error / before) ** 2) / systematic, 1.0)
+    return Proposal(
+        replace(verdict.found, values=values),
+        parameters,
+        step.force_error,
+        step.velocity_error,
+        share,
+        verdict,
+        tuple(item.effect for item in kept if item.effect),
+        tuple(item.name for item in data.samples),
+    )
+
+
+def _parameters(
+    fitted: FittedStructure, final: Fit, found: FoundLaw, deviations: float
+) -> dict[str, dict[str, Any]]:
+    """Value, unit, std and interval of each parameter of the law; None where it was not fitted."""
+    names = fitted.mechanism.parameter_names
+    free = {int(k): n for n, k in enumerate(final.free)}
+    entries: dict[str, dict[str, Any]] = {}
+    for index, label in enumerate(fitted.mechanism.labels):
+        if names[index].rpartition(".")[0] != found.law.name:
+            continue
+        value = float(final.theta[index])
+        std = float(final.std[free[index]]) if index in free else None
+        interval = None
+        if std is not None:
+            interval = [value - deviations * std, value + deviations * std]
+        entries[label.name] = {
+            "value": value,
+            "unit": label.parameter.unit,
+            "std": std,
+            "interval": interval,
+        }
+    return entries

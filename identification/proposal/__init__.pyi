@@ -1,0 +1,3 @@
+from .law import FoundLaw as FoundLaw, Law as Law
+from .proposal import Proposal as Proposal
+from .settings import ProposalSettings as ProposalSettings

@@ -1,0 +1,129 @@
+"""Which laws are tried of a mechanism: its grammar, at values that its logs suggest."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Sequence
+from functools import cached_property
+from typing import Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+from identification.mechanisms.samples import Samples
+from identification.proposal import platform_laws
+from identification.proposal.evidence import Evidence
+from identification.proposal.law import Law, Shapes
+from identification.proposal.periods import cycles_of_angles, periods_over_floor
+from identification.proposal.platform_laws import Surroundings
+
+Array = NDArray[np.float64]
+Choices = Iterable[Shapes]
+
+
+class Grammar(Protocol):
+    """The laws of a mechanism, each with the values at which its shape constants are tried."""
+
+    def single(self) -> list[tuple[Law, Choices]]:
+        """Laws of one variable."""
+        ...
+
+    def periodic(self) -> list[tuple[Law, Choices]]:
+        """Laws that repeat themselves, near what a scan over all periods shows."""
+        ...
+
+    def products(self, leaders: Sequence[Law]) -> list[tuple[Law, Choices]]:
+        """Laws that act in a part of the motion alone, made of the best of one variable."""
+        ...
+
+
+class PlatformGrammar:
+    """The laws of a mecanum platform."""
+
+    def __init__(self, evidence: Evidence, samples: Sequence[Samples]) -> None:
+        self.evidence, self.settings = evidence, evidence.settings
+        self.seen = surroundings(evidence, samples)
+
+    def single(self) -> list[tuple[Law, Choices]]:
+        """Laws of one variable."""
+        return self._with_choices(platform_laws.single_laws(self.seen, self.settings))
+
+    def periodic(self) -> list[tuple[Law, Choices]]:
+        """Ripples of the floor and of the wheels."""
+        laws = [platform_laws.ripple_over_floor(*pair) for pair in self._periods()]
+        laws += [
+            platform_laws.ripple_of_wheels(cycles, each)
+            for cycles in self._cycles()
+            for each in (False, True)
+        ]
+        return self._with_choices(laws)
+
+    def _periods(self) -> list[tuple[float, float]]:
+        place: list[Array] = []
+        force: list[Array] = []
+        for scene, back in zip(self.evidence.scenes, self._back, strict=True):
+            c, s = np.cos(scene.pose[:, 2]), np.sin(scene.pose[:, 2])
+            # The transpose of the way from a force in the world to one on the body.
+            along_x, along_y = c * back[:, 0] - s * back[:, 1], s * back[:, 0] + c * back[:, 1]
+            force.append(np.column_stack([along_x, along_y]))
+            place.append(scene.pose[:, :2])
+        rate = self.evidence.mechanism.filter_rate
+        twist = np.concatenate([scene.twist for scene in self.evidence.scenes])
+        speed = np.hypot(twist[:, 0], twist[:, 1])
+        return periods_over_floor(
+            np.concatenate(place), np.concatenate(force), speed, rate, self.settings
+        )
+
+    def _cycles(self) -> list[float]:
+        mechanism, scenes = self.evidence.mechanism, self.evidence.scenes
+        joints = range(len(mechanism.joints))
+        # Force of a unit torque at each joint.
+        units = [
+            mechanism.kind.force_of(mechanism.geometry, tuple(float(k == i) for k in joints))
+            for i in joints
+        ]
+        angles = [np.concatenate([scene.angle[:, i] for scene in scenes]) for i in joints]
+        torques = [np.concatenate([back @ np.array(unit) for back in self._back]) for unit in units]
+        speed = np.concatenate([scene.wheel_speed.ravel() for scene in scenes])
+        return cycles_of_angles(angles, torques, speed, mechanism.filter_rate, self.settings)
+
+    @cached_property
+    def _back(self) -> list[Array]:
+        return self.evidence.taken_back()
+
+    def products(self, leaders: Sequence[Law]) -> list[tuple[Law, Choices]]:
+        """Laws of the world in a patch, beyond an edge, from a time on."""
+        factors = {law.name: law for law in platform_laws.canonical_factors(self.seen)}
+        factors |= {law.name: law for law in leaders if law.terms <= self.settings.max_factor_terms}
+        return self._with_choices(
+            [
+                law
+                for factor in factors.values()
+                for law in platform_laws.products(factor, self.seen, self.settings)
+            ]
+        )
+
+    def _with_choices(self, laws: Sequence[Law]) -> list[tuple[Law, Choices]]:
+        pick = platform_laws.choices_of
+        return [(law, list(pick(law, self.seen, self.settings))) for law in laws]
+
+
+def surroundings(evidence: Evidence, samples: Sequence[Samples]) -> Surroundings:
+    """What the logs show of a platform's motion."""
+    twist = np.concatenate([item.twist for item in samples])
+    jacobian = evidence.mechanism.geometry.roller_jacobian
+    return Surroundings(
+        (_rms(twist[:, 0]), _rms(twist[:, 1]), _rms(twist[:, 2])),
+        _rms(np.concatenate([item.wheel_speed for item in samples])),
+        _rms(twist @ jacobian.T),
+        _rms(np.concatenate([item.torque for item in samples])),
+        *evidence.loud_places(),
+        max(float(item.time[-1]) for item in samples),
+    )
+
+
+def _rms(values: Array) -> float:
+    return float(np.sqrt((values**2).mean()))
+
+
+GRAMMARS: dict[str, Callable[[Evidence, Sequence[Samples]], Grammar]] = {"mecanum": PlatformGrammar}
+"""Of each kind of mechanism, by its name; no law is proposed for others."""

@@ -1,0 +1,42 @@
+"""Laws of the grammar for tests, at values that logs of a platform suggest."""
+
+from __future__ import annotations
+
+from functools import cache
+
+import numpy as np
+
+from identification.proposal import platform_laws
+from identification.proposal.law import FoundLaw, Law
+from identification.proposal.platform_laws import Surroundings
+from identification.proposal.settings import ProposalSettings
+
+SETTINGS = ProposalSettings()
+
+
+@cache
+def seen() -> Surroundings:
+    """Of a platform that drove through three metres of floor."""
+    rng = np.random.default_rng(0)
+    place = rng.uniform(-1.5, 1.5, (500, 2))
+    return Surroundings((0.1, 0.1, 0.5), 4.0, 12.0, 0.6, place, np.ones(500), 60.0)
+
+
+@cache
+def every_law() -> tuple[Law, ...]:
+    """Single ones, products of two, and those that repeat themselves."""
+    laws = platform_laws.single_laws(seen(), SETTINGS)
+    factors = platform_laws.canonical_factors(seen())
+    laws += [p for law in factors for p in platform_laws.products(law, seen(), SETTINGS)]
+    laws += [platform_laws.ripple_over_floor(0.1, 0.3)]
+    laws += [platform_laws.ripple_of_wheels(7.3, each) for each in (False, True)]
+    return tuple(laws)
+
+
+def at_some_size(law: Law) -> FoundLaw:
+    """The law at strengths of one and the first of its shape constants."""
+    values = {name: 1.0 for c in law.strengths for name in c.names}
+    for c in law.constants:
+        if not c.is_shape:
+            values |= dict.fromkeys(c.names, float(np.clip(1.0, c.lower, c.upper)))
+    return FoundLaw(law, values | {c.name: c.values[len(c.values) // 2] for c in law.shapes})

@@ -1,0 +1,128 @@
+"""The law that is missing is found, with its size; where nothing is missing there is none."""
+
+from __future__ import annotations
+
+from functools import cache
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from identification.diagnosis.candidates import fit_base
+from identification.diagnosis.structures import LoggedData
+from identification.fitting.gauge import gauge_basis
+from identification.fitting.regression import regression
+from identification.fitting.settings import FitSettings
+from identification.mechanisms.registry import mechanism_of
+from identification.proposal.evidence import Evidence, Trial
+from identification.proposal.law import FoundLaw
+from identification.proposal.propose import Left, find_law, with_law
+from identification.proposal.settings import ProposalSettings
+from tests.identification.proposal.laws import every_law
+from tests.identification.recordings import recording
+from youbot_env.model.model_file import load_model
+from youbot_env.physics.effect import CATALOGUE
+from youbot_env.plugins import load_effects
+
+FIT = FitSettings(row_rate=ProposalSettings().row_rate)
+
+
+@cache
+def data_of(effects=(), motion="calibration"):
+    mechanism = mechanism_of(load_model("paper"))
+    data = LoggedData(mechanism, [recording(motion, effects)])
+    return data, fit_base(data, mechanism, load_model("paper").theta)
+
+
+def evidence_of(data, base, blocks=6):
+    rows = [regression(base.mechanism, base.theta, s, base.free, FIT) for s in data.samples]
+    basis = gauge_basis(base.mechanism, base.free) / base.mechanism.scale[base.free][:, None]
+    return Evidence(
+        *(base.mechanism, base.theta, data.samples),
+        *([r.residual for r in rows], [r.columns @ basis for r in rows], [r.step for r in rows]),
+        *(FIT.filter.settling_time_constants, 0, ProposalSettings(), blocks),
+    ), rows
+
+
+def law_named(name):
+    return next(law for law in every_law() if law.name == name)
+
+
+def test_rows_of_a_force_are_those_of_the_regression():
+    data, base = data_of()
+    evidence, rows = evidence_of(data, base)
+    friction = base.mechanism.kind.base["roller_viscous_friction"]
+    scene = evidence.scenes[0]
+    mine = scene.rows(scene.force(friction, [1.0]))
+    k = list(base.mechanism.parameter_names).index("mu2")
+    theirs = rows[0].columns[: len(mine), :, list(base.free).index(k)]
+    assert np.abs(mine - theirs).max() < 3e-3 * np.abs(theirs).max()
+
+
+def test_taking_rows_back_is_the_transpose_of_making_them():
+    data, base = data_of()
+    scene = evidence_of(data, base)[0].scenes[0]
+    rng = np.random.default_rng(0)
+    # Slow, so that the shift within a row, which the way back leaves out, is none.
+    force = np.cumsum(rng.standard_normal((len(scene.time), 3)), axis=0)
+    rows = scene.rows(force)
+    other = np.cumsum(rng.standard_normal(rows.shape), axis=0)
+    assert (rows * other).sum() == pytest.approx((force * scene.back(other)).sum(), rel=2e-2)
+
+
+def test_held_out_squares_are_those_of_fits_without_each_fold():
+    data, base = data_of()
+    evidence, _ = evidence_of(data, base)
+    trial = Trial(law_named("line_spring"))
+    columns = evidence.columns(trial, (0.3,))
+    sums = evidence.sums(columns)
+    joined = np.concatenate([evidence.base, evidence._blocked(columns)], axis=2)
+    total = 0.0
+    for k in range(evidence.settings.folds):
+        known = evidence.seen & (evidence.fold != k)
+        held = evidence.seen & (evidence.fold == k)
+        left = joined[known].reshape(-1, joined.shape[2])
+        step, *_ = np.linalg.lstsq(left, evidence.target[known].ravel(), rcond=None)
+        total += ((evidence.target[held][..., 0] - joined[held] @ step) ** 2).sum()
+    assert evidence.held_out(sums, trial) == pytest.approx(total, rel=1e-6)
+
+
+def test_what_the_search_does_not_see_is_in_no_fold():
+    data, base = data_of()
+    evidence, _ = evidence_of(data, base)
+    share = evidence.unseen.mean()
+    assert 0.3 < share < 0.5
+    stretches = set(evidence.stretch[evidence.unseen])
+    assert not stretches & set(evidence.stretch[evidence.seen])
+
+
+def test_nothing_is_proposed_where_nothing_is_missing():
+    data, base = data_of()
+    for predictable in (0.0, 0.5):
+        left = Left(base.mechanism, base.theta, base.free, predictable)
+        quick = ProposalSettings(refined=3, max_spots=10)
+        assert find_law(left, data.samples, 0, quick, data.settings.fit) is None
+
+
+def test_a_dry_force_along_one_direction_is_found_with_its_size(tmp_path: Path, monkeypatch):
+    monkeypatch.setattr(CATALOGUE, "_effects", dict(CATALOGUE._effects))
+    nap = FoundLaw(law_named("dry_nap"), {"force": 9.0, "smoothing": 0.01, "direction": 0.9})
+    path = tmp_path / "nap.py"
+    path.write_text(nap.file_text("Planted by a test."))
+    load_effects(path)
+    data, base = data_of((("dry_nap", (("force", 9.0),)),))
+    left = Left(base.mechanism, base.theta, base.free, 0.8)
+    found = find_law(left, data.samples, 0, ProposalSettings(), data.settings.fit)
+    assert found is not None and found.found.law.name == "dry_nap"
+    assert found.found.values["direction"] == pytest.approx(0.9, abs=0.01)
+    assert found.found.values["force"] == pytest.approx(9.0, rel=0.03)
+    assert found.unseen_fall > 0.9 and found.unseen_p_value <= 0.01
+    again = find_law(left, data.samples, 0, ProposalSettings(), data.settings.fit)
+    assert again is not None and again.found.values == found.found.values
+
+
+def test_a_law_is_no_candidate_of_other_robots():
+    _, base = data_of()
+    more = with_law(base.mechanism, FoundLaw(law_named("air_drag"), {}).effect())
+    assert "air_drag" in more.catalogue and "air_drag" in more.structure.effects
+    assert "air_drag" not in CATALOGUE and "air_drag" not in base.mechanism.catalogue
