@@ -482,7 +482,9 @@ def _misfit(error: Any, noun: str) -> str:
         known = ", ".join(node["properties"])
         return f"{_at(path)}unknown key {_short(repr(key))}; known are {known}"
     if rule == "enum":
-        return f"{what} {_short(repr(value))} is none of {', '.join(error.rule_definition)}"
+        return (
+            f"{what} {_short(repr(value))} is none of {', '.join(map(str, error.rule_definition))}"
+        )
     if rule in BOUNDS:
         return f"{what}: {_short(value)} must be {BOUNDS[rule]} {error.rule_definition:.10g}"
     if rule in ("minItems", "maxItems"):

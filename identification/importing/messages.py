@@ -6,7 +6,7 @@ import json
 import re
 from collections.abc import Iterator, Mapping, Sequence
 from itertools import islice
-from typing import Any
+from typing import Any, cast
 
 import numpy as np
 
@@ -55,6 +55,10 @@ class TopicReader:
         if self._count > self._settings.max_messages:
             cure = "cut the recording into pieces"
             raise fault(self._source, f"{self._topic} has too many messages", cure)
+        # SQLite keeps values of any type in a column of numbers.
+        if not isinstance(cast(object, received), int):
+            cure = "it is damaged: record again, or repair it (ros2 bag reindex)"
+            raise fault(self._source, f"{self._topic}: the time of a message is no number", cure)
         transforms = _field(message, "transforms")
         if transforms is None:
             self._of("").add(received, message, self._settings)

@@ -75,12 +75,6 @@ SHARED: dict[str, Schema] = {
 checked after the schema."""
 
 
-def numbers_schema(names: Iterable[str]) -> Schema:
-    """An object with a number under each name."""
-    names = list(names)
-    return {"type": "object", "properties": dict.fromkeys(names, ENTRY), "required": names}
-
-
 def history_to_dict(model: Any) -> dict[str, Any]:
     """A model's record of its own fit: covariance, logs, errors, provenance."""
     return {
@@ -333,18 +327,22 @@ def _effect(name: str, entry: Mapping[str, Any]) -> dict[str, Estimate]:
     return estimates({**shapes, **given}, units, f"effects.{name}.parameters")
 
 
-GEOMETRY: Schema = numbers_schema(LENGTHS)
 _LIMIT: Schema = {**ENTRY, "type": ["number", "object", "null"]}
 _ANGLES: Schema = {
     # One for all wheels, bare or with its unit, or a list.
     **ENTRY,
     **{"type": ["number", "object", "array", "null"], "items": ENTRY, "minItems": 4, "maxItems": 4},
 }
-GEOMETRY["properties"] |= {
-    "arrangement": {"enum": list(ARRANGEMENTS)},
-    "roller_angles": _ANGLES,
-    "torque_limit": _LIMIT,
-    "speed_limit": _LIMIT,
+GEOMETRY: Schema = {
+    "type": "object",
+    "properties": {
+        **dict.fromkeys(LENGTHS, ENTRY),
+        "arrangement": {"enum": list(ARRANGEMENTS)},
+        "roller_angles": _ANGLES,
+        "torque_limit": _LIMIT,
+        "speed_limit": _LIMIT,
+    },
+    "required": list(LENGTHS),
 }
 
 MODEL_FILE = FileKind(

@@ -128,21 +128,19 @@ class Geometry:
         if self.arrangement not in ARRANGEMENTS:
             raise InputError(f"geometry arrangement: {self.arrangement!r} is neither 'X' nor 'O'")
         angles = tuple(self.roller_angles)
-        if len(angles) != len(WHEELS) or not all(
-            isinstance(angle, (int, float)) and isfinite(angle) for angle in angles
-        ):
+        if len(angles) != len(WHEELS) or not all(map(_is_finite, angles)):
             raise InputError(
                 f"geometry roller_angles: {self.roller_angles!r} are not four finite numbers "
                 f"({', '.join(WHEELS)})"
             )
-        for wheel, angle in zip(WHEELS, angles, strict=True):
+        for wheel, angle in zip(WHEELS, self.roller_angles, strict=True):
             if not MIN_ROLLER_ANGLE <= angle <= MAX_ROLLER_ANGLE:
                 cure = "in degrees? multiply by pi/180" if angle > pi / 2 else "it is positive"
                 raise InputError(
                     f"geometry roller_angles: {angle:g} rad of wheel {wheel} is not between "
                     f"{MIN_ROLLER_ANGLE:.2f} and {MAX_ROLLER_ANGLE:.2f} ({cure})"
                 )
-        object.__setattr__(self, "roller_angles", tuple(map(float, angles)))
+        object.__setattr__(self, "roller_angles", tuple(map(float, self.roller_angles)))
         if self.is_plain:
             return
         columns = self._rows() / np.array([1.0, 1.0, self.l + self.h])
@@ -281,6 +279,10 @@ def no_force_of(jacobian: NDArray[np.float64]) -> tuple[float, ...]:
     return tuple((null * np.sign(null[0]) * 4 / np.abs(null).sum()).tolist())
 
 
+def _is_finite(value: object) -> bool:
+    return isinstance(value, (int, float)) and isfinite(value)
+
+
 def _is_45(angle: float) -> bool:
     """Whether an angle is 45 degrees, written with ten digits or more."""
     return abs(angle - pi / 4) < 1e-9
@@ -407,9 +409,10 @@ def allocate(geometry: Lengths | UnevenContacts, force: Sequence[N]) -> tuple[N,
     fx, fy, mz = force
     lever = geometry.l + geometry.h
     # The pseudo-inverse: columns are orthogonal, and four wheels share each component.
-    return tuple(
+    torques = tuple(
         geometry.R / 4 * (fx + SIGN_LATERAL[i] * fy - SIGN_Y[i] * mz / lever) for i in range(4)
     )
+    return cast("tuple[N, ...]", torques)
 
 
 def nearest_twist(geometry: Lengths | UnevenContacts, rates: Sequence[N]) -> tuple[N, N, N]:
@@ -419,7 +422,7 @@ def nearest_twist(geometry: Lengths | UnevenContacts, rates: Sequence[N]) -> tup
         return cast("tuple[N, N, N]", _solved(rows, _transposed_product(rows, rates)))
     fx, fy, mz = body_force(geometry, rates)
     lever, scale = geometry.l + geometry.h, geometry.R * geometry.R / 4
-    return scale * fx, scale * fy, scale * mz / (lever * lever)
+    return cast("tuple[N, N, N]", (scale * fx, scale * fy, scale * mz / (lever * lever)))
 
 
 def roller_force(geometry: Lengths | UnevenContacts, torque: Sequence[Number]) -> Triple:

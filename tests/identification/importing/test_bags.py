@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import sqlite3
 import sys
 from pathlib import Path
 from typing import Any
@@ -16,7 +17,15 @@ from identification.importing.exporting import export_log
 from identification.importing.importing import import_source, open_source
 from identification.importing.readers import read_source
 from identification.logs.reading import read_log, write_log
-from tests.identification.importing.bags import BAGS, LOG, START, mcap_cdr, ros1_bag, ros2_bag
+from tests.identification.importing.bags import (
+    BAGS,
+    LOG,
+    START,
+    lone_db3,
+    mcap_cdr,
+    ros1_bag,
+    ros2_bag,
+)
 from tests.identification.shared_data import DATA
 from youbot_env.errors import InputError
 
@@ -180,3 +189,11 @@ def test_a_log_that_was_written_is_read(bags: dict[str, Path], tmp_path: Path) -
     log = read_log(tmp_path / "run.csv")
     assert np.allclose(log.velocity, LOG.velocity, atol=1e-6)
     assert log.pose is not None and log.gyro_z is not None and log.position is not None
+
+
+def test_a_time_of_another_type_in_a_database_is_one_line(tmp_path: Path):
+    path = lone_db3(tmp_path)
+    with sqlite3.connect(path) as database:
+        database.execute("UPDATE messages SET timestamp = x'17' WHERE id = 40")
+    with pytest.raises(InputError, match="the time of a message is no number"):
+        import_source(open_source([path]))

@@ -136,3 +136,9 @@ def test_a_delay_of_the_map_is_undone(tmp_path: Path) -> None:
     # The speed that was logged at t is that of t - 30 ms: three rows earlier.
     assert np.allclose(made.channels["velocity"], LOG.velocity[3:], atol=1e-4)
     assert np.allclose(made.channels["effort"], LOG.effort[:-3], atol=1e-4)
+
+
+def test_a_map_of_another_version_is_one_line(tmp_path: Path):
+    (tmp_path / "m.toml").write_text("version = 0\n[velocity]\nfl = 'a'\n")
+    with pytest.raises(InputError, match="version 0 is none of 1"):
+        read_map(tmp_path / "m.toml")

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from dataclasses import replace
 from functools import cache
+from typing import Any
 
 import numpy as np
 import pytest
@@ -51,6 +52,11 @@ OF_PLACES = {"uneven_roller_friction", "roller_angle_error"}
 """Effects of single rollers, which do depend on where a wheel stands along its roller's axis."""
 
 
+def stacked(components: Any) -> np.ndarray:
+    """Components, some of which may be plain numbers, as one array."""
+    return np.array(np.broadcast_arrays(*components))
+
+
 @cache
 def robot(name: str, case: str = "base") -> Model:
     """A model on other wheels."""
@@ -88,7 +94,7 @@ def test_all_maps_are_of_one_matrix(geometry: Geometry):
     force = np.array(body_force(geometry, tuple(torque)))
     np.testing.assert_allclose(force, jacobian.T @ torque, atol=1e-11)
     np.testing.assert_allclose(
-        np.array(np.broadcast_arrays(*roller_force(geometry, tuple(torque)))),
+        stacked(roller_force(geometry, tuple(torque))),
         geometry.roller_jacobian.T @ torque,
         atol=1e-10,
     )
@@ -113,7 +119,7 @@ def test_what_is_written_out_for_x_is_the_rows():
         (nearest_twist, torque),
         (allocate, twist),
     ):
-        found = (np.array(np.broadcast_arrays(*plain(g, values))) for g in (geometry, rows))
+        found = (stacked(plain(g, values)) for g in (geometry, rows))
         np.testing.assert_allclose(*found, rtol=1e-12, atol=1e-12)
 
 
