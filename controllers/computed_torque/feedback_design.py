@@ -198,7 +198,7 @@ def velocity_map(model: Model) -> Array:
 
     How late a filtered speed comes, and creep under load, are no part of it.
     """
-    none, one = np.zeros(4), np.ones(4)
+    none, one = [0.0] * 4, [1.0] * 4
     zero, unit = (
         dynamics.true_speed(np, model.structure, model.theta, speed, none, none, 0.0)
         for speed in (none, one)

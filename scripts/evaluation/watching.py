@@ -36,7 +36,7 @@ def drive(
     for name in names:
         check(name)
     believed = plant.truth if model == KNOWN else load_model(model)
-    loop, motion = settings.known(), reference.motion(plant, seed, 0)
+    loop, motion = settings.known(plant.truth.geometry), reference.motion(plant, seed, 0)
     bound = TrackingTask().largest_twist(plant.truth.geometry)
     return {
         name: closed_loop(

@@ -409,7 +409,7 @@ class Equations:
     def legend(self, show: Any, values: dict[sympy.Expr, float]) -> list[str]:
         """What the forces are, what drives and channels do, and which rates stand in a line."""
         torque = [wheel.torque for wheel in self.points.wheels]
-        force = body_force(self.rolling, torque)
+        force: tuple[Any, ...] = body_force(self.rolling, torque)
         lines = [
             f"{show(sympy.Symbol(side))} = {show(with_values(tidy(value), values))}"
             for side, value in zip(SIDES, map(sympy.factor_terms, force), strict=True)

@@ -316,7 +316,7 @@ def test_geometry_comes_from_a_file_a_model_or_a_name(tmp_path: Path):
     plain, whole = tmp_path / "g.json", tmp_path / "m.json"
     plain.write_text(json.dumps(other))
     whole.write_text(json.dumps(content() | {"geometry": other}))
-    assert load_geometry(plain) == load_geometry(whole) == Geometry(**other)
+    assert load_geometry(plain) == load_geometry(whole) == Geometry(0.2, 0.3, 0.06, 0.011, 2.0)
     assert load_geometry("paper") == Geometry()
 
 
