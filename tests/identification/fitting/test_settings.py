@@ -10,6 +10,7 @@ import pytest
 from identification.fitting.identify import identify
 from identification.fitting.settings import (
     FitSettings,
+    HarmonicScanSettings,
     PredictabilitySettings,
     WheelEvidenceSettings,
 )
@@ -19,11 +20,11 @@ from identification.signals.noise import NoiseSettings
 from tests.identification.recordings import recording
 from youbot_env.errors import InputError
 
-NESTED = ("filter", "noise", "mechanism", "predictability", "held", "kinematics")
+NESTED = ("filter", "noise", "mechanism", "predictability", "harmonic_scan", "held", "kinematics")
 
 FIELDS = [item for item in fields(FitSettings) if item.name not in NESTED]
 FIELDS += [*fields(FilterSettings), *fields(NoiseSettings), *fields(PredictabilitySettings)]
-FIELDS += [*fields(HeldSettings), *fields(WheelEvidenceSettings)]
+FIELDS += [*fields(HeldSettings), *fields(WheelEvidenceSettings), *fields(HarmonicScanSettings)]
 
 
 @pytest.mark.parametrize("item", FIELDS, ids=lambda item: item.name)
