@@ -1,4 +1,4 @@
-"""Diagnose many robots, a folder of logs each, here or on a cluster."""
+"""Diagnose many robots, a folder of logs each, on many machines."""
 
 from __future__ import annotations
 

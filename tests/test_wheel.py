@@ -29,6 +29,7 @@ SHIPPED = (
     ".csv.gz",
     ".html",
     ".css",
+    ".js",
     "py.typed",
     ".c",
     ".h",

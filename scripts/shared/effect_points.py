@@ -33,6 +33,7 @@ FIELDS: dict[str, tuple[str, str]] = {
     "torque_second_rate": ("N m/s^2", "second derivative of the torque"),
     "speed": ("rad/s", "of the wheel joint"),
     "speed_rate": ("rad/s^2", "its derivative"),
+    "tangent": ("1", "of the roller's nominal angle to X, 1 at 45 degrees"),
     "time": ("s", "since the log's start"),
     "start": ("s", "that start, on the clock that the logs share"),
     "base": ("", "parameters: " + ", ".join(f"base.{name}" for name in Base._fields)),

@@ -248,7 +248,9 @@ class TestCompletion:
         assert capsys.readouterr().out.split() == [offered]
 
     def test_prints_the_script_of_a_shell(self, tmp_path):
-        environment = {**os.environ, "HOME": str(tmp_path)}
+        # No shell need be among the parents of a test.
+        detection = {"_TYPER_COMPLETE_TEST_DISABLE_SHELL_DETECTION": "1"}
+        environment = {**os.environ, "HOME": str(tmp_path), **detection}
         program = [sys.executable, "-m", "youbot_scripts.cli", "--show-completion", "bash"]
         done = subprocess.run(program, capture_output=True, text=True, timeout=60, env=environment)
         assert done.returncode == 0 and "_YOUBOT_COMPLETE=complete_bash" in done.stdout

@@ -49,7 +49,7 @@ def axes(tmp_path_factory: pytest.TempPathFactory) -> Fleet:
         effects = ("spring",) if name == "spring" else ()
         values = STAGE | {"coulomb": STAGE["coulomb"] * (1 + 0.01 * number)}
         (robots / name).mkdir(parents=True)
-        log = log_of(*planted(values, *effects), 50.0, noise=0.01)
+        log = log_of(*planted(values, *effects), 50.0, noise=0.05)
         write_log(robots / name / "drive.csv", replace(log, name="drive"))
     (robots / "dead").mkdir()
     (robots / "dead" / "drive.csv").write_text("time,velocity,effort\n0,x,1\n")
