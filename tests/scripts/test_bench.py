@@ -226,6 +226,7 @@ def test_a_given_log_comes_out_again_but_for_its_noise(name: str):
     assert (rows[:, 5:9] - effort).std() == pytest.approx(0.030, rel=0.02)
 
 
+@pytest.mark.slow
 @needs_data
 def test_multisines_are_like_the_given_ones():
     def twist_rms(log: np.ndarray) -> np.ndarray:

@@ -42,6 +42,7 @@ def test_it_recovers_from_a_payload_in_ten_seconds(name: str, mass: float) -> No
     assert control.estimator.changes == 1
 
 
+@pytest.mark.slow
 def test_without_adapting_the_payload_would_stay() -> None:
     fixed = ComputedTorque(PAPER, ONE_SAMPLE.loop)
     run = track(fixed, seconds=26.0, effects=payload(10.0, 8.0))

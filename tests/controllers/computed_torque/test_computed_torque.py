@@ -23,6 +23,7 @@ from tests.controllers.driving import (
     scaled,
     track,
 )
+from tests.sparing import mostly_slow
 from tests.youbot_env.structures import CASES, EVERYTHING, model as structure
 from youbot_env.errors import InputError
 from youbot_env.model.model import BASE_UNITS, Model
@@ -285,7 +286,7 @@ def test_a_reference_that_is_not_a_number_passes() -> None:
     np.testing.assert_allclose(control(seen, still()), 0.0, atol=1e-12)
 
 
-@pytest.mark.parametrize("pose", [True, False])
+@pytest.mark.parametrize("pose", mostly_slow([True, False], [True]))
 def test_a_slope_is_felt_where_the_platform_will_be(pose: bool) -> None:
     """Turning for 6 s, with the heading measured or reckoned from the wheels."""
     model = PAPER.with_effect("floor_tilt", tilt_x=0.04)

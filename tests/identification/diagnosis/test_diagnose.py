@@ -43,7 +43,7 @@ def test_nothing_missing_is_adequate_and_the_numbers_repeat_to_the_bit():
     ("name", "values"),
     [
         ("wheel_coulomb_friction", {"torque": 0.25}),
-        ("actuator_lag", {"time_constant": 0.06}),
+        pytest.param("actuator_lag", {"time_constant": 0.06}, marks=pytest.mark.slow),
         pytest.param("floor_tilt", {"tilt_x": -0.018, "tilt_y": 0.006}, marks=pytest.mark.slow),
         pytest.param("uneven_wheel_friction", {"extra_bl": 0.08}, marks=pytest.mark.slow),
         pytest.param("quadratic_friction", {"coefficient": 0.01}, marks=pytest.mark.slow),

@@ -18,6 +18,7 @@ from identification.mechanisms.mechanism import Mechanism
 from identification.mechanisms.plausibility import warnings_of
 from tests.identification.recordings import recording
 from tests.identification.shared_data import DATA, needs_data, theta, truth
+from tests.sparing import mostly_slow
 from youbot_env.errors import InputError
 from youbot_env.model.model_file import load_model, model_from_dict, model_to_dict
 from youbot_env.physics.geometry import Geometry
@@ -37,7 +38,9 @@ def check_recovery(model, expected):
 
 
 @needs_data
-@pytest.mark.parametrize("name", ["nominal_1", "nominal_2", "nominal_3"])
+@pytest.mark.parametrize(
+    "name", mostly_slow(["nominal_1", "nominal_2", "nominal_3"], ["nominal_1"])
+)
 def test_given_platforms_come_back_and_predict_held_out_runs(name):
     result = identify([read_log(DATA / name / "calibration.csv")])
     check_recovery(result.model, truth(name))

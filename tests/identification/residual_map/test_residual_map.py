@@ -25,6 +25,7 @@ from identification.residual_map.settings import ResidualMapSettings
 from identification.residual_map.shares import ResidualMap
 from tests.identification.recordings import recording
 from tests.identification.shared_data import DATA, needs_data
+from tests.sparing import mostly_slow
 from youbot_env.model.model_file import load_model
 from youbot_env.motions.multisine import multisine
 from youbot_env.physics.geometry import Geometry
@@ -117,8 +118,8 @@ def test_noise_of_the_speeds_that_accelerations_share_explains_nothing(seed: int
     assert yaw.p_value > 0.05
 
 
-@pytest.mark.parametrize("rate", [50.0, 250.0])
-@pytest.mark.parametrize("noise", [0.5, 2.0])
+@pytest.mark.parametrize("rate", mostly_slow([50.0, 250.0], [50.0]))
+@pytest.mark.parametrize("noise", mostly_slow([0.5, 2.0], [2.0]))
 def test_nor_at_other_rates_and_noise(rate: float, noise: float):
     logs = [MECHANISM.samples(recording("I", rate=rate, noise=noise, seed=k)) for k in (1, 2)]
     assert residual_map(MECHANISM, PAPER.theta, logs).leading == ()
