@@ -73,9 +73,11 @@ def _found(data: LoggedData, steps: Sequence[Step], unexplained: bool, fits: Fit
         verdict = replace(verdict, found=_named_apart(verdict.found, base.fitted))
         mechanism, start = _with_law(base.fitted, verdict.found)
         fitted = fits.structure(data, mechanism, start)
-        if fitted.square < base.fitted.square:
+        enough = _is_enough(steps, fitted, settings.proposal)
+        # Effects of the catalogue give way only to a law that leaves much less than they do.
+        if fitted.square < base.fitted.square and (count == len(steps) or enough):
             found.append((base, verdict, fitted, count))
-        if count == 1 and found and _is_enough(data, steps, fitted, settings.proposal):
+        if count == 1 and found and enough:
             break
     if not found:
         return None
@@ -85,9 +87,7 @@ def _found(data: LoggedData, steps: Sequence[Step], unexplained: bool, fits: Fit
     return alone if alone[2].square <= most * best[2].square else best
 
 
-def _is_enough(
-    data: LoggedData, steps: Sequence[Step], fitted: FittedStructure, settings: ProposalSettings
-) -> bool:
+def _is_enough(steps: Sequence[Step], fitted: FittedStructure, settings: ProposalSettings) -> bool:
     """Whether a law without the accepted effects leaves less than they do, and no more than noise
     by far."""
     return fitted.square < settings.max_rest_share * steps[-1].fitted.square
