@@ -210,7 +210,7 @@ def units_of_motion(log: Log, limits: CheckLimits) -> Iterator[Finding]:
         )
         cure = "put velocity_* and effort_* in the order fl, fr, bl, br"
         yield _unless_much_is_missing(
-            Finding("error", message, cure=cure), left, settings.max_left_for_orders
+            Finding("error", message, cure=cure), left, settings.max_left_for_masses
         )
     if orders or central <= 0:
         return
@@ -223,7 +223,7 @@ def units_of_motion(log: Log, limits: CheckLimits) -> Iterator[Finding]:
         )
         cure = f"multiply them by {1 / factor:.6g} to have rad/s of the wheels"
         found = Finding("error", message, None, "velocity_*", cure)
-        yield _unless_much_is_missing(found, left, settings.max_forces_unexplained)
+        yield _unless_much_is_missing(found, left, settings.max_left_for_masses)
     elif not 4 * geometry.m1 < inertial < settings.max_platform_mass:
         usual = settings.usual_platform_mass
         unit, factor = _nearest(inertial / usual, EFFORT_NUMBERS)

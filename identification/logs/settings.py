@@ -577,20 +577,13 @@ class LogSettings(Settings):
         default=3.0,
         metadata={"unit": "1", "reason": "a unit is at least 4 off; lags make 2.3"},
     )
-    max_forces_unexplained: float = field(
-        default=0.06,
-        metadata={
-            "unit": "share of the forces' squares",
-            "reason": "at most 0.045 in logs of 10 kinds of missing effects, in any unit; a torque "
-            "that is clipped at two thirds of its peak leaves 0.084 and sets the masses 4 apart",
-        },
-    )
-    max_left_for_orders: float = field(
+    max_left_for_masses: float = field(
         default=0.005,
         metadata={
             "unit": "share of the forces' squares",
-            "reason": "right and exchanged wheels leave the same, at most 0.001 on platforms that "
-            "lack no effect; at 0.011 one wheel's friction has turned the sign of a mass",
+            "reason": "at most 0.001 on platforms that lack no effect, in any unit or order; where "
+            "more is left, what is missing may set the masses apart: one wheel's friction turned "
+            "the sign of one (0.011), a clipped torque made them differ by 4 (0.08)",
         },
     )
     max_platform_mass: float = field(

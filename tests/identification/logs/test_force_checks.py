@@ -97,7 +97,7 @@ def test_drives_that_clip_the_torque_have_no_unit():
     case = draw_case("one", 18, 902)
     assert "torque_saturation" in str(case.planted)
     log = next(log for log in logs_of(case) if log.name == "calibration")
-    strict = LogSettings(max_forces_unexplained=1.0, max_left_for_orders=1.0)
+    strict = LogSettings(max_left_for_masses=1.0)
     assert "turns/s" in str(check(log, limits_for(log, None, None, None, strict)))
     found = check(log, limits_for(log, None, None, None))
     assert "error" not in {finding.level for finding in found}
@@ -106,7 +106,7 @@ def test_drives_that_clip_the_torque_have_no_unit():
 def test_a_mass_whose_sign_an_effect_turns_refuses_no_log():
     case = draw_case("fleet", 59, 12, 50.0)
     log = next(log for log in logs_of(case) if log.name == "calibration")
-    strict = LogSettings(max_left_for_orders=1.0)
+    strict = LogSettings(max_left_for_masses=1.0)
     assert "are exchanged" in str(check(log, limits_for(log, None, None, None, strict)))
     found = check(log, limits_for(log, None, None, None))
     assert "error" not in {finding.level for finding in found}
