@@ -64,6 +64,7 @@ def test_what_it_knows_of_torque_is_its_own_where_none_is_measured() -> None:
     assert control.estimate[0] == pytest.approx(START[0] + 5.0, rel=0.01)
 
 
+@pytest.mark.slow
 def test_effects_of_the_model_are_not_learnt_as_parameters() -> None:
     effects = {"wheel_coulomb_friction": {"torque": 0.15}, "floor_tilt": {"tilt_x": 0.02}}
     model = PAPER

@@ -123,6 +123,7 @@ def test_a_users_effect_takes_part_and_wins_where_it_is_true(wind):
     assert found["candidates"][0]["parameters"]["force"]["value"] == pytest.approx(3.0, rel=0.05)
 
 
+@pytest.mark.slow
 def test_adding_what_is_there_is_worth_it_and_what_is_not_there_is_not():
     logs = logs_of({"wheel_coulomb_friction": {"torque": 0.25}})
     good = add_effect(PAPER, "wheel_coulomb_friction", logs)

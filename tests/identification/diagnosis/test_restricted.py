@@ -100,6 +100,7 @@ def test_a_slope_in_one_log_is_named_with_the_log(differing: list[Log]):
     assert found.model.effect_logs == {"floor_tilt": ("wednesday",)}
 
 
+@pytest.mark.slow
 def test_a_slope_in_all_logs_is_one_of_all():
     logs = [
         renamed(recording("calibration", TILT, seed=1), "monday"),

@@ -39,6 +39,7 @@ def accepted(selection) -> list[str]:
     return [step.effect for step in selection.steps[1:] if step.effect]
 
 
+@pytest.mark.slow
 def test_dry_friction_behind_a_lag_is_not_called_stribeck_nor_delay():
     dry = ("wheel_coulomb_friction", (("torque", 0.3),))
     lag = ("actuator_lag", (("time_constant", 0.1),))

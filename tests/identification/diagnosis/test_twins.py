@@ -71,6 +71,7 @@ def test_a_slope_that_differs_by_a_hair_is_not_a_second_slope(other: float, coun
     assert bool(once_more("floor_tilt", *slopes)) == counts
 
 
+@pytest.mark.slow
 def test_a_ripple_whose_angle_drifts_is_not_a_second_ripple():
     ripple = (("amplitude", 0.2), ("phase_fl", 0.3), ("cycles", 12.0))
     other = (("amplitude", 0.2), ("phase_fl", 0.8), ("cycles", 12.0))

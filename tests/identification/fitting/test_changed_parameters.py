@@ -25,6 +25,7 @@ def later(**values: float) -> Log:
     return record(plant, [calibration()], seed=7)[0]
 
 
+@pytest.mark.slow
 def test_a_robot_that_is_the_same_has_not_changed(made: Model):
     found = compare(made, [later()]).changes
     assert found.rows and found.sentences == []
@@ -39,6 +40,7 @@ def test_six_kilograms_more_are_told_with_their_deviation(made: Model):
     assert "m0 has risen by" in changes.sentences[0] and "kg" in changes.sentences[0]
 
 
+@pytest.mark.slow
 def test_a_friction_that_has_fallen_is_told_in_its_unit(made: Model):
     changes = compare(made, [later(mu1=0.1)]).changes
     assert [row.name for row in changes.changed] == ["mu1"]
@@ -81,6 +83,7 @@ def test_a_load_on_real_contacts_is_told_as_mass():
     assert risen.size == pytest.approx(5.0, abs=3 * risen.std)
 
 
+@pytest.mark.slow
 def test_a_model_without_deviations_is_not_tested():
     found = compare(load_model("paper"), [recording(seed=1)]).changes
     assert not found.rows and "no standard deviations" in found.reason

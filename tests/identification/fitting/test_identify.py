@@ -57,6 +57,7 @@ def test_given_platforms_come_back_and_predict_held_out_runs(name):
         assert found["noise_floor"]["force_error"] == pytest.approx(force, rel=0.1)
 
 
+@pytest.mark.slow
 @needs_data
 def test_contact_simulator_is_explained_and_its_weak_separation_stated():
     folder = DATA / "mujoco_nominal"
@@ -178,6 +179,7 @@ def renamed(log: Log, name: str, sha256: str) -> Log:
     return replace(log, name=name, sha256=sha256)
 
 
+@pytest.mark.slow
 def test_logs_of_the_fit_are_marked_and_left_out_of_totals_unless_all_are():
     seen = renamed(recording(), "seen", "a" * 64)
     other = renamed(recording("I"), "other", "b" * 64)

@@ -70,6 +70,7 @@ def test_filtered_speeds_are_late_beside_a_pose_and_alone_they_are_not_seen():
     assert len(alone.seen) == 0 and alone.p_value == 1.0
 
 
+@pytest.mark.slow
 def test_rollers_of_another_angle_are_seen_by_the_pose():
     size = tuple((f"error_{wheel}", -0.035) for wheel in ("fl", "fr", "bl", "br"))
     found = fitted(recording(effects=(("roller_angle_error", size),)), "roller_angle_error")

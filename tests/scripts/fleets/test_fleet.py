@@ -84,6 +84,7 @@ def test_a_robot_each_with_its_model_and_the_reason_where_there_is_none(once):
     assert {path.stem for path in (output / MODELS).iterdir()} == {"a", "b", "c", "spring"}
 
 
+@pytest.mark.slow
 def test_two_processes_give_the_bytes_of_one(axes: Fleet, once, tmp_path: Path):
     axes.diagnosed(tmp_path / "out", "--jobs", "2", "--audit", "0")
     assert same(tmp_path / "out", once[0])
@@ -159,6 +160,7 @@ def test_a_mistake_is_one_line(arguments, words, tmp_path, capsys, monkeypatch):
     assert not (tmp_path / "out").exists()
 
 
+@pytest.mark.slow
 def test_a_run_that_is_killed_loses_no_robot_and_ends_as_if_it_was_not(
     axes: Fleet, once, tmp_path: Path
 ):
