@@ -12,7 +12,7 @@ import signal
 import threading
 import time
 from collections.abc import Callable, Iterator, Sequence
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from dataclasses import dataclass
 from typing import Any, TypeVar
 
@@ -53,7 +53,7 @@ def spread(
         for item in items:
             yield item, function(item)
         return
-    task = joblib.delayed(_WorkerCall(function, loaded_files(), os.getpid()))
+    task = joblib.delayed(_WorkerCall(function, loaded_files(), os.getpid(), os.getcwd()))
     numbered = list(enumerate(items))
     # An item takes seconds: one a message. No memory maps: items are small.
     how = {"n_jobs": min(jobs, len(items)), "batch_size": 1, "max_nbytes": None}
@@ -79,14 +79,19 @@ class _WorkerCall:
 
     effects : files of the user's effects, which the parent's catalogue holds
     parent : the process that waits for the results
+    folder : its working folder, from which paths are meant
     """
 
     function: Callable
     effects: tuple[str, ...]
     parent: int
+    folder: str
 
     def __call__(self, number: int, item: object) -> tuple[int, object]:
         if os.getpid() != self.parent:
+            # A worker outlives a command, and the next one may be given from another folder.
+            with suppress(OSError):  # another machine may have no such folder
+                os.chdir(self.folder)
             _be_one_of_many(self.effects, self.parent)
         # The workers share the cores, and sums of several BLAS threads differ in the last bit.
         with threadpool_limits(1):
