@@ -32,6 +32,7 @@ def diagnosed(tmp_path_factory):
     return model, json.loads(result.read_text())
 
 
+@pytest.mark.slow
 def test_names_the_hidden_effect_and_the_error_falls_to_the_floor(diagnosed):
     _, found = diagnosed
     assert found["verdict"] == "effect" and found["missing"] == ["floor_tilt"]
@@ -71,6 +72,7 @@ def test_adding_a_useless_effect_says_so_and_does_it(diagnosed, tmp_path, capsys
     assert set(load_model(str(output)).effects) == {"floor_tilt", "roller_inertia"}
 
 
+@pytest.mark.slow
 def test_a_base_beyond_what_can_be_has_a_model_all_the_same(tmp_path, capsys, monkeypatch):
     """A steep slope, and a catalogue that lacks it: the base takes it up as far as it can."""
     slope = ("floor_tilt", (("tilt_x", 0.0), ("tilt_y", -0.04)))

@@ -258,6 +258,7 @@ class TestCompare:
         for kind in ("force_error", "velocity_error"):
             assert found["total"][kind] == found["logs"]["b"][kind]
 
+    @pytest.mark.slow
     def test_unless_all_are(self, logs: Path, model: Path, tmp_path: Path):
         found = run_json(["compare", model, logs / "calibration.csv"], tmp_path)
         for kind in ("force_error", "velocity_error"):

@@ -201,6 +201,7 @@ def test_what_is_accepted_beside_an_effect_is_no_rival_of_it():
     assert _ties([tied], ["torque_delay"]) == {}
 
 
+@pytest.mark.slow
 def test_what_is_added_of_kinematics_has_the_size_that_the_wheels_show():
     larger = (("error_fl", 0.03), ("error_fr", -0.01), ("error_bl", -0.01), ("error_br", -0.01))
     log = recording("calibration", (("wheel_radius_error", larger),))

@@ -26,6 +26,7 @@ def found() -> Diagnosis:
     return diagnose(load_model("paper"), [log], effects=names)
 
 
+@pytest.mark.slow
 def test_the_verdict_is_given_and_so_is_a_model(found: Diagnosis):
     content = found.to_dict()
     assert (content["verdict"], content["missing"]) == ("unknown", ["wheel_coulomb_friction"])

@@ -96,6 +96,7 @@ def test_output_error_step_agrees_with_the_force_fit():
     assert result.model.errors["velocity_error"] == pytest.approx(after)
 
 
+@pytest.mark.slow
 def test_an_effect_of_the_start_model_is_fitted_too():
     planted = (("uneven_wheel_friction", (("extra_bl", 0.1),)),)
     start = PAPER.with_effect("uneven_wheel_friction")
