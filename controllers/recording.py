@@ -9,12 +9,12 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.signal import lfilter
 
 from controllers.interface import Controller, Loop
 from controllers.kinematic import KinematicControl
 from controllers.loop import Progress, Trace, at_limit, closed_loop
 from identification.logs.log import Log
+from identification.signals.filters import accumulate
 from youbot_env.errors import InputError, count, finite
 from youbot_env.model.model import Model
 from youbot_env.motions.base import Motion
@@ -64,7 +64,7 @@ def control_step(rate: float) -> float:
 
 
 def coloured(white: Array, step: float, correlation: float) -> Array:
-    """First-order autoregressive noise of variance 1 from white noise (N, ...) of variance 1.
+    """First-order autoregressive noise of variance 1 from white noise (N, W) of variance 1.
 
     ``step`` between rows [s]; ``correlation``: time [s] after which it resembles itself by 1 / e.
     """
@@ -73,7 +73,7 @@ def coloured(white: Array, step: float, correlation: float) -> Array:
     memory = np.exp(-step / correlation)
     fresh = np.sqrt(1.0 - memory**2) * white
     fresh[0] = white[0]  # it has been going on for long when the log begins
-    return np.asarray(lfilter([1.0], [1.0, -memory], fresh, axis=0), np.float64)
+    return accumulate(fresh, memory)[1:]
 
 
 @dataclass(frozen=True, eq=False)

@@ -23,6 +23,7 @@ from identification.kinematics.motion import (
 )
 from identification.kinematics.settings import KinematicsSettings
 from identification.kinematics.wheel_order import described
+from identification.signals.filters import vertex
 from youbot_env.physics.geometry import SIGN_LATERAL, SIGN_Y, WHEELS
 
 _LATERAL = np.array(SIGN_LATERAL)
@@ -208,9 +209,7 @@ def clock_lag(motion: Motion, settings: KinematicsSettings) -> float:
     k = int(np.argmax(match))
     if not 0 < k < len(lags) - 1:
         return 0.0
-    before, at, after = match[k - 1 : k + 2]
-    bend = before - 2 * at + after
-    return float(step * (lags[k] + (0.5 * (before - after) / bend if bend else 0.0)))
+    return float(step * (lags[k] + vertex(*match[k - 1 : k + 2])))
 
 
 def _correlation(first: Array, second: Array, lag: int) -> float:

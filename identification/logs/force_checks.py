@@ -209,9 +209,7 @@ def units_of_motion(log: Log, limits: CheckLimits) -> Iterator[Finding]:
             f"{', or '.join(map(described, orders))} are exchanged"
         )
         cure = "put velocity_* and effort_* in the order fl, fr, bl, br"
-        yield _unless_much_is_missing(
-            Finding("error", message, cure=cure), left, settings.max_left_for_masses
-        )
+        yield _unless_much_is_missing(Finding("error", message, cure=cure), left, settings)
     if orders or central <= 0:
         return
     number = inertial / central / settings.usual_mass_ratio
@@ -223,7 +221,7 @@ def units_of_motion(log: Log, limits: CheckLimits) -> Iterator[Finding]:
         )
         cure = f"multiply them by {1 / factor:.6g} to have rad/s of the wheels"
         found = Finding("error", message, None, "velocity_*", cure)
-        yield _unless_much_is_missing(found, left, settings.max_left_for_masses)
+        yield _unless_much_is_missing(found, left, settings)
     elif not 4 * geometry.m1 < inertial < settings.max_platform_mass:
         usual = settings.usual_platform_mass
         unit, factor = _nearest(inertial / usual, EFFORT_NUMBERS)
@@ -233,12 +231,12 @@ def units_of_motion(log: Log, limits: CheckLimits) -> Iterator[Finding]:
         yield Finding(level, message, None, "effort_*", cure)
 
 
-def _unless_much_is_missing(found: Finding, left: float, most: float) -> Finding:
-    """A warning where masses and friction leave more than a share of the forces' squares.
+def _unless_much_is_missing(found: Finding, left: float, settings: LogSettings) -> Finding:
+    """A warning where masses and friction leave much, ``left`` as a share, of the forces' squares.
 
     What is missing may then be all that sets the masses apart, or turns the sign of one.
     """
-    if left <= most:
+    if left <= settings.max_left_for_masses:
         return found
     cure = f"{found.cure}, unless something large acts that no mass and no friction explains"
     return replace(found, level="warning", cure=cure)

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from identification.logs.findings import Finding
 from identification.logs.log import Log
 from identification.logs.settings import LogSettings
-from identification.signals.filters import integral_of
+from identification.signals.filters import integral_of, vertex
 from youbot_env.physics.geometry import WHEELS, Geometry
 
 Array = NDArray[np.float64]
@@ -114,9 +114,7 @@ def _peak(lags: NDArray[np.intp], left: Array, best: int) -> float:
     """Where the parabola through three residuals about the best is least, in steps."""
     if not 0 < best < len(lags) - 1:
         return float(lags[best])
-    before, at, after = left[best - 1 : best + 2]
-    bend = before - 2 * at + after
-    return float(lags[best] + (0.5 * (before - after) / bend if bend > 0 else 0.0))
+    return float(lags[best] + vertex(*left[best - 1 : best + 2]))
 
 
 def told_by_pose(found: PoseTravel, settings: LogSettings) -> Iterator[Finding]:

@@ -247,8 +247,8 @@ def scale_of_pose(log: Log, limits: CheckLimits) -> Iterator[Finding]:
     settings, geometry = limits.settings, limits.geometry
     stride = max(int(settings.scale_time / log.dt), 1)
     beside = pose_travel(log, geometry, settings)
-    told = [*told_by_pose(beside, settings)] if beside else []
-    yield from told
+    if beside:
+        yield from told_by_pose(beside, settings)
     velocity, pose = log.velocity, log.pose
     if beside and beside.lag:
         rows = round(beside.lag / log.dt)

@@ -138,6 +138,15 @@ def integral_of(rate: Array, dt: float) -> Array:
     return total
 
 
+def vertex(before: float, at: float, after: float) -> float:
+    """Where the parabola through three values turns, in steps from the middle one; 0 if straight.
+
+    Finds a peak or a trough between samples, if the middle value is the largest or the least.
+    """
+    bend = before - 2 * at + after
+    return 0.5 * (before - after) / bend if bend else 0.0
+
+
 @dataclass(frozen=True)
 class RowFilter:
     """From a log's samples to rows: the filter, then means over a row's samples.
