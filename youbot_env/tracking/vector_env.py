@@ -144,8 +144,10 @@ class YouBotTrackingVectorEnv(VectorEnv[Observations, NDArray[np.float32], NDArr
                 super().reset(seed=int(seed))
             keys = None if seed is None else _seed_keys(int(seed), self.num_envs)
             rows.begin(chosen, keys, start, reference)
-        else:
+        elif isinstance(seed, (list, tuple, np.ndarray)):
             self._reset_each(list(seed), chosen, start, reference)
+        else:
+            raise InputError(f"seed: {seed!r} is neither a whole number nor a list of them")
         self._begun = True
         return rows.observation, self._info()
 
