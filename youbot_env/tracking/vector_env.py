@@ -280,6 +280,11 @@ class YouBotTrackingVectorEnv(VectorEnv[Observations, NDArray[np.float32], NDArr
         return self._rows.setup.actuation.torque_limit
 
     @property
+    def rows(self) -> Batch:
+        """What moves the copies."""
+        return self._rows
+
+    @property
     def bytes_a_copy(self) -> int:
         """Memory of a copy between steps; arrays that were handed out are not counted."""
         return self._rows.bytes_a_row
