@@ -189,6 +189,22 @@ def _panel(row: int) -> dict[str, Any]:
     return {"row": row, "col": 1}
 
 
+def log_axis(values: Sequence[float]) -> dict[str, Any]:
+    """A logarithmic axis around positive values, whose few labels do not run into each other."""
+    known = [value for value in values if 0 < value < np.inf]
+    low, high = (min(known), max(known)) if known else (1.0, 10.0)
+    low, high = 0.8 * low, 1.25 * high
+    decades = range(int(np.floor(np.log10(low))), int(np.ceil(np.log10(high))) + 1)
+    # More than three decades have room for their own labels alone.
+    steps = (1, 2, 5) if high < 30 * low else (1, 3) if high < 1000 * low else (1,)
+    ticks = [step * 10.0**decade for decade in decades for step in steps]
+    ticks = [tick for tick in ticks if low <= tick <= high]
+    return {
+        "type": "log", "range": [float(np.log10(low)), float(np.log10(high))],
+        "tickvals": ticks, "ticktext": [f"{tick:g}" for tick in ticks],
+    }  # fmt: skip
+
+
 def half_band(square: float, count: int) -> float:
     """Half the width that holds 95 % of noise whose squares over ``count`` samples are given."""
     return BAND * float(np.sqrt(square / max(count, 1)))

@@ -2,11 +2,19 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
+from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from youbot_scripts.blind_bench.effects import CATALOGUE
-from youbot_scripts.blind_bench.scores import named_sets, planted, right, sensing, verdict
+from youbot_scripts.blind_bench.scores import (
+    named_sets,
+    planted,
+    right,
+    sensing,
+    verdict,
+    wrongly_named,
+)
 from youbot_scripts.blind_bench.trials import errors_of
 from youbot_scripts.shared.tables import Table, columns, number, show as show_tables, text
 
@@ -14,6 +22,7 @@ if TYPE_CHECKING:
     from rich.console import Console
 
     from youbot_scripts.blind_bench.trials import Record
+    from youbot_scripts.shared.report_page import Part
 
 KIND_WORDS = {
     "none": "nothing planted",
@@ -124,18 +133,67 @@ NUMBER_WORDS = {
 
 def show(console: Console, scores: Mapping[str, Any], records: Sequence[Record]) -> None:
     """Print all tables of a bench."""
+    show_tables(console, tables(scores))
+    for line in [*not_right(records), *(f"error: {line}" for line in errors_of(records))]:
+        console.print(line, soft_wrap=True)
+
+
+def tables(scores: Mapping[str, Any]) -> Iterator[Table]:
+    """All tables of a bench."""
     for kind, found in scores["kinds"].items():
-        _show_kind(console, kind, found)
+        yield from _of_kind(kind, found)
     for kind, table in scores["confusion"].items():
         if kind != "none" and table:
-            _show_confusion(console, kind, table)
+            yield _confusion(kind, table)
     if scores["smallest_detectable_factor"]:
-        _show_detectable(console, scores["smallest_detectable_factor"])
-    for record in records:
-        if not right(record) and "error" not in record:
-            console.print(f"not right: {described(record)}", soft_wrap=True)
-    for line in errors_of(records):
-        console.print(f"error: {line}", soft_wrap=True)
+        yield _detectable(scores["smallest_detectable_factor"])
+
+
+def not_right(records: Sequence[Record]) -> list[str]:
+    """A line for each case whose verdict is wrong."""
+    wrong = (record for record in records if not right(record) and "error" not in record)
+    return [f"not right: {described(record)}" for record in wrong]
+
+
+def headline(records: Sequence[Record]) -> str:
+    """The bench in a sentence."""
+    kinds = dict.fromkeys(record["case"]["kind"] for record in records)
+    told = []
+    for kind in kinds:
+        rows = [record for record in records if record["case"]["kind"] == kind]
+        told.append(f"{kind} {sum(map(right, rows))} of {len(rows)}")
+    wrong = sum(map(wrongly_named, records))
+    return f"Right: {', '.join(told)}; named what nobody planted: {wrong} of {len(records)}"
+
+
+def write_report(
+    path: Path, scores: Mapping[str, Any], records: Sequence[Record], seed: int
+) -> None:
+    """Write the bench's page.
+
+    Raises
+    ------
+    InputError
+        If the file cannot be written, or a library of the extra `plots` is missing.
+    """
+    from youbot_scripts.shared.report_page import write_page
+
+    write_page(path, f"Blind bench: {len(records)} cases", _parts(scores, records), seed)
+
+
+def _parts(scores: Mapping[str, Any], records: Sequence[Record]) -> Iterator[Part]:
+    from youbot_scripts.blind_bench.charts import charts_of
+    from youbot_scripts.shared.report_page import Charts, Words
+
+    yield Words([headline(records)], "verdict")
+    yield Words(list(errors_of(records)), "warning")
+    for chart in charts_of(records):
+        yield Charts([chart])
+        if chart.name == "rates":
+            note = "In the tables intervals are exact ones (Clopper and Pearson), a little wider."
+            yield Words([note])
+    yield Words(not_right(records), heading="Not right" if not_right(records) else "")
+    yield from tables(scores)
 
 
 def described(record: Record) -> str:
@@ -147,7 +205,7 @@ def described(record: Record) -> str:
     return f"{case['key']} (case {case['index']} of its kind; {'+'.join(how) or 'nothing'}): {said}"
 
 
-def _show_kind(console: Console, kind: str, found: Mapping[str, Any]) -> None:
+def _of_kind(kind: str, found: Mapping[str, Any]) -> Iterator[Table]:
     rows = [
         (words, *_share_cells(found[key]), WANTED.get((kind, key), ""))
         for key, words in SCORE_WORDS.items()
@@ -161,12 +219,11 @@ def _show_kind(console: Console, kind: str, found: Mapping[str, Any]) -> None:
     said = ", ".join(f"{word} {count}" for word, count in found["verdicts"].items())
     title = f"{KIND_WORDS.get(kind, kind)}: {found['cases']} cases ({said})"
     headers = columns("", "share", "95 % interval", "cases", "wanted")
-    tables = [Table(title, headers, tuple(rows))]
+    yield Table(title, headers, tuple(rows))
     if groups := found.get("right_by_sensing"):
         measured = tuple((name, *_share_cells(share)) for name, share in groups.items())
         headers = columns("", "right", "95 % interval", "cases")
-        tables.append(Table("the same cases, by how they are measured", headers, measured))
-    show_tables(console, tables)
+        yield Table("the same cases, by how they are measured", headers, measured)
 
 
 def _share_cells(share: Mapping[str, Any]) -> tuple[str, str, str]:
@@ -175,17 +232,17 @@ def _share_cells(share: Mapping[str, Any]) -> tuple[str, str, str]:
     return f"{100 * share['share']:.1f} %", f"{100 * low:.1f} to {100 * high:.1f}", cases
 
 
-def _show_confusion(console: Console, kind: str, table: Mapping[str, Mapping[str, int]]) -> None:
+def _confusion(kind: str, table: Mapping[str, Mapping[str, int]]) -> Table:
     rows = [
         (name, sum(row.values()), ", ".join(f"{key} {count}" for key, count in row.items()))
         for name, row in table.items()
     ]
     title = f"{KIND_WORDS.get(kind, kind)}: planted, and what was said"
     headers = columns("planted", "cases", text("said"))
-    show_tables(console, [Table(title, headers, tuple(rows))])
+    return Table(title, headers, tuple(rows))
 
 
-def _show_detectable(console: Console, factors: Mapping[str, float | None]) -> None:
+def _detectable(factors: Mapping[str, float | None]) -> Table:
     rows = [
         (
             name,
@@ -197,7 +254,7 @@ def _show_detectable(console: Console, factors: Mapping[str, float | None]) -> N
     ]
     title = "smallest size that is found in 85 % of the cases, and so is each larger one tried"
     headers = columns("effect", "times its size", "size", "unit")
-    show_tables(console, [Table(title, headers, tuple(rows))])
+    return Table(title, headers, tuple(rows))
 
 
 def show_sizes(console: Console, table: Mapping[str, Mapping[str, Any]]) -> None:

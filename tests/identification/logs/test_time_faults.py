@@ -120,3 +120,11 @@ def test_ordinals():
     numbers = (1, 2, 3, 4, 11, 12, 13, 21, 22, 103, 111)
     words = "1st 2nd 3rd 4th 11th 12th 13th 21st 22nd 103rd 111th"
     assert [ordinal(n) for n in numbers] == words.split()
+
+
+@pytest.mark.filterwarnings("error")
+@pytest.mark.parametrize("far", [1e308, -1e308, 1e17])
+def test_a_time_beyond_all_others_is_one_line(tmp_path: Path, far: float):
+    stamps = np.arange(1.0, 13.0, 0.04)
+    with pytest.raises(LogError, match="time jumps by"):
+        logged(tmp_path / "log.csv", np.r_[stamps[:-1], far], stamps)
