@@ -128,5 +128,5 @@ def test_a_time_beyond_all_others_is_one_line(tmp_path: Path, far: str):
     stamps, path = np.arange(1.0, 13.0, 0.04), tmp_path / "log.csv"
     write_table(path, NAMES, np.column_stack([stamps, values_at(stamps)]))
     path.write_text(path.read_text().replace(f"{stamps[-1]:.6f},", f"{far},"))
-    with pytest.raises(LogError, match="time jumps by"):
+    with pytest.raises(LogError, match="time"):
         read_log(path)
