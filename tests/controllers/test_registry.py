@@ -30,7 +30,7 @@ def at_rest() -> Observation:
 
 @pytest.mark.parametrize("name", registry.CONTROLLERS)
 def test_every_name_stands_for_a_controller(name: str):
-    """It pushes a platform at rest towards the reference, within the limit; it forgets when told."""
+    """It pushes a platform at rest towards the reference, within the limit, and can forget."""
     model, loop = load_model("paper"), Loop(torque_limit=1.5)
     controller = registry.build(name, model, loop, **DESIGNED.get(name, {}))
     assert isinstance(controller, Controller)
