@@ -17,7 +17,7 @@ from youbot_scripts.blind_bench.calibration_page import write_page
 from youbot_scripts.blind_bench.cases import KINDS, write_case
 from youbot_scripts.blind_bench.effect_sizes import force_ratio, size_table, sizings
 from youbot_scripts.blind_bench.null_fits import null_fits
-from youbot_scripts.blind_bench.report import show, show_sizes, write_report
+from youbot_scripts.blind_bench.report import not_right, show, show_sizes, tables
 from youbot_scripts.blind_bench.scores import score
 from youbot_scripts.blind_bench.trials import Options, Record, Spec, plan, run_trials
 from youbot_scripts.cli import run_script
@@ -144,7 +144,9 @@ def main(
         out.print(f"calibration: {calibration}", soft_wrap=True)
     show(out, scores, records)
     if report:
-        write_report(report, scores, records, seed)
+        from youbot_scripts.blind_bench.charts import write_report
+
+        write_report(report, records, tables(scores), not_right(records), seed)
         out.print(f"report written to {report}", soft_wrap=True)
     common.write_result(json, {**scores, "trials": records}, seed)
 

@@ -52,6 +52,19 @@ PLAN_POINTS = 1500
 """Points of one floor plan: more lie on top of each other."""
 
 
+PATH_POINTS = 2000
+"""Of a way on the floor, and of a speed over time: what a screen shows."""
+
+SPEED_TIME = 0.2
+"""[s] over which the pose is differenced: its white noise of a millimetre is 7 mm/s then."""
+
+UNITS = {"m": (1000.0, "mm"), "s": (1000.0, "ms"), "rad": (180.0 / np.pi, "°")}
+"""By the SI unit, factor and unit in which people state these numbers."""
+
+ROW, SIDE = 26, 96
+"""[px] Of rows of marks: of one row, and of what stands above and below all rows of a panel."""
+
+
 @dataclass(frozen=True)
 class Chart:
     """An interactive figure.

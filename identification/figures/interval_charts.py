@@ -11,9 +11,6 @@ from identification.figures import chart_style as look
 if TYPE_CHECKING:
     from plotly.graph_objects import Figure
 
-ROW, SIDE = 26, 96
-"""[px]: of one row of marks, and of what stands above and below all rows of a panel."""
-
 
 @dataclass(frozen=True)
 class Spread:
@@ -34,7 +31,7 @@ class Spread:
 
 def height_of(rows: int, panels: int = 1, series: int = 1) -> int:
     """Height [px] of panels below each other with so many rows of names each."""
-    return look.TOP + look.BOTTOM + panels * (rows * max(ROW, 12 * series) + SIDE)
+    return look.TOP + look.BOTTOM + panels * (rows * max(look.ROW, 12 * series) + look.SIDE)
 
 
 def add_spreads(

@@ -19,20 +19,11 @@ from identification.kinematics.motion import angles_at
 
 Array = NDArray[np.float64]
 
-PATH_POINTS = 2000
-"""Of a way on the floor, and of a speed over time: what a screen shows."""
-
-SPEED_TIME = 0.2
-"""[s] over which the pose is differenced: its white noise of a millimetre is 7 mm/s then."""
-
-UNITS = {"m": (1000.0, "mm"), "s": (1000.0, "ms"), "rad": (180.0 / np.pi, "°")}
-"""By the SI unit, factor and unit in which people state these numbers."""
-
 
 def in_words(length: Length) -> str:
     """A number that is shown with half its 95 % interval, in a unit that people use."""
     assert length.value is not None and length.std is not None
-    factor, unit = UNITS.get(length.unit, (1.0, length.unit))
+    factor, unit = look.UNITS.get(length.unit, (1.0, length.unit))
     return f"{factor * length.value:.5g} ± {factor * BAND * length.std:.2g} {unit}".rstrip()
 
 
@@ -52,7 +43,9 @@ def charts_of_kinematics(found: Kinematics, motions: Sequence[Motion]) -> Iterat
 def lengths_chart(found: Kinematics) -> Chart:
     """Each number that is shown, with its 95 % interval, a panel each."""
     known = {n: p for n, p in found.parameters.items() if p.value is not None and p.std is not None}
-    scales = {name: UNITS.get(length.unit, (1.0, length.unit)) for name, length in known.items()}
+    scales = {
+        name: look.UNITS.get(length.unit, (1.0, length.unit)) for name, length in known.items()
+    }
     titles = [f"{name} [{unit}]" for name, (_, unit) in scales.items()]
     height = height_of(1, len(known))
     figure = look.rows_figure(len(known), height, titles, shared=False)
@@ -138,7 +131,7 @@ def way_chart(name: str, motion: Motion, rolled: Rolled) -> Chart:
     """The measured pose and the way that the wheels alone say, from above."""
     assert motion.pose is not None
     figure = look.finished(look.plotly().Figure(), look.PLAN_HEIGHT)
-    step = max(1, len(motion.time) // PATH_POINTS)
+    step = max(1, len(motion.time) // look.PATH_POINTS)
     ways = (("pose", motion.pose, look.MEASURED), ("wheels alone", rolled.pose, look.AFTER))
     for said, way, line in ways:
         figure.add_trace(
@@ -183,7 +176,7 @@ def speeds_chart(name: str, found: Kinematics, motion: Motion, rolled: Rolled) -
 
 def _body_speeds(time: Array, pose: Array, dt: float) -> tuple[Array, Array]:
     """Times (k,) and (k, 3) speeds of a pose in its own frame, over ``SPEED_TIME``."""
-    step = max(1, round(SPEED_TIME / dt))
+    step = max(1, round(look.SPEED_TIME / dt))
     if len(time) <= step:
         return time[:0], pose[:0]
     moved = pose[step:] - pose[:-step]

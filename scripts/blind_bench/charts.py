@@ -1,10 +1,11 @@
-"""The interactive charts of a bench: rates by kind, calibration of intervals, sizes, confusion."""
+"""The page of a bench and its charts: rates by kind, calibration of intervals, sizes, confusion."""
 
 from __future__ import annotations
 
 import re
 from collections import Counter
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from pathlib import Path
 from typing import Any
 
 from scipy.stats import norm
@@ -12,8 +13,8 @@ from scipy.stats import norm
 from identification.figures import chart_style as look
 from identification.figures.chart_style import Chart
 from identification.figures.interval_charts import Spread, add_spreads, height_of, name_rows
+from youbot_scripts.blind_bench.promises import WANTED
 from youbot_scripts.blind_bench.proportions import Proportion
-from youbot_scripts.blind_bench.report import WANTED
 from youbot_scripts.blind_bench.scores import (
     INTERVAL,
     alone,
@@ -26,7 +27,9 @@ from youbot_scripts.blind_bench.scores import (
     sizes_off,
     wrongly_named,
 )
-from youbot_scripts.blind_bench.trials import Record
+from youbot_scripts.blind_bench.trials import Record, errors_of
+from youbot_scripts.shared.report_page import Charts, Part, Words, write_page
+from youbot_scripts.shared.tables import Table
 
 LEVELS = (0.5, 0.68, 0.8, 0.9, 0.95, 0.99)
 """Nominal shares of stated intervals that are compared with what they hold."""
@@ -277,3 +280,48 @@ def _truth(record: Record) -> str:
 
 def _in_order(names: Mapping[str, Any] | set[str]) -> list[str]:
     return sorted(names, key=lambda name: (name != "nothing", name))
+
+
+# --- the page --------------------------------------------------------------------------------
+
+
+def headline(records: Sequence[Record]) -> str:
+    """The bench in a sentence."""
+    kinds = dict.fromkeys(record["case"]["kind"] for record in records)
+    told = []
+    for kind in kinds:
+        rows = [record for record in records if record["case"]["kind"] == kind]
+        told.append(f"{kind} {sum(map(right, rows))} of {len(rows)}")
+    wrong = sum(map(wrongly_named, records))
+    return f"Right: {', '.join(told)}; named what nobody planted: {wrong} of {len(records)}"
+
+
+def write_report(
+    path: Path, records: Sequence[Record], tables: Iterable[Table], wrong: Sequence[str], seed: int
+) -> None:
+    """Write the bench's page.
+
+    Parameters
+    ----------
+    tables, wrong : of the scores, and a line for each case whose verdict is wrong: see ``report``
+
+    Raises
+    ------
+    InputError
+        If the file cannot be written, or a library of the extra `plots` is missing.
+    """
+    write_page(path, f"Blind bench: {len(records)} cases", _parts(records, tables, wrong), seed)
+
+
+def _parts(
+    records: Sequence[Record], tables: Iterable[Table], wrong: Sequence[str]
+) -> Iterator[Part]:
+    yield Words([headline(records)], "verdict")
+    yield Words(list(errors_of(records)), "warning")
+    for chart in charts_of(records):
+        yield Charts([chart])
+        if chart.name == "rates":
+            note = "In the tables intervals are exact ones (Clopper and Pearson), a little wider."
+            yield Words([note])
+    yield Words(wrong, heading="Not right" if wrong else "")
+    yield from tables

@@ -3,17 +3,16 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
-from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from youbot_scripts.blind_bench.effects import CATALOGUE
+from youbot_scripts.blind_bench.promises import KIND_WORDS, WANTED
 from youbot_scripts.blind_bench.scores import (
     named_sets,
     planted,
     right,
     sensing,
     verdict,
-    wrongly_named,
 )
 from youbot_scripts.blind_bench.trials import errors_of
 from youbot_scripts.shared.tables import Table, columns, number, show as show_tables, text
@@ -22,22 +21,6 @@ if TYPE_CHECKING:
     from rich.console import Console
 
     from youbot_scripts.blind_bench.trials import Record
-    from youbot_scripts.shared.report_page import Part
-
-KIND_WORDS = {
-    "none": "nothing planted",
-    "noise": "nothing planted, noise that is not white",
-    "counts": "speeds from encoder counts; Coulomb friction in every other case",
-    "one": "one effect of about catalogue size",
-    "kinematics": "one effect of kinematics of about catalogue size",
-    "quarter": "a quarter of it, twice the noise",
-    "double_noise": "one effect of about catalogue size, twice the noise",
-    "two": "two effects at once",
-    "unknown": "an effect outside the catalogue",
-    "differ": "one effect in some of the logs only",
-    "regime": "an effect outside the catalogue, in a part of the motion",
-    "law": "an effect outside the catalogue, of any kind",
-}
 
 SCORE_WORDS = {
     "right": "right",
@@ -80,47 +63,6 @@ SCORE_WORDS = {
     "tie_resolved": "tie resolved by the proposed experiment",
 }
 
-NEVER = ("refused", "crashed", "identify_failed", "warned")
-"""What no case may be."""
-
-WANTED = {
-    ("none", "false_alarm"): "< 2 %",
-    ("none", "right"): ">= 99 %",
-    ("noise", "right"): ">= 95 %",
-    ("noise", "wrongly_named"): "<= 1 %",
-    ("counts", "right"): "all",
-    ("counts", "base_all_within_3"): "all",
-    ("one", "right"): ">= 97 %",
-    ("two", "right"): ">= 95 %",
-    **{(kind, "right"): ">= 85 %" for kind in ("quarter", "double_noise")},
-    ("one", "in_set"): "> 95 %",
-    ("one", "alone"): "> 80 %",
-    ("one", "confidently_wrong"): "< 2 %",
-    ("one", "accepted_unplanted"): "< 10 %",
-    ("quarter", "in_set"): "> 85 %",
-    ("two", "both_found"): "> 85 %",
-    ("unknown", "said_unknown"): "> 90 %",
-    **{
-        (kind, key): ">= 80 %"
-        for kind in ("unknown", "law")
-        for key in ("law_proposed", "law_right", "law_helps")
-    },
-    ("none", "law_needless"): "<= 1 %",
-    ("noise", "law_needless"): "<= 1 %",
-    ("one", "law_needless"): "<= 3 %",
-    ("two", "law_needless"): "<= 3 %",
-    ("differ", "log_named"): ">= 80 %",
-    ("regime", "regime_right"): ">= 80 %",
-    **{
-        (kind, key): "93 to 97 %"
-        for kind in ("none", "noise", "one", "quarter", "double_noise", "two")
-        for key in ("sizes_inside", "base_inside")
-    },
-    **{(kind, key): "none" for kind in KIND_WORDS for key in NEVER},
-    **{(kind, "tie_resolved"): "> 80 %" for kind in ("one", "quarter", "two")},
-}
-"""Targets of the diagnosis."""
-
 NUMBER_WORDS = {
     "error_fall_median": "fall of the velocity error, median",
     "mean_set_size": "names in a set, on average",
@@ -153,47 +95,6 @@ def not_right(records: Sequence[Record]) -> list[str]:
     """A line for each case whose verdict is wrong."""
     wrong = (record for record in records if not right(record) and "error" not in record)
     return [f"not right: {described(record)}" for record in wrong]
-
-
-def headline(records: Sequence[Record]) -> str:
-    """The bench in a sentence."""
-    kinds = dict.fromkeys(record["case"]["kind"] for record in records)
-    told = []
-    for kind in kinds:
-        rows = [record for record in records if record["case"]["kind"] == kind]
-        told.append(f"{kind} {sum(map(right, rows))} of {len(rows)}")
-    wrong = sum(map(wrongly_named, records))
-    return f"Right: {', '.join(told)}; named what nobody planted: {wrong} of {len(records)}"
-
-
-def write_report(
-    path: Path, scores: Mapping[str, Any], records: Sequence[Record], seed: int
-) -> None:
-    """Write the bench's page.
-
-    Raises
-    ------
-    InputError
-        If the file cannot be written, or a library of the extra `plots` is missing.
-    """
-    from youbot_scripts.shared.report_page import write_page
-
-    write_page(path, f"Blind bench: {len(records)} cases", _parts(scores, records), seed)
-
-
-def _parts(scores: Mapping[str, Any], records: Sequence[Record]) -> Iterator[Part]:
-    from youbot_scripts.blind_bench.charts import charts_of
-    from youbot_scripts.shared.report_page import Charts, Words
-
-    yield Words([headline(records)], "verdict")
-    yield Words(list(errors_of(records)), "warning")
-    for chart in charts_of(records):
-        yield Charts([chart])
-        if chart.name == "rates":
-            note = "In the tables intervals are exact ones (Clopper and Pearson), a little wider."
-            yield Words([note])
-    yield Words(not_right(records), heading="Not right" if not_right(records) else "")
-    yield from tables(scores)
 
 
 def described(record: Record) -> str:

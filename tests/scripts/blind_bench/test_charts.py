@@ -18,9 +18,10 @@ from youbot_scripts.blind_bench.charts import (
     confusion_chart,
     rates_chart,
     sizes_chart,
+    write_report,
 )
 from youbot_scripts.blind_bench.proportions import Proportion
-from youbot_scripts.blind_bench.report import write_report
+from youbot_scripts.blind_bench.report import not_right, tables
 from youbot_scripts.blind_bench.scores import score
 
 COULOMB = "wheel_coulomb_friction"
@@ -109,7 +110,7 @@ def test_answers_and_confusion_count_the_cases():
 def test_the_page_stands_alone(tmp_path: Path):
     path = tmp_path / "page.html"
     records = [{**one, "case": {**one["case"], "index": k}} for k, one in enumerate(RECORDS)]
-    write_report(path, score(records), records, 3)
+    write_report(path, records, tables(score(records)), not_right(records), 3)
     page = path.read_text()
     assert stands_alone(page) and "seed 3" in page
     assert charts(page) == {"rates", "calibration", "sizes", "answers", "confusion"}
