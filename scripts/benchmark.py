@@ -45,7 +45,8 @@ def main(
     turns. Batches have noise, one sample of delay, a new reference and a new model in each episode,
     and begin episodes by themselves. docs/speed.md explains the tables.
     """
-    from youbot_scripts.benchmarks.benchmark import draw, measure, tables, write_report
+    from youbot_scripts.benchmarks.benchmark import draw, measure, tables
+    from youbot_scripts.benchmarks.charts import write_report
     from youbot_scripts.shared.tables import show
 
     common.check_pictures(plots, report)
@@ -56,7 +57,8 @@ def main(
         for path in draw(found, plots):
             out.print(f"figure: {path}", soft_wrap=True)
     if report:
-        write_report(found, report)
+        write_report(report, found.speeds, tables(found), found.machine)
+        out.print(f"report written to {report}", soft_wrap=True)
     common.write_result(json, found.to_dict())
 
 

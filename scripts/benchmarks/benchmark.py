@@ -262,10 +262,3 @@ def draw(found: Benchmark, folder: Path) -> list[Path]:
     from identification.figures.style import write_figures
 
     return write_figures(folder, figures(found))
-
-
-def write_report(found: Benchmark, path: Path) -> None:
-    """Write pictures and tables as one web page."""
-    from youbot_scripts.shared.report_page import pictures, write_page
-
-    write_page(path, "Speed beside peers", [*pictures(figures(found)), *tables(found)], None)

@@ -6,6 +6,7 @@ import json
 
 import pytest
 
+from tests.scripts.test_reports import charts, stands_alone, visible
 from youbot_scripts.benchmarks import benchmark
 from youbot_scripts.benchmarks.simulators import SimulatorSettings, simulators
 from youbot_scripts.benchmarks.speed import Speed
@@ -16,7 +17,11 @@ def test_measures_and_writes_what_it_measured(tmp_path, capsys):
     path = tmp_path / "speed.json"
     asked = ["benchmark", "--quick", "--parts", "steps", "--copies", "2,64"]
     asked += ["--threads", "1", "--effects", "1"]
-    assert main([*asked, "--json", str(path)]) == 0
+    report = tmp_path / "speed.html"
+    assert main([*asked, "--json", str(path), "--report", str(report)]) == 0
+    page = report.read_text()
+    assert stands_alone(page) and charts(page) == {"rates", "ratios"}
+    assert "One environment:" in visible(page) and "64 at once, 1 effect" in page
     found = json.loads(path.read_text())
     rows = [(row["case"], row["copies"], row["effects"]) for row in found["speeds"]]
     batches = [("batch", 2, 0), ("batch", 64, 0), ("batch", 64, 1)]
@@ -30,7 +35,9 @@ def test_measures_and_writes_what_it_measured(tmp_path, capsys):
     assert 0 < found["single_precision"]["twist"] < 1e-6
     assert found["machine"]["versions"]["numba"]
     out = capsys.readouterr().out
-    assert "one, CartPole " in out and max(map(len, out.split("figure")[0].splitlines())) <= 80
+    assert (
+        "one, CartPole " in out and max(map(len, out.split("report written")[0].splitlines())) <= 80
+    )
 
 
 @pytest.mark.slow

@@ -83,8 +83,9 @@ class YouBotTrackingEnv(gym.Env[NDArray[np.float32], NDArray[np.float32]]):
     rest over `ramp` seconds. A delayed actuator's queue holds zero torque.
 
     ## Episode End
-    Truncation: after `episode_length` seconds (10 s, 1000 steps). Termination: only when the twist
-    is not finite or beyond 5 times its scale (4 m/s, 13 rad/s), where no platform can be.
+    Truncation: after `episode_length` seconds (10 s, 1000 steps); `max_episode_steps` of
+    `gym.make` can end it before that, not after. Termination: only when the twist is not finite or
+    beyond 5 times its scale (4 m/s, 13 rad/s), where no platform can be.
 
     ## Information
     | Key                                         | Shape   | Meaning                              |

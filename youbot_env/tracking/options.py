@@ -133,6 +133,8 @@ def refuse_unknown(options: Mapping[str, Any]) -> None:
     for name in options:
         if name in OPTIONS:
             continue
+        if name == "max_episode_steps":  # Gymnasium's own; vector environments are handed it
+            raise InputError(f"YouBotTracking-v0: {name}: give episode_length, in seconds, instead")
         close = difflib.get_close_matches(name, OPTIONS, 1)
         hint = f"did you mean {close[0]!r}?" if close else f"known are {', '.join(OPTIONS)}"
         raise InputError(f"YouBotTracking-v0: unknown option {name!r}; {hint}")
