@@ -32,7 +32,9 @@ def main(
     ] = "1,6",
     parts: Annotated[
         str | None,
-        typer.Option(metavar="NAME,...", help="Of steps, simulators, logs, imports; default: all."),
+        typer.Option(
+            metavar="NAME,...", help="Of steps, simulators, logs, training, imports; default: all."
+        ),
     ] = None,
     quick: Annotated[bool, typer.Option("--quick", help="Few, short turns; no imports.")] = False,
     plots: common.PlotsOption = None,
@@ -65,10 +67,10 @@ def main(
 def _sizes(copies: str, threads: str | None, effects: str, parts: str | None, quick: bool) -> Sizes:
     from youbot_env.errors import InputError
     from youbot_env.threads import threads as usual
-    from youbot_scripts.benchmarks.benchmark import PARTS, QUICK_PARTS, Sizes
+    from youbot_scripts.benchmarks.benchmark import PARTS, Sizes, usual_parts
     from youbot_scripts.benchmarks.speed import EFFECTS
 
-    chosen = tuple((parts or ",".join(QUICK_PARTS if quick else PARTS)).split(","))
+    chosen = tuple(parts.split(",")) if parts else usual_parts(quick)
     for name in chosen:
         if name not in PARTS:
             raise InputError(f"parts: {name!r} is none of {', '.join(PARTS)}")

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import importlib.util
 import time
 from collections.abc import Callable, Sequence
 from dataclasses import asdict, dataclass, field
@@ -15,6 +16,7 @@ from identification import diagnose, identify
 from youbot_env.model.model_file import load_model
 from youbot_env.motions.calibration import calibration
 from youbot_env.motions.multisine import multisine
+from youbot_scripts.benchmarks.learning import LearningSpeed, learning_speeds
 from youbot_scripts.benchmarks.simulators import Simulator, SimulatorSettings, simulators
 from youbot_scripts.benchmarks.speed import (
     Speed,
@@ -29,8 +31,16 @@ from youbot_scripts.shared.tables import Column, Table, columns
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-PARTS = ("steps", "simulators", "logs", "imports")
-QUICK_PARTS = ("steps", "simulators")
+PARTS = ("steps", "simulators", "logs", "training", "imports")
+
+
+def usual_parts(quick: bool) -> tuple[str, ...]:
+    """Parts that are measured unless others are asked for: all that the installed extras allow."""
+    if quick:
+        return ("steps", "simulators")
+    learns = importlib.util.find_spec("stable_baselines3") is not None
+    return tuple(part for part in PARTS if learns or part != "training")
+
 
 IMPORTED = ("youbot_env", "identification", "controllers")
 
@@ -115,6 +125,7 @@ class Benchmark:
     single_precision: dict[str, float] = field(default_factory=dict)
     simulators: Sequence[Simulator] = ()
     logs: Sequence[LogTime] = ()
+    training: Sequence[LearningSpeed] = ()
     imports: dict[str, float] = field(default_factory=dict)
     machine: dict[str, Any] = field(default_factory=dict)
 
@@ -125,6 +136,7 @@ class Benchmark:
             "single_precision": self.single_precision,
             "simulators": [row.to_dict() for row in self.simulators],
             "logs": [row.to_dict() for row in self.logs],
+            "training": [row.to_dict() for row in self.training],
             "import_seconds": self.imports,
             "machine": self.machine,
         }
@@ -144,6 +156,7 @@ def measure(sizes: Sizes) -> Benchmark:
         single_precision=single_precision_errors() if "steps" in asked else {},
         simulators=simulators(others) if "simulators" in asked else (),
         logs=log_times(sizes.log_seconds, sizes.diagnosed) if "logs" in asked else (),
+        training=learning_speeds() if "training" in asked else (),
         imports=import_times(IMPORTED) if "imports" in asked else {},
         machine=machine(),
     )
@@ -158,6 +171,8 @@ def tables(found: Benchmark) -> list[Table]:
         shown.append(_simulators(found.simulators))
     if found.logs:
         shown.append(_logs(found.logs))
+    if found.training:
+        shown.append(_training(found.training))
     if found.imports:
         seconds = Column("seconds", lambda value: f"{value:.2f}")
         rows = tuple(found.imports.items())
@@ -205,6 +220,18 @@ def _logs(found: Sequence[LogTime]) -> Table:
         for row in found
     )
     return Table("Seconds by the length of the logs", columns("logs", "rows", *seconds), rows)
+
+
+def _training(found: Sequence[LearningSpeed]) -> Table:
+    ratio = Column("times\nas fast", lambda value: f"{value:.2f}")
+    rate = Column("steps/s\nof a core", lambda value: f"{value:,.0f}")
+    rows = tuple(
+        (row.name, row.copies, row.a_round, row.batch, found[0].rate / row.rate, row.rate)
+        for row in found
+    )
+    shown = columns("copies in", "copies", "a round", "batch", ratio, rate)
+    notes = ("times as fast: the first row's rate by this one's",)
+    return Table("PPO, environment steps with learning", shown, rows, notes)
 
 
 def figures(found: Benchmark) -> list[tuple[str, Figure]]:

@@ -8,6 +8,7 @@ import pytest
 
 from tests.scripts.test_reports import charts, stands_alone, visible
 from youbot_scripts.benchmarks import benchmark
+from youbot_scripts.benchmarks.learning import learning_speeds
 from youbot_scripts.benchmarks.simulators import SimulatorSettings, simulators
 from youbot_scripts.benchmarks.speed import Speed
 from youbot_scripts.cli import main
@@ -40,6 +41,13 @@ def test_measures_and_writes_what_it_measured(tmp_path, capsys):
     )
 
 
+def test_measures_without_what_is_not_installed(monkeypatch):
+    monkeypatch.setattr(benchmark.importlib.util, "find_spec", lambda name: None)
+    assert benchmark.usual_parts(False) == ("steps", "simulators", "logs", "imports")
+    monkeypatch.undo()
+    assert benchmark.usual_parts(True) == ("steps", "simulators")
+
+
 @pytest.mark.slow
 def test_moves_simulators_for_the_same_time():
     rows = simulators(SimulatorSettings(rounds=3, steps=10), platforms=64)
@@ -63,6 +71,13 @@ def test_times_logs_by_their_length(monkeypatch, capsys):
     assert main(["benchmark", "--quick", "--parts", "logs"]) == 0
     out = capsys.readouterr().out
     assert "200 s" in out and "1.50" in out and "CartPole" not in out
+
+
+@pytest.mark.slow
+def test_ppo_learns_faster_on_compiled_copies():
+    ours, theirs, same_batch = learning_speeds(4096)
+    assert ours.rate > 2 * theirs.rate and ours.rate > same_batch.rate
+    assert (ours.a_round, ours.batch) == (same_batch.a_round, same_batch.batch)
 
 
 @pytest.mark.slow
