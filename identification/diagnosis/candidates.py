@@ -20,6 +20,7 @@ from identification.diagnosis.restricted import (
 )
 from identification.diagnosis.settings import DiagnosisSettings
 from identification.diagnosis.significance import (
+    Evidence,
     candidate_p_values,
     remainder,
     score_blocks,
@@ -215,6 +216,26 @@ def _scores(base: FittedStructure, columns: Sequence[Array]) -> Array:
     return score_blocks(base.residual, base.columns, columns, step, base.settings)
 
 
+def _evidence(base: FittedStructure, item: Candidate) -> Evidence:
+    """Scores of a candidate, and those that chance is judged by.
+
+    What an effect does in a few moments, as a limit of the torque does, makes a few blocks large,
+    and random signs of these blocks would make scores as large. So chance is judged by what the
+    effect leaves of the rows that its fit has not seen: if the effect does nothing these are the
+    same.
+    """
+    joint = item.fitted
+    if joint is None or item.lost_fall > 0:
+        return Evidence(_scores(base, item.columns))
+    own = np.isin(joint.free, base.free, invert=True)
+    columns = [part[..., own] for part in joint.columns]
+    ends = np.cumsum([len(part) for part in base.residual])[:-1]
+    left = np.split(np.concatenate(item.held_out.residual), ends)
+    step = base.rows[0].step
+    chance = score_blocks(left, base.columns, columns, step, base.settings)
+    return Evidence(_scores(base, columns), chance)
+
+
 def _square(item: Candidate) -> float:
     return item.square
 
@@ -278,8 +299,7 @@ def _linear_candidate(
         directions=basis.shape[1] - base.basis.shape[1],
         fold_ratio=base.fold_ratio(folds),
     )
-    if _takes_too_much(demands, base.settings):
-        return replace(found, lost_fall=max(base.held_out.square - found.square, 0.0))
+    found = replace(found, acting_share=_acting_share(demands, base))
     lost = _lost_at_bounds(base, found, new, theta[new] + judged.step[len(base.free) :])
     # Another shape may do as well with a sign that can be; where none does, the effect explains
     # nothing.
@@ -293,10 +313,10 @@ def _within_bounds(mechanism: Mechanism, which: Indices, values: Array) -> bool:
     return bool(((lower - rounding <= values) & (values <= upper + rounding)).all())
 
 
-def _takes_too_much(demands: Sequence[DemandedForce], settings: DiagnosisSettings) -> bool:
-    """Whether channels leave so little of the logged torques that any model would fit the rest."""
-    taken, logged = map(sum, zip(*(demand.taken for demand in demands), strict=True))
-    return bool(taken > settings.max_taken_share * logged)
+def _acting_share(demands: Sequence[DemandedForce], base: FittedStructure) -> float:
+    """Squares of the torques that channels let act, over those that the structure lets act."""
+    acting, before = (sum(d.acting_square for d in of) for of in (demands, base.demands))
+    return acting / max(before, 1e-300)
 
 
 def _lost_at_bounds(base: FittedStructure, item: Candidate, which: Indices, values: Array) -> float:
@@ -342,7 +362,7 @@ def rank(
     if not found:
         return Ranking((), {}, (), None, base.held_out.square, needed)
     found = _with_joint_fits(data, base, found, needed)
-    scores = {item.name: _scores(base, item.columns) for item in found}
+    scores = {item.name: _evidence(base, item) for item in found}
     # What was tried and is no candidate counts too: chance has had that many chances.
     tried = [score for item in found for score in item.tried]
     p_values = candidate_p_values(scores, rng, data.settings, tried)
@@ -481,13 +501,12 @@ def _joint_fit(
         held_out=joint.held_out,
         added_noise=added,
         lost_fall=0.0,  # the fit is within bounds
+        acting_share=_acting_share(joint.demands, base),
         fold_ratio=base.fold_ratio(joint.held_out.folds),
     )
     # Fall of the fitted squares, scaled to held-out squares. Noise that the effect itself amplifies
     # is no loss.
     kept = (base.square - joint.square + added) * square / base.square
-    if _takes_too_much(joint.demands, data.settings):
-        return replace(new, lost_fall=max(square - new.square, 0.0))
     if kept < data.settings.min_kept_share_of_fall * (square - new.square):
         return replace(new, lost_fall=square - kept - new.square)
     return new
@@ -509,6 +528,12 @@ def _best_and_tied(
         # The simpler of two nested effects is preferred unless the larger one is materially better.
         if contains(best, item, base) and _gives_way(data, best, item):
             best = item
+    # It may give way to one that a third, no larger, surpasses.
+    surely = settings.max_tied_deviations
+    for item in near:
+        if item.parameters <= best.parameters and worse_by(best, item, base) > surely:
+            best = item
+            break
     # An effect that contains the best one does as well by construction. That is no tie.
     tied = [
         item.name
@@ -525,8 +550,9 @@ def _of_drives(
 ) -> tuple[Candidate, tuple[str, ...]]:
     """The best effect and its twins; of drives that answer late the three that do best.
 
-    A resonance does better than lag and delay alone if it is true, but where little of it is seen
-    not by what is material: if that is no chance, it is in the set.
+    A resonance does better than lag or delay if it is true, but where little of it is seen not by
+    what is material: it is in the set if it does better than a delay, which is none of its limits,
+    or better than a lag, which is one, by what is no chance.
     """
     if effect_of(best.name) not in (*DRIVES, *FIRST_GUESS):
         return best, tuple(tied)
@@ -535,10 +561,11 @@ def _of_drives(
     if drive is not None:
         tied = [best.name, *(name for name in tied if name != drive.name)]
         best = drive
-    most = base.settings.max_tied_deviations
     for item in near:
-        swings = item.name == DRIVES[-1] and item is not best and item.name not in tied
-        if swings and worse_by(best, item, base) > most:
+        if item.name != DRIVES[-1] or item is best or item.name in tied:
+            continue
+        by_chance = base.settings.max_tied_deviations if contains(item, best, base) else 0.0
+        if worse_by(best, item, base) > by_chance:
             tied = [item.name, *tied]
     return best, tuple(sorted(tied, key=lambda name: name not in DRIVES)[: len(DRIVES) - 1])
 

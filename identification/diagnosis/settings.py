@@ -239,16 +239,6 @@ class DiagnosisSettings(Settings):
     )
 
     # Joint fits of the candidates in the lead
-    max_taken_share: float = field(
-        default=0.5,
-        metadata={
-            "unit": "1",
-            "reason": "of the squares of logged torques, what a dead zone or a limit may take: a "
-            "dead zone of 0.1 N m takes 3.5 %, a limit at a third of the peak 15 %; a limit below "
-            "nearly all torques left 1.2 % of error on logs with a ripple, more than the ripple "
-            "explained, and a free run that was far off",
-        },
-    )
     max_joint_fits: int = field(
         default=5,
         metadata={

@@ -44,6 +44,13 @@ def test_a_resonance_that_swings_is_told_alone():
     assert told(ranked(swing)) == ["drive_resonance"]
 
 
+def test_a_resonance_of_which_little_is_seen_is_in_the_set():
+    """A delay does nearly as well, a lag surely worse: neither a lag nor a filter is named."""
+    stiff = ("drive_resonance", (("frequency", 28.0), ("damping", 0.45)))
+    found = told(ranked(stiff))
+    assert "drive_resonance" in found and not {"actuator_lag", "speed_filter"} & set(found)
+
+
 def test_without_a_pose_a_drive_that_lags_is_named_before_a_filter_of_the_speeds():
     first, *others = told(ranked(("actuator_lag", (("time_constant", 0.1),))))
     assert first == "actuator_lag" and "speed_filter" in others and len(others) <= 2
