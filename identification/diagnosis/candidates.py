@@ -11,6 +11,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from identification.diagnosis.evidence import own_columns, p_values_of, scores_of
 from identification.diagnosis.restricted import (
     BaseSums,
     Logs,
@@ -20,10 +21,7 @@ from identification.diagnosis.restricted import (
 )
 from identification.diagnosis.settings import DiagnosisSettings
 from identification.diagnosis.significance import (
-    Evidence,
-    candidate_p_values,
     remainder,
-    score_blocks,
     stacked,
 )
 from identification.diagnosis.structures import (
@@ -45,7 +43,7 @@ from identification.fitting.regression import (
     residual_ends,
 )
 from identification.mechanisms.mechanism import Mechanism
-from identification.mechanisms.samples import DemandedForce, Samples
+from identification.mechanisms.samples import DemandedForce
 from identification.threads import side_by_side
 from youbot_env.physics.effect import INSTANCE, Parameter, effect_of
 
@@ -98,7 +96,7 @@ def try_candidate(base: FittedStructure, sums: BaseSums | None, effect: str) -> 
     scores: list[Array] = []
     for values in itertools.product(*grids.values()):
         tried = _linear_candidate(base, mechanism, name, dict(zip(grids, values, strict=True)))
-        scores += [_scores(base, tried.columns)] if grids else []
+        scores += [scores_of(base, tried.columns)] if grids else []
         best = tried if best is None else min(best, tried, key=_square)
         split = _best_in_part(base, sums, tried, present) if sums else None
         if split and (part is None or split.fall > part.fall):
@@ -210,32 +208,6 @@ def _refined(
     return best
 
 
-def _scores(base: FittedStructure, columns: Sequence[Array]) -> Array:
-    """Score blocks (blocks, F) of columns on top of a structure."""
-    step = base.rows[0].step
-    return score_blocks(base.residual, base.columns, columns, step, base.settings)
-
-
-def _evidence(base: FittedStructure, item: Candidate) -> Evidence:
-    """Scores of a candidate, and those that chance is judged by.
-
-    What an effect does in a few moments, as a limit of the torque does, makes a few blocks large,
-    and random signs of these blocks would make scores as large. So chance is judged by what the
-    effect leaves of the rows that its fit has not seen: if the effect does nothing these are the
-    same.
-    """
-    joint = item.fitted
-    if joint is None or item.lost_fall > 0:
-        return Evidence(_scores(base, item.columns))
-    own = np.isin(joint.free, base.free, invert=True)
-    columns = [part[..., own] for part in joint.columns]
-    ends = np.cumsum([len(part) for part in base.residual])[:-1]
-    left = np.split(np.concatenate(item.held_out.residual), ends)
-    step = base.rows[0].step
-    chance = score_blocks(left, base.columns, columns, step, base.settings)
-    return Evidence(_scores(base, columns), chance)
-
-
 def _square(item: Candidate) -> float:
     return item.square
 
@@ -275,7 +247,7 @@ def _linear_candidate(
         for item, known in zip(base.samples, base.demands, strict=True)
     ]
     columns = tuple(
-        _columns(base, mechanism, demand, item, new)
+        own_columns(base, mechanism, demand, item, new)
         for item, demand in zip(base.samples, demands, strict=True)
     )
     declared = mechanism.catalogue[name].parameters
@@ -333,17 +305,6 @@ def _lost_at_bounds(base: FittedStructure, item: Candidate, which: Indices, valu
     return float(_unexplained(stacked(base.columns), back, base.settings)[0])
 
 
-def _columns(
-    base: FittedStructure,
-    mechanism: Mechanism,
-    demand: DemandedForce,
-    samples: Samples,
-    new: Indices,
-) -> Array:
-    ends = np.moveaxis(demand.columns(new), 0, -1)
-    return filtered_rows(ends, mechanism, samples, base.settings.rows)
-
-
 def rank(
     data: LoggedData,
     base: FittedStructure,
@@ -362,10 +323,7 @@ def rank(
     if not found:
         return Ranking((), {}, (), None, base.held_out.square, needed)
     found = _with_joint_fits(data, base, found, needed)
-    scores = {item.name: _evidence(base, item) for item in found}
-    # What was tried and is no candidate counts too: chance has had that many chances.
-    tried = [score for item in found for score in item.tried]
-    p_values = candidate_p_values(scores, rng, data.settings, tried)
+    p_values = p_values_of(data, base, found, rng)
     return _with_pair(data, base, ranking_of(data, base, found, p_values, needed))
 
 

@@ -92,6 +92,14 @@ class DiagnosisSettings(Settings):
             "reason": "family-wise, over all candidates",
         },
     )
+    max_p_value_of_noise: float = field(
+        default=0.2,
+        metadata={
+            "unit": "1",
+            "reason": "up to here the p-value of what acts on torques is computed once more, "
+            "without what noise that is in column and residual makes of it: a bound on time",
+        },
+    )
     min_share_of_residual: float = field(
         default=0.05,
         metadata={

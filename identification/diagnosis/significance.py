@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from identification.diagnosis.settings import DiagnosisSettings
 from identification.fitting.cross_validation import block_sums
-from identification.residual_map.bootstrap import family_wise_p_values, random_signs
+from identification.residual_map.bootstrap import family_wise_p_values
 
 Array = NDArray[np.float64]
 
@@ -77,18 +77,16 @@ class Evidence:
 
 def candidate_p_values(
     scores: Mapping[str, Evidence],
-    rng: np.random.Generator,
+    signs: Array,
     settings: DiagnosisSettings = DiagnosisSettings(),
     tried: Sequence[Array] = (),
 ) -> dict[str, float]:
     """Family-wise p-value of each candidate from its score blocks.
 
-    All candidates share the draws of signs, so their dependence is kept. ``tried``: scores at all
-    shape constants that were tried for them. The best of many has a large score by chance too, so
-    they belong to the family.
+    All candidates share the random signs (draws, blocks), so their dependence is kept. ``tried``:
+    scores at all shape constants that were tried for them. The best of many has a large score by
+    chance too, so they belong to the family.
     """
-    blocks = len(next(iter(scores.values())).observed)
-    signs = random_signs(rng, settings.bootstrap_draws, blocks)
     observed, null = [], []
     for score in scores.values():
         chance = score.observed if score.chance is None else score.chance

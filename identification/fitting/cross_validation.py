@@ -4,14 +4,21 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import Protocol
 
 import numpy as np
 from numpy.typing import NDArray
 
-from identification.fitting.regression import Regression
 from identification.fitting.settings import FitSettings
 
 Array = NDArray[np.float64]
+
+
+class TimedRows(Protocol):
+    """All that folds need of the rows of a log: their times (n,) [s]."""
+
+    @property
+    def time(self) -> Array: ...
 
 
 @dataclass(frozen=True)
@@ -29,7 +36,7 @@ class Fold:
 
 
 def make_folds(
-    rows: Sequence[Regression], columns: Sequence[Array] = (), settings: FitSettings = FitSettings()
+    rows: Sequence[TimedRows], columns: Sequence[Array] = (), settings: FitSettings = FitSettings()
 ) -> list[Fold]:
     """One fold a log; a log that alone shows some column of the model gives several blocks.
 

@@ -83,3 +83,11 @@ def test_a_ripple_whose_angle_drifts_is_not_a_second_ripple():
     ripple = (("amplitude", 0.2), ("phase_fl", 0.3), ("cycles", 12.0))
     other = (("amplitude", 0.2), ("phase_fl", 0.8), ("cycles", 12.0))
     assert once_more("torque_ripple", ripple, other) == []
+
+
+def test_noise_that_is_in_a_column_and_in_the_residual_is_no_evidence():
+    """A resonance bends the logged torque, and with it the noise that the residual holds."""
+    data = LoggedData(MECHANISM, [recording("calibration", rate=50.0, noise=3.0)])
+    base = fit_base(data, MECHANISM, PAPER.theta)
+    found = rank(data, base, ["drive_resonance", "wheel_creep"], np.random.default_rng(0))
+    assert min(found.p_values.values()) > 0.05
