@@ -4,14 +4,13 @@ from __future__ import annotations
 
 import itertools
 from collections.abc import Collection, Mapping, Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from functools import partial
 from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from identification.diagnosis.evidence import own_columns, p_values_of, scores_of
 from identification.diagnosis.restricted import (
     BaseSums,
     Logs,
@@ -21,7 +20,10 @@ from identification.diagnosis.restricted import (
 )
 from identification.diagnosis.settings import DiagnosisSettings
 from identification.diagnosis.significance import (
+    Evidence,
+    candidate_p_values,
     remainder,
+    score_blocks,
     stacked,
 )
 from identification.diagnosis.structures import (
@@ -43,9 +45,10 @@ from identification.fitting.regression import (
     residual_ends,
 )
 from identification.mechanisms.mechanism import Mechanism
-from identification.mechanisms.samples import DemandedForce
+from identification.mechanisms.samples import DemandedForce, Samples
+from identification.residual_map.bootstrap import random_signs
 from identification.threads import side_by_side
-from youbot_env.physics.effect import INSTANCE, Parameter, effect_of
+from youbot_env.physics.effect import ACTUATOR, CHANNEL, INSTANCE, SPEED, Parameter, effect_of
 
 Array = NDArray[np.float64]
 
@@ -96,7 +99,7 @@ def try_candidate(base: FittedStructure, sums: BaseSums | None, effect: str) -> 
     scores: list[Array] = []
     for values in itertools.product(*grids.values()):
         tried = _linear_candidate(base, mechanism, name, dict(zip(grids, values, strict=True)))
-        scores += [scores_of(base, tried.columns)] if grids else []
+        scores += [_scores(base, tried.columns)] if grids else []
         best = tried if best is None else min(best, tried, key=_square)
         split = _best_in_part(base, sums, tried, present) if sums else None
         if split and (part is None or split.fall > part.fall):
@@ -208,6 +211,115 @@ def _refined(
     return best
 
 
+def _p_values(
+    data: LoggedData, base: FittedStructure, found: Sequence[Candidate], rng: np.random.Generator
+) -> dict[str, float]:
+    """Family-wise p-value of each candidate."""
+    settings = data.settings
+    scores = {item.name: _evidence(base, item) for item in found}
+    # What was tried and is no candidate counts too: chance has had that many chances.
+    tried = [score for item in found for score in item.tried]
+    signs = random_signs(rng, settings.bootstrap_draws, len(scores[found[0].name].observed))
+    p_values = candidate_p_values(scores, signs, settings, tried)
+    by_noise = [
+        item
+        for item in found
+        if item.mechanism.catalogue[item.name].acts_at in NOISY_SITES
+        and item.fitted is None
+        and p_values[item.name] <= settings.max_p_value_of_noise
+    ]
+    if by_noise:
+        noise = NoiseOnce.on(data, base)
+        for item in by_noise:
+            scores[item.name] = _beyond_noise(base, item, scores[item.name], noise)
+        p_values = candidate_p_values(scores, signs, settings, tried)
+    # What would help with a sign that cannot be explains nothing, however surely.
+    absurd = [
+        item.name for item in found if item.lost_fall > 0 and item.square >= base.held_out.square
+    ]
+    return {**p_values, **dict.fromkeys(absurd, 1.0)}
+
+
+def _scores(base: FittedStructure, columns: Sequence[Array]) -> Array:
+    """Score blocks (blocks, F) of columns on top of a structure."""
+    step = base.rows[0].step
+    return score_blocks(base.residual, base.columns, columns, step, base.settings)
+
+
+def _evidence(base: FittedStructure, item: Candidate) -> Evidence:
+    """Scores of a candidate, and those that chance is judged by.
+
+    What an effect does in a few moments, as a limit of the torque does, makes a few blocks large,
+    and random signs of these blocks would make scores as large. So chance is judged by what the
+    effect leaves of the rows that its fit has not seen: if the effect does nothing these are the
+    same.
+    """
+    joint = item.fitted
+    if joint is None or item.lost_fall > 0:
+        return Evidence(_scores(base, item.columns))
+    own = np.isin(joint.free, base.free, invert=True)
+    columns = [part[..., own] for part in joint.columns]
+    ends = np.cumsum([len(part) for part in base.residual])[:-1]
+    left = np.split(np.concatenate(item.held_out.residual), ends)
+    step = base.rows[0].step
+    chance = score_blocks(left, base.columns, columns, step, base.settings)
+    return Evidence(_scores(base, columns), chance)
+
+
+NOISY_SITES = (CHANNEL, ACTUATOR, SPEED)
+"""Where an effect's column is made of logged torques: their noise is in the residual too."""
+
+
+@dataclass(frozen=True)
+class NoiseOnce:
+    """Noise put on the logs once more: the samples, and what it adds to the residual (n, A)."""
+
+    samples: tuple[Samples, ...]
+    residual: tuple[Array, ...]
+
+    @classmethod
+    def on(cls, data: LoggedData, base: FittedStructure) -> NoiseOnce:
+        """White noise as large as the logs' own."""
+        rng, rows = np.random.default_rng(data.seed), base.settings.rows
+        samples, added = [], []
+        for item, level, row in zip(base.samples, data.noise, base.rows, strict=True):
+            noisy = base.mechanism.noisy(item, level.speed, level.torque, rng)
+            again = filtered_residual(base.mechanism, base.theta, noisy, rows)
+            samples.append(noisy)
+            added.append(again - row.residual)
+        return cls(tuple(samples), tuple(added))
+
+
+def _beyond_noise(
+    base: FittedStructure, item: Candidate, evidence: Evidence, noise: NoiseOnce
+) -> Evidence:
+    """The evidence less what noise alone makes of it, which is in the column and the residual.
+
+    A drive's resonance bends the torque, and so its noise: the two are correlated.
+    """
+    own = item.free[len(base.free) :]
+    added = []
+    for samples, columns in zip(noise.samples, item.columns, strict=True):
+        demand = item.mechanism.demand(item.theta, samples.for_fit)
+        added.append(_own_columns(base, item.mechanism, demand, samples, own) - columns)
+    cleared = remainder(stacked(added), stacked(base.columns), base.settings.min_seen_share)
+    score = cleared.T @ np.concatenate([part.ravel() for part in noise.residual])
+    observed = evidence.observed - score / len(evidence.observed)
+    return replace(evidence, observed=observed)
+
+
+def _own_columns(
+    base: FittedStructure,
+    mechanism: Mechanism,
+    demand: DemandedForce,
+    samples: Samples,
+    new: Indices,
+) -> Array:
+    """Rows (n, A, F) of the parameters ``new`` of a structure that extends another."""
+    ends = np.moveaxis(demand.columns(new), 0, -1)
+    return filtered_rows(ends, mechanism, samples, base.settings.rows)
+
+
 def _square(item: Candidate) -> float:
     return item.square
 
@@ -247,7 +359,7 @@ def _linear_candidate(
         for item, known in zip(base.samples, base.demands, strict=True)
     ]
     columns = tuple(
-        own_columns(base, mechanism, demand, item, new)
+        _own_columns(base, mechanism, demand, item, new)
         for item, demand in zip(base.samples, demands, strict=True)
     )
     declared = mechanism.catalogue[name].parameters
@@ -323,7 +435,7 @@ def rank(
     if not found:
         return Ranking((), {}, (), None, base.held_out.square, needed)
     found = _with_joint_fits(data, base, found, needed)
-    p_values = p_values_of(data, base, found, rng)
+    p_values = _p_values(data, base, found, rng)
     return _with_pair(data, base, ranking_of(data, base, found, p_values, needed))
 
 

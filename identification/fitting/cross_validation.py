@@ -4,21 +4,14 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Protocol
 
 import numpy as np
 from numpy.typing import NDArray
 
+from identification.fitting.regression import Regression
 from identification.fitting.settings import FitSettings
 
 Array = NDArray[np.float64]
-
-
-class TimedRows(Protocol):
-    """All that folds need of the rows of a log: their times (n,) [s]."""
-
-    @property
-    def time(self) -> Array: ...
 
 
 @dataclass(frozen=True)
@@ -36,7 +29,7 @@ class Fold:
 
 
 def make_folds(
-    rows: Sequence[TimedRows], columns: Sequence[Array] = (), settings: FitSettings = FitSettings()
+    rows: Sequence[Regression], columns: Sequence[Array] = (), settings: FitSettings = FitSettings()
 ) -> list[Fold]:
     """One fold a log; a log that alone shows some column of the model gives several blocks.
 
