@@ -329,8 +329,13 @@ def rank(
     base: FittedStructure,
     names: Sequence[str],
     rng: np.random.Generator,
+    beside: Sequence[Candidate] = (),
 ) -> Ranking:
-    """Try each candidate on top of a structure."""
+    """Try each candidate on top of a structure.
+
+    ``beside``: candidates that are not tried again, but have had their chance too: they belong to
+    the family of the p-values.
+    """
     needed = _needed(data, base)
     names = [name for name in names if base.mechanism.structure.can_hold(name)]
     if not names:
@@ -344,9 +349,35 @@ def rank(
     found = _with_joint_fits(data, base, found, needed)
     scores = {item.name: _scores(base, item.columns) for item in found}
     # What was tried and is no candidate counts too: chance has had that many chances.
-    tried = [score for item in found for score in item.tried]
+    tried = [score for item in (*found, *beside) for score in item.tried]
+    tried += [_scores(base, item.columns) for item in beside]
     p_values = candidate_p_values(scores, rng, data.settings, tried)
     return _with_pair(data, base, ranking_of(data, base, found, p_values, needed))
+
+
+def promised_falls(
+    base: FittedStructure,
+    first: FittedStructure,
+    candidates: Sequence[Candidate],
+    names: Sequence[str],
+) -> dict[str, float]:
+    """By name, the share of a structure's squares that candidates promise to take after a first.
+
+    By one linear step from the first one's fit, at the shapes that are best without it, neither
+    held out nor within bounds. Of an effect in all logs and in some the larger one.
+
+    Parameters
+    ----------
+    first : the structure with the first effect, fitted; candidates : tried without it
+    """
+    residual, own = stacked([part[..., None] for part in first.residual]), stacked(first.columns)
+    best: dict[str, float] = {}
+    for item in candidates:
+        columns = np.concatenate([own, stacked(item.columns)], axis=1)
+        left = float(_unexplained(columns, residual, base.settings)[0])
+        effect, fall = effect_of(item.name), (first.square - left) / base.square
+        best[effect] = max(fall, best.get(effect, fall))
+    return {name: best[effect_of(name)] for name in names}
 
 
 DRIVES = ("actuator_lag", "torque_delay", "drive_resonance")

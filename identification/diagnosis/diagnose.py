@@ -14,6 +14,7 @@ from identification.diagnosis.candidates import (
     fit_base,
     fit_structure,
     gain_by_measuring,
+    promised_falls,
     rank,
     ranking_of,
     with_joint_fit,
@@ -382,7 +383,13 @@ def _accepted_pair(
             break
         item = item if item.fitted else with_joint_fit(data, base, item)
         assert item.fitted is not None
-        second = rank(data, item.fitted, _others(names, item.name), rng)
+        promised = promised_falls(base, item.fitted, ranking.candidates, _others(names, item.name))
+        least = settings.min_promised_share_of_pair * 2 * ranking.needed - ranking.fall_of(item)
+        hopeful = [name for name, fall in promised.items() if fall >= least]
+        if not hopeful:
+            continue
+        unlikely = [one for one in ranking.candidates if promised.get(one.name, least) < least]
+        second = rank(data, item.fitted, hopeful, rng, unlikely)
         if second.best is not None and second.best.fitted is not None:
             pairs.append((second.best.square, item, second))
     for square, item, second in sorted(pairs, key=lambda pair: pair[0]):

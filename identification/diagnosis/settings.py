@@ -148,6 +148,15 @@ class DiagnosisSettings(Settings):
             "enough alone: a bound on time",
         },
     )
+    min_promised_share_of_pair: float = field(
+        default=0.75,
+        metadata={
+            "unit": "share of what two effects must take away",
+            "reason": "what the first one's fall and a linear step to the second promise, from "
+            "which on the second is tried: six pairs on three logs took 0.87 to 1.11 of it, and "
+            "with all 24 seconds tried a diagnosis took twice as long",
+        },
+    )
     min_error_over_floor: float = field(
         default=0.97,
         metadata={
