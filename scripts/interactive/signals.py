@@ -69,6 +69,7 @@ class Drawn:
         figure: Any = plan_along("plan", "", of_run, pose, traces, most).figure
         at = np.asarray(figure.data[0].customdata, float)
         # As a list: of an array, which travels as bytes, Dash does not tell what was selected.
+        figure.data[0].customdata = None  # or Plotly finds the list equal, and keeps the array
         figure.data[0].customdata = at.tolist()
         if marked:
             inside = np.zeros(len(at), bool)
