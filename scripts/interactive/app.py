@@ -335,9 +335,9 @@ class Callbacks:
     def brushed(
         self, on_plan: dict[str, Any] | None, on_signals: dict[str, Any] | None,
         log: int, _: int | None,
-    ) -> list[list[float]]:  # fmt: skip
+    ) -> Any:  # fmt: skip
         """Stretches of time that were brushed, in a signal or on the floor."""
-        from dash import ctx
+        from dash import ctx, no_update
 
         if ctx.triggered_id == "plan" and on_plan and on_plan.get("points"):
             times = [float(point["customdata"]) for point in on_plan["points"]]
@@ -345,7 +345,8 @@ class Callbacks:
         if ctx.triggered_id == "signals" and on_signals and on_signals.get("range"):
             spans = [v for key, v in on_signals["range"].items() if key.startswith("x")]
             return [sorted(map(float, spans[0]))] if spans else []
-        return []
+        # A chart that is drawn anew with its mark says that nothing is selected in it.
+        return no_update if ctx.triggered_id in ("plan", "signals") else []
 
 
 _DRAWS = {"model": ("identify", "compare", "diagnose", "add"), "drive": ("drive",)}

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Any
 
+from identification.figures.chart_style import TOP
 from youbot_scripts.interactive.project import DONE, FAILED, Project, Step
 from youbot_scripts.shared.tables import percent
 
@@ -421,14 +422,21 @@ def themed(figure: Any, title: str = "") -> Any:
     heading = {"text": f"<b>{title}</b>", "x": 0.0, "xanchor": "left", "y": 1.0, "yanchor": "top",
                "yref": "container", "pad": {"t": 4, "l": 4}, "font": {"size": 15}}  # fmt: skip
     if isinstance(figure, dict):
-        figure.setdefault("layout", {}).update({**_PLAIN, "title": heading})
+        layout = figure.setdefault("layout", {})
+        layout.update({**_PLAIN, "title": heading} if title else _PLAIN)
+        if title:
+            layout.setdefault("margin", {})["t"] = TOP + TITLE
         return figure
-    figure.update_layout(title=heading)
+    if title:
+        figure.update_layout(title=heading, margin_t=TOP + TITLE)
     figure.update_layout(**_PLAIN)
     figure.update_xaxes(gridcolor=_GRID, zerolinecolor=_ZERO)
     figure.update_yaxes(gridcolor=_GRID, zerolinecolor=_ZERO)
     return figure
 
+
+TITLE = 34
+"""[px] of a chart's title above its legend, which may have two lines."""
 
 _GRID, _ZERO = "rgba(128,128,128,0.22)", "rgba(128,128,128,0.6)"
 _CLEAR = "rgba(0,0,0,0)"
