@@ -39,7 +39,7 @@ def test_stays_with_double_precision_over_an_episode(case):
         assert np.array_equal(one.over, other.over)
         worst = np.maximum(worst, np.abs(one.report - other.report).max(axis=0))
     part = {name: worst[place] for name, place in PARTS.items()}
-    # Ripple makes two courses part: a wheel that nearly stops falls to one side of a crest or other.
+    # Ripple makes courses part: a wheel that nearly stops falls to either side of a crest.
     slack = 100.0 if "torque_ripple" in model(case).effects else 1.0
     assert part["twist"].max() < 2e-5 * slack and part["pose"].max() < 5e-5 * slack
     assert part["wheel_angle"].max() < 1e-3 * slack and part["reward"].max() < 5e-5 * slack
