@@ -130,6 +130,8 @@ def _proposal(
         step.velocity_error,
         share,
         verdict,
+        fitted.mechanism,
+        final.theta,
         tuple(item.effect for item in kept if item.effect),
         tuple(item.name for item in data.samples),
     )

@@ -257,6 +257,7 @@ class Verdict:
     p_value : family-wise over all that was tried; unseen_p_value : on unseen stretches
     tried : how many laws, and how many choices of their shape constants
     pareto : of each length the best law: law, share of the squares that it leaves
+    alternatives : other laws that unseen stretches cannot tell from it, the same
     """
 
     found: FoundLaw
@@ -266,6 +267,7 @@ class Verdict:
     unseen_p_value: float
     tried: tuple[int, int]
     pareto: tuple[tuple[FoundLaw, float], ...]
+    alternatives: tuple[tuple[FoundLaw, float], ...] = ()
 
 
 SOURCE = "Proposed from logs by youbot diagnose"

@@ -261,6 +261,29 @@ class ProposalSettings(Settings):
             "reason": "of a simplex search: a bound on time",
         },
     )
+    map_blocks: int = field(
+        default=20,
+        metadata={
+            "unit": "1 a log",
+            "reason": "blocks of each log, held out in turn, that judge a map of the residual: it "
+            "is refused where it has not been, so a whole log, alone in a part of the range, says "
+            "nothing against it",
+        },
+    )
+    compared: int = field(
+        default=8,
+        metadata={
+            "unit": "1",
+            "reason": "leading laws, of which those alike are a set",
+        },
+    )
+    alike_deviations: float = field(
+        default=1.64,
+        metadata={
+            "unit": "1",
+            "reason": "of the difference of what two laws leave, block by block: one-sided, 5 %",
+        },
+    )
     shown: int = field(
         default=8,
         metadata={"unit": "1", "reason": "laws in the list of length against error"},

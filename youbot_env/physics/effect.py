@@ -405,10 +405,14 @@ class Registry:
 
     An instance (``floor_tilt@2``) is its effect under its own name: a floor may slope otherwise in
     another log, so a model may hold one effect twice, at different values.
+
+    Some effects are made of their name (``make``, by the prefix of these names): they can be had,
+    and are not listed.
     """
 
-    def __init__(self) -> None:
+    def __init__(self, make: Mapping[str, Callable[[str], Effect]] | None = None) -> None:
         self._effects: dict[str, Effect] = {}
+        self.make = dict(make or {})
 
     def add(self, new: Effect) -> None:
         """Register an effect.
@@ -425,8 +429,12 @@ class Registry:
         self._effects[new.name] = new
 
     def __getitem__(self, name: str) -> Effect:
+        plain = effect_of(name)
+        for prefix, make in self.make.items():
+            if plain not in self._effects and plain.startswith(prefix):
+                return replace(make(plain), name=name)
         try:
-            found = self._effects[effect_of(name)]
+            found = self._effects[plain]
             return found if name == found.name else replace(found, name=name)
         except KeyError:
             raise InputError(

@@ -51,6 +51,7 @@ from youbot_env.physics.mechanism import (
     Site,
 )
 from youbot_env.physics.namespaces import Namespace, Number, Triple
+from youbot_env.physics.residual_maps import PREFIX, residual_map_effect
 
 STATE = (
     *("velocity_x", "velocity_y", "yaw_rate"),
@@ -187,6 +188,8 @@ def _fault(geometry: Geometry, values: Mapping[str, float]) -> str:
         return f"m0 = {values['m0']:g} kg must exceed the mass of the four wheels, {wheels:g} kg"
     return ""
 
+
+CATALOGUE.make[PREFIX] = residual_map_effect
 
 MECANUM = MechanismKind(
     name="mecanum",
