@@ -87,7 +87,9 @@ class Addition(Shown):
             "reasons": list(self.reasons),
             "words": self.sentence,
             "parameters": estimates(self.model.effects[self.effect]),
-            "curve": curve_of(self.model, self.effect) if is_map(self.effect) else None,
+            "curve": curve_of(self.model, self.effect, self.settings.proposal.map_points)
+            if is_map(self.effect)
+            else None,
             "settings": self.settings.to_dict(),
         }
 
@@ -172,7 +174,9 @@ def add_effect(
         p_value=p_value,
         worthwhile=not reasons,
         reasons=tuple(reasons),
-        sentence=sentence_of_map(new, effect) if is_map(effect) else describe_in(new, item),
+        sentence=sentence_of_map(new, effect, settings.proposal.map_points)
+        if is_map(effect)
+        else describe_in(new, item),
         samples=tuple(data.samples),
         settings=settings,
     )

@@ -89,11 +89,7 @@ def refuse_unseen_logs(mechanism: Mechanism[Any], theta: Array, samples: Sequenc
         refuse_unseen(limits, places_of(item), f"{item.name}")
 
 
-SHOWN_POINTS = 9
-"""Of a map's curve in a table."""
-
-
-def curve_of(model: Model, name: str, points: int = SHOWN_POINTS) -> list[dict[str, Any]]:
+def curve_of(model: Model, name: str, points: int) -> list[dict[str, Any]]:
     """A map as a table: at even places of its range the force, and its standard deviation (None:
     not known).
 
@@ -128,10 +124,10 @@ def _with_deviation(
     return [(float(v), float(s)) for v, s in zip(value, std, strict=True)]
 
 
-def sentence_of_map(model: Model, name: str) -> str:
-    """What a map is, how large, and where it holds."""
+def sentence_of_map(model: Model, name: str, points: int) -> str:
+    """What a map is, how large at so many places, and where it holds."""
     low, high = model.map_limits[name]
-    variable, rows = variable_of(name), curve_of(model, name)
+    variable, rows = variable_of(name), curve_of(model, name, points)
     sizes = []
     for part, unit, _ in components_of(name):
         most = max(abs(row[part]["value"]) for row in rows)

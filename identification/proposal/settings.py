@@ -270,6 +270,10 @@ class ProposalSettings(Settings):
             "nothing against it",
         },
     )
+    map_points: int = field(
+        default=9,
+        metadata={"unit": "1", "reason": "places in the table of a map's curve: a screen"},
+    )
     compared: int = field(
         default=8,
         metadata={

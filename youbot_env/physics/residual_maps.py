@@ -19,13 +19,23 @@ import math
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cache
-from typing import Any, NamedTuple, cast
+from typing import NamedTuple, cast
 
 import numpy as np
 from numpy.typing import NDArray
 
 from youbot_env.errors import InputError
-from youbot_env.physics.effect import BODY, WHEEL, WORLD, Effect, Parameter, Place
+from youbot_env.physics.effect import (
+    BODY,
+    WHEEL,
+    WORLD,
+    Body,
+    Effect,
+    Parameter,
+    Place,
+    Wheel,
+    World,
+)
 from youbot_env.physics.namespaces import Namespace, Number
 
 Array = NDArray[np.float64]
@@ -75,7 +85,7 @@ class Variable:
 
     name: str
     place: Place
-    read: Callable[[Any], Number]
+    read: Callable[..., Number]
     of: Callable[[Places], Array | None]
     unit: str
     is_speed: bool = False
@@ -94,21 +104,51 @@ def _twist(k: int) -> Callable[[Places], Array | None]:
     return lambda at: None if at.twist is None else at.twist[..., k]
 
 
+def _read_twist(k: int) -> Callable[[Body], Number]:
+    def read(body: Body) -> Number:
+        return body.twist[k]
+
+    return read
+
+
+def _yaw(world: World) -> Number:
+    return world.yaw
+
+
+def _x(world: World) -> Number:
+    return world.x
+
+
+def _y(world: World) -> Number:
+    return world.y
+
+
+def _time(world: World) -> Number:
+    return world.time
+
+
+def _rate(wheel: Wheel) -> Number:
+    return wheel.rate
+
+
+def _angle(wheel: Wheel) -> Number:
+    return wheel.angle
+
+
 VARIABLES = {
     item.name: item
     for item in (
-        Variable("heading", WORLD, lambda world: world.yaw, _pose(2), "rad"),
-        Variable("position_x", WORLD, lambda world: world.x, _pose(0), "m"),
-        Variable("position_y", WORLD, lambda world: world.y, _pose(1), "m"),
-        Variable("time", WORLD, lambda world: world.time, lambda at: at.time, "s"),
-        Variable("forward_speed", BODY, lambda body: body.twist[0], _twist(0), "m/s", True),
-        Variable("sideways_speed", BODY, lambda body: body.twist[1], _twist(1), "m/s", True),
-        Variable("yaw_rate", BODY, lambda body: body.twist[2], _twist(2), "rad/s", True),
-        Variable("wheel_speed", WHEEL, lambda wheel: wheel.rate, lambda at: at.wheel_speed,
-                 "rad/s", True),
-        Variable("wheel_angle", WHEEL, lambda wheel: wheel.angle, lambda at: at.wheel_angle, "rad"),
+        Variable("heading", WORLD, _yaw, _pose(2), "rad"),
+        Variable("position_x", WORLD, _x, _pose(0), "m"),
+        Variable("position_y", WORLD, _y, _pose(1), "m"),
+        Variable("time", WORLD, _time, lambda at: at.time, "s"),
+        Variable("forward_speed", BODY, _read_twist(0), _twist(0), "m/s", True),
+        Variable("sideways_speed", BODY, _read_twist(1), _twist(1), "m/s", True),
+        Variable("yaw_rate", BODY, _read_twist(2), _twist(2), "rad/s", True),
+        Variable("wheel_speed", WHEEL, _rate, lambda at: at.wheel_speed, "rad/s", True),
+        Variable("wheel_angle", WHEEL, _angle, lambda at: at.wheel_angle, "rad"),
     )
-}  # fmt: skip
+}
 """What a map can be drawn over. Not over torques and accelerations: their noise is the residual's
 own."""
 
@@ -187,7 +227,7 @@ def weighted(coefficients: Sequence[Number], shapes: Sequence[Number]) -> Number
 
 def humps(xp: Namespace, x: Number, count: int) -> list[Number]:
     """Smooth humps around the turn of an angle, each zero beyond its second neighbour."""
-    found = []
+    found: list[Number] = []
     edge = math.cos(2.0 * TURN / count)
     for k in range(count):
         height = xp.maximum(xp.cos(x - k * TURN / count) - edge, 0.0) / (1.0 - edge)
@@ -201,7 +241,7 @@ def splines(
     """Cubic B-splines over low to high, each less its slope times the place there, -1 to 1."""
     # Beside the range a trace, so that a range of nothing divides by no zero.
     share = xp.minimum(xp.maximum((x - low) / (high - low + TRACE), 0.0), 1.0)
-    found = []
+    found: list[Number] = []
     for k, slope in enumerate(slopes):
         away = xp.abs((KNOTS - 3) * share - (k - 1.0))
         wide, narrow = xp.maximum(2.0 - away, 0.0), xp.maximum(1.0 - away, 0.0)

@@ -32,7 +32,7 @@ def test_the_error_falls_to_the_noise_and_the_curve_is_the_truth_within_its_bars
     floor = added.noise_floor["force_error"]
     assert added.before.force_error > 1.5 * floor > added.after.force_error
     assert added.worthwhile
-    rows = curve_of(added.model, "residual:heading")
+    rows = curve_of(added.model, "residual:heading", 9)
     away = [
         (row["turn"]["value"] - 1.5 * (row["at"] - 0.2)) / row["turn"]["std"] for row in rows[1:-1]
     ]
