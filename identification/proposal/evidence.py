@@ -58,6 +58,7 @@ class Scene:
         force = np.concatenate([force[:1], force])[kept]
         rolling = dynamics.rolling_geometry(np, mechanism.structure, mechanism.geometry, theta)
         torque = mechanism.kind.torque_of(rolling, tuple(force.T))
+        self.torque = np.stack(torque, axis=1)
         acceleration = np.gradient(s.twist, s.dt, axis=0)
         self.time, self.twist, self.pose = s.time[kept], s.twist[kept], s.pose[kept]
         self.angle, self.wheel_speed = s.wheel_angle[kept], s.wheel_speed[kept]
