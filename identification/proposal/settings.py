@@ -28,6 +28,13 @@ class ProposalSettings(Settings):
             "each shows 98 %",
         },
     )
+    quarters: int = field(
+        default=6,
+        metadata={
+            "unit": "1 a quarter turn",
+            "reason": "directions of a friction along and across: 15 degrees apart as above",
+        },
+    )
     knee_shares: tuple[float, ...] = field(
         default=(0.25, 0.8, 1.6),
         metadata={"unit": "share of a speed's rms", "reason": "where a shape may bend"},

@@ -197,6 +197,10 @@ def sticking(rng: np.random.Generator, size: float, path: Array) -> Values:
     }
 
 
+def any_wheel(name: str) -> Callable[[np.random.Generator, float, Array], Values]:
+    return lambda rng, size, path: {name: size, "wheel": float(rng.integers(4))}
+
+
 def mat(rng: np.random.Generator, size: float, path: Array) -> Values:
     x, y = spot(rng, path)
     return {"stiffness": size, "x": x, "y": y, "radius": rng.uniform(0.25, 0.4)}

@@ -432,13 +432,24 @@ FOREIGN = {
                   tuple(f"torque_{wheel}" for wheel in WHEELS), site="wheel", reads=("torque",)),
         Plantable("soft_wall", 15.0, "N/m", draws.wall, _renamed(wall="stiffness", wall_x="edge"),
                   ("position_x",)),
+        Plantable("eccentric_rub", 0.5, "N m", draws.any_wheel("torque"),
+                  _renamed(rubbing="torque", rubbing_wheel="wheel"),
+                  tuple(f"wheel_angle_{wheel}" for wheel in WHEELS), site="wheel",
+                  reads=("wheel_angle", "wheel_speed")),
+        Plantable("saddle_floor", 10.0, "N/m", draws.one_number("stiffness"),
+                  _renamed(saddle="stiffness"), ("position_x", "position_y")),
+        Plantable("side_fan", 2.5, "N m/m", draws.one_number("slope"), _renamed(fan="slope"),
+                  ("position_x",)),
+        Plantable("root_drag", 20.0, "N", draws.one_number("coefficient"),
+                  _renamed(root_drag="coefficient"), reads=("twist",)),
         Plantable("carpet_pile", 8.0, "N m s", draws.pile,
                   _renamed(pile="coefficient", pile_direction="direction"), ("heading",),
                   reads=("heading", "twist")),
     )
 }  # fmt: skip
-"""Effects that the grammar was not built with: products of two variables, two directions at once,
-shapes with a corner, one-sided torques."""
+"""Effects that the search was not built with: products of two variables, two directions at once,
+shapes with a corner, one-sided torques, roots. The grammar has got laws since for the first seven
+(see `FORMS`); for the others it has none."""
 
 FORMS = {
     "carpet_nap": ("dry_nap",),
@@ -458,6 +469,13 @@ FORMS = {
     "side_brush": ("levelling_drag_y",),
     "heading_magnet": ("moment_by_heading_2",),
     "ramp": ("pull_beyond_an_edge_in_x", "pull_before_an_edge_in_x"),
+    "grain_drag": ("dry_drag_by_heading_1",),
+    "woven_floor": ("dry_along_and_across",),
+    "sticking_roller": ("uneven_at_peak_roller_friction",),
+    "growing_drag": ("dry_drag_that_grows",),
+    "weak_drive": ("forward_load_beyond_an_edge",),
+    "soft_wall": ("spring_beyond_an_edge_in_x",),
+    "carpet_pile": ("viscous_turning_by_heading_2",),
 }
 """Of the laws outside the catalogue, the laws of the grammar that state them."""
 

@@ -163,6 +163,11 @@ class Physics(NamedTuple):
     weak_edge: float = 0.0
     wall: float = 0.0  # [N/m] of a spring beyond a line
     wall_x: float = 0.0
+    rubbing: float = 0.0  # dry friction of one wheel that swings with its angle
+    rubbing_wheel: float = 0.0
+    saddle: float = 0.0  # [N/m] of a floor that is a saddle
+    fan: float = 0.0  # [N m/m] moment that grows along world x
+    root_drag: float = 0.0  # [N (s/m)^0.5] against the motion, with the root of the speed
     pile: float = 0.0  # viscous friction of turning that depends on the heading
     pile_direction: float = 0.0
 
@@ -185,6 +190,8 @@ def _wheel_friction(p: Physics, i: int, rate: float, angle: float, torque: float
         total += p.ripple * math.sin(p.ripple_cycles * angle + p.ripple_phase[i])
     if p.cog != 0.0 and i == int(p.cog_wheel):
         total += p.cog * math.sin(p.cog_cycles * angle)
+    if p.rubbing != 0.0 and i == int(p.rubbing_wheel):
+        total += p.rubbing * (0.5 + 0.5 * math.cos(angle)) * math.tanh(rate / p.dry_width)
     if p.rub != 0.0:
         near = (abs(rate) - p.rub_speed) / p.rub_width
         total += p.rub * math.exp(-near * near) * math.tanh(rate / p.dry_width)
@@ -283,6 +290,12 @@ def _outside(p: Physics, x: float, y: float, yaw: float, u: float, v: float, tim
         speed = math.sqrt(u * u + v * v + 0.005**2)
         drag = p.growing * time / 60.0
         fx, fy = fx - drag * u / speed, fy - drag * v / speed
+    if p.saddle != 0.0:
+        fx, fy = fx + p.saddle * y, fy + p.saddle * x
+    if p.root_drag != 0.0:
+        speed = math.sqrt(u * u + v * v + 0.005**2)
+        fx -= p.root_drag * u / math.sqrt(speed)
+        fy -= p.root_drag * v / math.sqrt(speed)
     if p.wall != 0.0:
         fx -= p.wall * max(x - p.wall_x, 0.0)
     if p.joints != 0.0:
@@ -343,6 +356,7 @@ def derivative(
     b[2] = sx * slope_y - sy * slope_x
     b[2] -= p.scrub * math.tanh(w / p.scrub_width) + p.twist_stiffness * (q[2] - p.twist_neutral)
     b[2] -= p.magnet * math.sin(2.0 * (q[2] - p.magnet_neutral))
+    b[2] += p.fan * q[0]
     b[2] -= p.pile * w * (0.5 + 0.5 * math.cos(2.0 * (q[2] - p.pile_direction)))
 
     for i in range(4):
@@ -440,11 +454,12 @@ def steps_for(p: Physics, dt: float) -> int:
     wheel = (
         p.coulomb + p.dry.max() + p.breakaway + p.load_share * 2.0 + p.one_way + p.rub
     ) / p.dry_width
+    wheel += p.rubbing / p.dry_width
     wheel += abs(p.forward_dry) / p.forward_width
     roller = (p.roller_coulomb + p.roller_dry.max()) / p.roller_dry_width
     inertia = 0.25 * p.m0 * p.wheel_radius**2 + p.I1
     rate = wheel / inertia + 8.0 * roller / (p.roller_radius**2 * p.m0)
-    small = p.patch + p.late_drag + p.grain + 4.0 * p.growing
+    small = 15.0 * p.root_drag * 0.005 + p.patch + p.late_drag + p.grain + 4.0 * p.growing
     rate += ((p.nap + p.weave_x + p.weave_y) / 0.01 + small / 0.005) / p.m0 + (
         1.0 / p.lag if p.lag > 0.0 else 0.0
     )

@@ -240,7 +240,9 @@ _POINTS: dict[Place, Any] = {
     BODY: Body(tuple(_TWIST), tuple(_ACCELERATION), _TIME, _NAMED, _START),
     WHEEL: Wheel(*real_symbols("phi' phi'' phi M t"), base=_NAMED, start=_START),
     ROLLER: Roller(*real_symbols("gamma' gamma'' t"), base=_NAMED, start=_START),
-    WORLD: World(*real_symbols("x y psi x' y' xC yC t"), base=_NAMED, start=_START),
+    WORLD: World(
+        *real_symbols("x y psi x' y' xC yC t"), base=_NAMED, start=_START, yaw_rate=_TWIST[2]
+    ),
     ACTUATOR: Actuator(*real_symbols("M M' t M''")),
     CHANNEL: Channel(*real_symbols("M phi' t"), start=_START),
     CLOCK: Clock(),

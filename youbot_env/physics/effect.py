@@ -109,6 +109,7 @@ class World(NamedTuple):
     time: Number
     base: BaseParameters
     start: Number | float = 0.0
+    yaw_rate: Number | float = 0.0
 
 
 class Actuator(NamedTuple):

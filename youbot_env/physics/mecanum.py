@@ -131,7 +131,7 @@ def into_body(xp: Namespace, yaw: Number, force: Sequence[Number]) -> Triple:
 
 def _world_point(xp: Namespace, at: Instant[Number], base: BaseParameters) -> World:
     x, y, yaw = at.pose
-    vx, vy, _ = at.twist
+    vx, vy, wz = at.twist
     c, s = xp.cos(yaw), xp.sin(yaw)
     # Of the whole platform: the wheels lie symmetrically about O, so they add mass and no moment.
     com_x, com_y = base.m_aX / base.m0, base.m_aY / base.m0
@@ -142,6 +142,7 @@ def _world_point(xp: Namespace, at: Instant[Number], base: BaseParameters) -> Wo
         at.time,
         base,
         at.start,
+        wz,
     )
 
 
