@@ -17,7 +17,8 @@ from youbot_scripts.blind_bench.calibration_page import write_page
 from youbot_scripts.blind_bench.cases import KINDS, write_case
 from youbot_scripts.blind_bench.effect_sizes import force_ratio, size_table, sizings
 from youbot_scripts.blind_bench.null_fits import null_fits
-from youbot_scripts.blind_bench.published import Published, publish as write_blind_set
+from youbot_scripts.blind_bench.published import Published
+from youbot_scripts.blind_bench.publishing import publish as write_blind_set
 from youbot_scripts.blind_bench.report import show, show_claims, show_sizes
 from youbot_scripts.blind_bench.scores import score
 from youbot_scripts.blind_bench.trials import Options, Record, Spec, plan, run_trials
@@ -203,7 +204,7 @@ def _try_tool(
     folder: Path, tool: str, answers: Path | None, seed: int, jobs: int, json: Path | None, out: Any
 ) -> None:
     """Let a tool answer a blind set, and score answers to it."""
-    from youbot_scripts.blind_bench.claims import score_claims
+    from youbot_scripts.blind_bench.claim_scores import score_claims
 
     published = Published(folder)
     codes = published.codes

@@ -57,6 +57,8 @@ def find_law(
     mechanism = left.mechanism
     if mechanism.kind.name not in GRAMMARS:
         return None
+    if len(mechanism.axes) == 1:
+        settings = settings.of_an_axis()
     rows = replace(fit, row_rate=settings.row_rate)
     basis = gauge_basis(mechanism, left.free) / mechanism.scale[left.free][:, None]
     of_logs = [regression(mechanism, left.theta, item, left.free, rows) for item in samples]

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 from youbot_env.errors import Settings, check_settings
 
@@ -184,6 +184,30 @@ class ProposalSettings(Settings):
             "floor that is met once in a minute would be seen, or not seen, as a whole",
         },
     )
+    axis_min_duration: float = field(
+        default=15.0,
+        metadata={
+            "unit": "s",
+            "reason": "of one axis, whose motions are shorter: a positioning stage is there and "
+            "back in two seconds",
+        },
+    )
+    axis_block_time: float = field(
+        default=0.25,
+        metadata={
+            "unit": "s",
+            "reason": "of one axis, whose forces are filtered ten times as fast: ten of the "
+            "filter's time constants and more",
+        },
+    )
+    axis_periods: int = field(
+        default=22,
+        metadata={"unit": "1", "reason": "of a friction along the travel, as the catalogue's"},
+    )
+    spot_shares: tuple[float, ...] = field(
+        default=(0.05, 0.15),
+        metadata={"unit": "share of the travel", "reason": "widths of a tight spot of an axis"},
+    )
     folds: int = field(
         default=4,
         metadata={"unit": "1", "reason": "of the stretches that the search sees"},
@@ -299,6 +323,11 @@ class ProposalSettings(Settings):
         default=8,
         metadata={"unit": "1", "reason": "laws in the list of length against error"},
     )
+
+    def of_an_axis(self) -> ProposalSettings:
+        """Those of one axis."""
+        own = {"min_duration": self.axis_min_duration, "block_time": self.axis_block_time}
+        return replace(self, **own)
 
     def __post_init__(self) -> None:
         check_settings(self, "proposal settings", positive=True)

@@ -14,7 +14,6 @@ from scipy.integrate import cumulative_trapezoid
 
 from identification.logs.log import Log
 from identification.logs.reading import write_log
-from identification.mechanisms.samples import Samples
 from youbot_env.errors import InputError
 from youbot_scripts.blind_bench import motions, second_simulator as plant, sensors, wheel_effects
 from youbot_scripts.blind_bench.effects import (
@@ -357,16 +356,20 @@ def unseen_log(case: Case) -> Log:
 UNSEEN = "unseen"
 
 
-def true_velocity_error(case: Case, samples: Samples) -> float:
+def true_velocity_error(case: Case, speed: Array, effort: Array, dt: float, pose: Array) -> float:
     """Velocity error of the true platform's free run, driven by a log's torques alone: what the
-    true law reaches."""
-    speed = plant.replay(
-        *(physics(case), samples.torque, samples.dt, samples.twist[0], samples.pose[0])
-    )
-    twist = np.stack([motions.twist_of(speed), motions.twist_of(samples.wheel_speed)])
-    twist[..., :2] /= motions.LEVER
-    predicted, measured = twist
-    return float(np.sqrt(((measured - predicted) ** 2).sum() / (measured**2).sum()))
+    true law reaches.
+
+    Parameters
+    ----------
+    speed, effort : (N, 4) wheel speeds [rad/s] and torques [N m] as logged, dt [s] apart
+    pose : (3,) where it starts
+    """
+    measured = motions.twist_of(speed)
+    predicted = motions.twist_of(plant.replay(physics(case), effort, dt, measured[0], pose))
+    scale = np.array([motions.LEVER, motions.LEVER, 1.0])
+    error = (measured - predicted) / scale
+    return float(np.sqrt((error**2).sum() / ((measured / scale) ** 2).sum()))
 
 
 SHORT_NAMES = {

@@ -749,10 +749,11 @@ def test_the_true_platform_follows_its_own_torques():
     truth = trials.true_model(case)
     assert truth is not None
     (samples,) = Mecanum(truth.geometry, truth.structure).samples_of([log])
-    mine = cases.true_velocity_error(case, samples)
-    # Commands are held and drawn as lines between rows: the same for both simulators.
-    assert mine == pytest.approx(trials.velocity_error(truth, [log]), rel=0.02) and mine < 0.01
-    assert cases.true_velocity_error(cases.draw_case("none", 0, 3, rate=50.0), samples) > 0.1
+    run = (samples.wheel_speed, samples.torque, samples.dt, samples.pose[0])
+    mine = cases.true_velocity_error(case, *run)
+    # Nothing is left but the commands, held between two rows and drawn as a line.
+    assert mine < 1e-3 and trials.velocity_error(truth, [log]) < 1e-3
+    assert cases.true_velocity_error(cases.draw_case("none", 0, 3, rate=50.0), *run) > 0.1
 
 
 def test_the_fall_of_the_error_is_measured_against_what_it_can_fall():

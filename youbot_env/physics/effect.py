@@ -401,6 +401,10 @@ def effect_of(name: str) -> str:
     return name.partition(INSTANCE)[0]
 
 
+OPEN: list[Registry] = []
+"""To which a user's file may add."""
+
+
 class Registry:
     """Effects by name, in the order of registration.
 
@@ -409,11 +413,19 @@ class Registry:
 
     Some effects are made of their name (``make``, by the prefix of these names): they can be had,
     and are not listed.
+
+    Others may be added by a user's file where it has a ``trial``: "module:function", which tries
+    out one of these.
     """
 
-    def __init__(self, make: Mapping[str, Callable[[str], Effect]] | None = None) -> None:
+    def __init__(
+        self, make: Mapping[str, Callable[[str], Effect]] | None = None, trial: str = ""
+    ) -> None:
         self._effects: dict[str, Effect] = {}
         self.make = dict(make or {})
+        self.trial = trial
+        if trial:
+            OPEN.append(self)
 
     def add(self, new: Effect) -> None:
         """Register an effect.
@@ -467,7 +479,7 @@ class Registry:
             raise
 
 
-CATALOGUE = Registry()
+CATALOGUE = Registry(trial="youbot_env.equations.equations:try_out")
 """Effects that can be added to the base model."""
 
 BASE = Registry()

@@ -14,9 +14,11 @@ from youbot_env.errors import InputError
 from youbot_env.files import write_json
 from youbot_env.physics.geometry import WHEELS
 from youbot_scripts.blind_bench import tools
-from youbot_scripts.blind_bench.claims import Claim, read_claims, score_claims, write_claims
+from youbot_scripts.blind_bench.claim_scores import score_claims
+from youbot_scripts.blind_bench.claims import Claim, read_claims, write_claims
 from youbot_scripts.blind_bench.discrepancy import TERMS, boosted_residual, sparse_regression
-from youbot_scripts.blind_bench.published import Published, code_of, publish, read_table
+from youbot_scripts.blind_bench.published import Published, read_table
+from youbot_scripts.blind_bench.publishing import code_of, publish
 from youbot_scripts.blind_bench.tools import answer_set, torques_of
 from youbot_scripts.blind_bench.trials import Spec
 from youbot_scripts.cli import main
