@@ -142,7 +142,7 @@ def _by_place(seen: Travel, settings: ProposalSettings) -> Iterator[Law]:
         constants = (Constant("end", "N"), held, *((eps,) if factor else ()))
         yield _law(
             name, ("position", *(("speed",) if factor else ())), constants,
-            f"end * ((joint.position - middle) / {0.5 * seen.length!r}) ** 2{factor}",
+            f"end * ((joint.position - middle) / {float(0.5 * seen.length)!r}) ** 2{factor}",
             word, f"f ((x - x_m)/l)^2{mark}", rf"f ((x - x_m)/l)^2{mark}",
             "The residual bends along the travel.", "place", terms=2,
         )  # fmt: skip
