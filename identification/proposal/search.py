@@ -217,12 +217,15 @@ class Search:
         more there is no more than chance makes it."""
         best, *others = leaders[: self.settings.compared]
         assert best.sums is not None
-        left = self.evidence.unseen_left(best.sums)
+        left, told = self.evidence.unseen_left(best.sums), {best.law.name}
         for item in others:
             assert item.sums is not None
+            if item.law.name in told:
+                continue  # the same law near another period
             more = self.evidence.unseen_left(item.sums) - left
             size = float(np.sqrt((more**2).sum()))
             if self.fall(item) > 0 and more.sum() <= self.settings.alike_deviations * size:
+                told.add(item.law.name)
                 yield self._found(item), item.square / self.evidence.own_held_out
 
     @cached_property
