@@ -61,7 +61,7 @@ def _typical(unit: str, scales: Scales) -> float:
 
 def _law(name: str, variables: Sequence[str], constants: Sequence[Constant], result: str,
          meaning: str, formula: str, latex: str, recognise: str, confirm: str, *,
-         dissipative: bool = False, terms: int = 1) -> Law:  # fmt: skip
+         terms: int, dissipative: bool = False) -> Law:  # fmt: skip
     return Law(
         *(name, JOINT, tuple(variables), tuple(constants), (), result, meaning, formula, latex),
         *(recognise, CONFIRM[confirm], dissipative, terms),
@@ -79,7 +79,7 @@ def _by_speed(seen: Travel, settings: ProposalSettings) -> Iterator[Law]:
         yield _law(
             f"{form.key}_axis_friction", ("speed",), form.constants, form.text,
             f"{form.word.capitalize()} force of the axis by its speed", form.symbol, form.latex,
-            "The residual follows the speed.", "speed", dissipative=form.dissipative,
+            "The residual follows the speed.", "speed", terms=1, dissipative=form.dissipative,
         )  # fmt: skip
 
 
