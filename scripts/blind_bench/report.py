@@ -28,7 +28,7 @@ KIND_WORDS = {
     "differ": "one effect in some of the logs only",
     "regime": "an effect outside the catalogue, in a part of the motion",
     "law": "an effect outside the catalogue, of any kind",
-    "foreign": "an effect that no law of the grammar states",
+    "foreign": "an effect that the search for laws was not built with",
 }
 
 SCORE_WORDS = {
