@@ -92,6 +92,14 @@ class DiagnosisSettings(Settings):
             "reason": "family-wise, over all candidates",
         },
     )
+    max_p_value_of_noise: float = field(
+        default=0.2,
+        metadata={
+            "unit": "1",
+            "reason": "up to here the p-value of what acts on torques is computed once more, "
+            "without what noise that is in column and residual makes of it: a bound on time",
+        },
+    )
     min_share_of_residual: float = field(
         default=0.05,
         metadata={
@@ -146,6 +154,15 @@ class DiagnosisSettings(Settings):
             "unit": "1",
             "reason": "candidates that are tried together with each other one where none is "
             "enough alone: a bound on time",
+        },
+    )
+    min_promised_share_of_pair: float = field(
+        default=0.75,
+        metadata={
+            "unit": "share of what two effects must take away",
+            "reason": "what the first one's fall and a linear step to the second promise, from "
+            "which on the second is tried: six pairs on three logs took 0.87 to 1.11 of it, and "
+            "with all 24 seconds tried a diagnosis took twice as long",
         },
     )
     min_error_over_floor: float = field(
@@ -239,16 +256,6 @@ class DiagnosisSettings(Settings):
     )
 
     # Joint fits of the candidates in the lead
-    max_taken_share: float = field(
-        default=0.5,
-        metadata={
-            "unit": "1",
-            "reason": "of the squares of logged torques, what a dead zone or a limit may take: a "
-            "dead zone of 0.1 N m takes 3.5 %, a limit at a third of the peak 15 %; a limit below "
-            "nearly all torques left 1.2 % of error on logs with a ripple, more than the ripple "
-            "explained, and a free run that was far off",
-        },
-    )
     max_joint_fits: int = field(
         default=5,
         metadata={

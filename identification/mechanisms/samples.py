@@ -271,16 +271,16 @@ class DemandedForce(Generic[Geometry]):
         )
 
     @cached_property
-    def taken(self) -> tuple[float, float]:
-        """Squares that channels which are not affine take from the logged torques, and of these."""
+    def acting_square(self) -> float:
+        """Squares of the torques that channels which are not affine let act."""
         s = self.samples
         if not self.structure.has_nonlinear_channel:
-            return 0.0, float((s.torque**2).sum())
+            return float((s.torque**2).sum())
         at = Instant(tuple(s.twist.T), time=s.time, start=s.start)
         taken = dynamics.taken_torque(
             np, self.structure, self.geometry, self.theta, tuple(s.torque.T), at
         )
-        return float((np.stack(taken) ** 2).sum()), float((s.torque**2).sum())
+        return float(((s.torque - np.stack(taken, axis=1)) ** 2).sum())
 
     @cached_property
     def force(self) -> Array:
@@ -370,43 +370,76 @@ class DemandedForce(Generic[Geometry]):
         structure, geometry = self.structure, self.geometry
         if structure.only_wrenches:
             return force
-        torque = self.mechanism.torque_of(self.rolling, self._unscaled(force))
-        rate, second = self._rates(torque)
-        at = replace(self.instant, torque=torque, torque_rate=rate, torque_second_rate=second)
-        said = self._said(theta)
-        logged = dynamics.interface_torque(np, structure, geometry, theta, at, said)
+        at = self._acting(force)
+        logged = self._logged(theta, at)
         if (structure.at(CHANNEL) or structure.at(CONTACT)) and self._nominal_forceless:
-            logged = self._with_internal(logged, theta, at)
+            own = theta is self.theta
+            way = self._own_internal_way if own else self._internal_way(theta, at, logged)
+            logged = self._with_internal(logged, way)
         # As the measured force: that of the nominal geometry.
         return self._scaled(self.mechanism.force_of(geometry, logged))
 
-    def _with_internal(
-        self, logged: tuple[Array, ...], theta: Array, at: Instant[Array]
-    ) -> tuple[Array, ...]:
+    def _acting(self, force: Array) -> Instant[Array]:
+        """The motion with the torques that exert a force (2, N - 1, A), and their rates."""
+        torque = self.mechanism.torque_of(self.rolling, self._unscaled(force))
+        rate, second = self._rates(torque)
+        return replace(self.instant, torque=torque, torque_rate=rate, torque_second_rate=second)
+
+    def _with_internal(self, logged: Components[Array], way: Sequence[Array]) -> Components[Array]:
         """Logged torques moved along internal ones until they hold what was logged.
 
         Where gains differ by joint, or joints roll unevenly, torques that seem to cancel do not.
         """
         internal = np.array(self._nominal_forceless)
-        rows = zip(at.torque, self._forceless, strict=True)
-        more = tuple(torque + part for torque, part in rows)
-        along = dynamics.interface_torque(
-            np, self.structure, self.geometry, theta, replace(at, torque=more), self._said(theta)
-        )
-        way = [b - a for a, b in zip(logged, along, strict=True)]
         size = internal @ internal
         lacking = self._internal - internal @ np.stack(logged, axis=1) / size
         amount = lacking / (internal @ np.stack(way, axis=1) / size)
         return tuple(torque + amount * step for torque, step in zip(logged, way, strict=True))
 
-    def _said(self, theta: Array) -> Components[Array]:
-        """Logged torques behind what acts, (2, N - 1) each: of channels that need to know them."""
+    def _internal_way(
+        self, theta: Array, at: Instant[Array], logged: Components[Array]
+    ) -> list[Array]:
+        """(J) by how much logged torques rise with internal ones that act, (2, N - 1) each.
+
+        ``logged``: at the torques of ``at``.
+        """
+        rows = zip(at.torque, self._forceless, strict=True)
+        more = replace(at, torque=tuple(torque + part for torque, part in rows))
+        along = self._logged(theta, more)
+        return [b - a for a, b in zip(logged, along, strict=True)]
+
+    @cached_property
+    def _own_internal_way(self) -> list[Array]:
+        """The same at theta, for all columns: what is logged is affine in the torques that act."""
+        at = self._acting(self._body_force)
+        return self._internal_way(self.theta, at, self._logged(self.theta, at))
+
+    def _logged(self, theta: Array, at: Instant[Array]) -> Components[Array]:
+        """(J) logged torques, (2, N - 1) each, of those of ``at``."""
+        said = self._said(theta)
+        return dynamics.interface_torque(np, self.structure, self.geometry, theta, at, said)
+
+    def _said(self, theta: Array) -> Sequence[Components[Array]]:
+        """Torques (2, N - 1) that were logged for what acts, and these behind each channel.
+
+        Of channels that need to know them; () if there are none.
+        """
         if not self.structure.has_nonlinear_channel:
             return ()
+        return self._own_said if theta is self.theta else self._said_at(theta)
+
+    @cached_property
+    def _own_said(self) -> Sequence[Components[Array]]:
+        """The same at theta, for all columns."""
+        return self._said_at(self.theta)
+
+    def _said_at(self, theta: Array) -> Sequence[Components[Array]]:
         torque = self.samples.torque
         delay = float(dynamics.torque_delay(np, self.structure, theta)) / self.samples.dt
         said = moved(np.stack([torque[:-1], torque[1:]]), -delay)
-        return tuple(np.moveaxis(said, -1, 0))
+        logged = tuple(np.moveaxis(said, -1, 0))
+        structure, geometry = self.structure, self.geometry
+        return dynamics.torque_behind_channels(np, structure, geometry, theta, logged, self.instant)
 
     @cached_property
     def _internal(self) -> Array:

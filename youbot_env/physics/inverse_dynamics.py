@@ -192,10 +192,10 @@ def channel_torque(
 
     Of ``at`` the twist and the times are read.
     """
-    return _passed(xp, structure, geometry, theta, torque, at)[-1]
+    return torque_behind_channels(xp, structure, geometry, theta, torque, at)[-1]
 
 
-def _passed(
+def torque_behind_channels(
     xp: Namespace,
     structure: ModelStructure[Geometry],
     geometry: Geometry,
@@ -244,26 +244,26 @@ def interface_torque(
     geometry: Geometry,
     theta: Values[N],
     at: Instant[N],
-    logged: Values[N] = (),
+    said: Sequence[Components[N]] = (),
 ) -> Components[N]:
     """Torque (J) at the interface (command, log) where ``at.torque`` acts on the joints.
 
     It is the command of the actuator, taken back through the channels. It belongs to a time
     earlier than ``at`` by :func:`torque_delay`.
 
-    ``logged`` (J): torques that the interface did say. What a channel that is not affine (a dead
-    zone) took from them is known, where its inverse is not unique or does not exist.
+    ``said`` : :func:`torque_behind_channels` of what the interface did say. What a channel that is
+    not affine (a dead zone) took from it is known, where its inverse is not unique or does not
+    exist.
     """
     torque = actuator_command(xp, structure, theta, at)
-    known = _passed(xp, structure, geometry, theta, logged, at) if len(logged) else None
     channels = structure.at(CHANNEL)
     rolling = rolling_geometry(xp, structure, geometry, theta)
     for k in range(len(channels) - 1, -1, -1):
         item, where = channels[k]
         if item.inverse is None:
             torque = _affine_inverse(xp, structure, rolling, item, theta[where], torque, at)
-        elif known:
-            rows = zip(torque, known[k], known[k + 1], strict=True)
+        elif said:
+            rows = zip(torque, said[k], said[k + 1], strict=True)
             torque = tuple(value + (before - after) for value, before, after in rows)
         else:
             points = enumerate(_channels(structure, rolling, torque, at))
@@ -281,7 +281,7 @@ def taken_torque(
     at: Instant[N],
 ) -> Components[N]:
     """What channels that are not affine take from interface torques (J)."""
-    passed = _passed(xp, structure, geometry, theta, torque, at)
+    passed = torque_behind_channels(xp, structure, geometry, theta, torque, at)
     taken = tuple(0.0 * value for value in torque)
     for k, (item, _) in enumerate(structure.at(CHANNEL)):
         if item.inverse is not None:

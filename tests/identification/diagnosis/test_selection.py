@@ -8,7 +8,13 @@ import numpy as np
 import pytest
 
 from identification.diagnosis.add_effect import add_effect
-from identification.diagnosis.candidates import fit_base, try_candidate
+from identification.diagnosis.candidates import (
+    fit_base,
+    fit_structure,
+    promised_falls,
+    try_candidate,
+    with_joint_fit,
+)
 from identification.diagnosis.diagnose import _ties, diagnose, select
 from identification.diagnosis.structures import LoggedData
 from identification.mechanisms.registry import mechanism_of
@@ -210,3 +216,24 @@ def test_what_is_added_of_kinematics_has_the_size_that_the_wheels_show():
     # Forces alone know it a hundred times less well.
     assert size.value == pytest.approx(0.03, abs=4 * size.std) and 0 < size.std < 2e-4
     assert found.worthwhile
+
+
+def test_what_a_second_effect_promises_is_nearly_what_the_pair_takes():
+    both = (
+        ("quadratic_friction", (("coefficient", 0.01),)),
+        ("floor_tilt", (("tilt_x", 0.01),)),
+    )
+    mechanism = mechanism_of(load_model("paper"))
+    data = LoggedData(mechanism, [recording("calibration", both)])
+    base = fit_base(data, mechanism, load_model("paper").theta)
+    tried = [*try_candidate(base, None, "quadratic_friction")]
+    tried += try_candidate(base, None, "floor_tilt")
+    tried += try_candidate(base, None, "torque_delay")
+    first = with_joint_fit(data, base, tried[0]).fitted
+    assert first is not None
+    pair = first.mechanism.extended("floor_tilt")
+    start = first.mechanism.extend_theta(first.theta, "floor_tilt", {})
+    taken = first.square - fit_structure(data, pair, start).square
+    promised = promised_falls(base, first, tried, ["floor_tilt", "torque_delay"])
+    assert promised["floor_tilt"] == pytest.approx(taken / base.square, rel=0.05)
+    assert promised["torque_delay"] < 0.1 * promised["floor_tilt"]

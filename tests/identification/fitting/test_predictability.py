@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 from scipy.signal import lfilter
 
+from identification.fitting import predictability as trees
 from identification.fitting.least_squares import fit
 from identification.fitting.predictability import Predictability, predictability, too_short
 from identification.fitting.repeated_periods import repeated_noise
@@ -157,3 +158,18 @@ def test_what_is_too_short_to_tell_is_said():
     settings = PredictabilitySettings()
     assert settings.stretch_in(600.0) == 6.0 and settings.stretch_in(3.0) == 1.0
     assert settings.stretch_in(36.0) == pytest.approx(3.0)
+
+
+def test_trees_on_time_are_grown_only_where_a_drift_could_make_noise_of_it(monkeypatch):
+    asked = []
+    grown = trees._held_out
+
+    def counted(features, *args):
+        asked.append(features.shape[1])
+        return grown(features, *args)
+
+    monkeypatch.setattr(trees, "_held_out", counted)
+    tilt = (("floor_tilt", (("tilt_x", 0.02),)),)
+    assert left_by_the_base_model(recording("calibration", tilt)).is_predicted
+    # The motion predicts far more than time does: trees on the motion without time are spared.
+    assert len(asked) == 2 and asked[1] == trees.TIMES
