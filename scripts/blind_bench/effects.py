@@ -441,15 +441,15 @@ FOREIGN = {
         Plantable("side_fan", 2.5, "N m/m", draws.one_number("slope"), _renamed(fan="slope"),
                   ("position_x",)),
         Plantable("root_drag", 20.0, "N", draws.one_number("coefficient"),
-                  _renamed(root_drag="coefficient"), reads=("twist",)),
+                  _renamed(root_drag="coefficient"), site="body", reads=("twist",)),
         Plantable("carpet_pile", 8.0, "N m s", draws.pile,
                   _renamed(pile="coefficient", pile_direction="direction"), ("heading",),
                   reads=("heading", "twist")),
     )
 }  # fmt: skip
 """Effects that the search was not built with: products of two variables, two directions at once,
-shapes with a corner, one-sided torques, roots. The grammar has got laws since for the first seven
-(see `FORMS`); for the others it has none."""
+shapes with a corner, one-sided torques, roots. The grammar has got laws since for most of them (see
+`FORMS`); for the others it has none."""
 
 FORMS = {
     "carpet_nap": ("dry_nap",),
@@ -476,6 +476,8 @@ FORMS = {
     "weak_drive": ("forward_load_beyond_an_edge",),
     "soft_wall": ("spring_beyond_an_edge_in_x",),
     "carpet_pile": ("viscous_turning_by_heading_2",),
+    "side_fan": ("moment_by_place",),
+    "root_drag": ("root_drag",),
 }
 """Of the laws outside the catalogue, the laws of the grammar that state them."""
 
