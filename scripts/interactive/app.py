@@ -281,8 +281,7 @@ class Callbacks:
         figure.update_layout(uirevision=f"{log}", selectdirection="h")
         if seen:
             figure.update_xaxes(range=list(seen))
-        what = "Velocities in free run" if kind == "velocity" else "Filtered forces"
-        return views.themed(figure, what), {"height": f"{height}px"}
+        return views.themed(figure), {"height": f"{height}px"}
 
     def plan(
         self, drawn: dict[str, int | None] | None, log: int | None, marked: list[list[float]] | None
@@ -294,8 +293,7 @@ class Callbacks:
         figure = shown.plan(log, [(a, b) for a, b in marked or []])
         if figure is None:
             return views.NOTHING, views.HIDDEN
-        title = "Floor plan: where forces are left unexplained"
-        return views.themed(figure, title), {"height": f"{PLAN_HEIGHT}px"}
+        return views.themed(figure), {"height": f"{PLAN_HEIGHT}px"}
 
     def residual(self, drawn: dict[str, int | None] | None) -> tuple[Any, dict[str, str]]:
         """The residual over the variables that it depends on most."""
@@ -303,16 +301,14 @@ class Callbacks:
         if shown is None or not shown.about["residual"]:
             return views.NOTHING, views.HIDDEN
         height = shown.about["heights"][0]
-        title = "Force residual over what it depends on most"
-        return views.themed(shown.about["residual"][0], title), {"height": f"{height}px"}
+        return views.themed(shown.about["residual"][0]), {"height": f"{height}px"}
 
     def drive(self, drawn: dict[str, int | None] | None) -> tuple[Any, dict[str, str]]:
         """Reference and response of the controllers that were driven last."""
         shown = self._open((drawn or {}).get("drive"))
         if shown is None:
             return views.NOTHING, views.HIDDEN
-        figure = views.themed(shown.drive(), "Driven: reference and response")
-        return figure, {"height": f"{DRIVE_HEIGHT}px"}
+        return views.themed(shown.drive()), {"height": f"{DRIVE_HEIGHT}px"}
 
     def zoomed(
         self, moved: dict[str, Any] | None, log: int, drawn: object, span: list[float] | None
@@ -335,9 +331,9 @@ class Callbacks:
     def brushed(
         self, on_plan: dict[str, Any] | None, on_signals: dict[str, Any] | None,
         log: int, _: int | None,
-    ) -> list[list[float]]:  # fmt: skip
+    ) -> Any:  # fmt: skip
         """Stretches of time that were brushed, in a signal or on the floor."""
-        from dash import ctx
+        from dash import ctx, no_update
 
         if ctx.triggered_id == "plan" and on_plan and on_plan.get("points"):
             times = [float(point["customdata"]) for point in on_plan["points"]]
@@ -345,7 +341,8 @@ class Callbacks:
         if ctx.triggered_id == "signals" and on_signals and on_signals.get("range"):
             spans = [v for key, v in on_signals["range"].items() if key.startswith("x")]
             return [sorted(map(float, spans[0]))] if spans else []
-        return []
+        # A chart that is drawn anew with its mark says that nothing is selected in it.
+        return no_update if ctx.triggered_id in ("plan", "signals") else []
 
 
 _DRAWS = {"model": ("identify", "compare", "diagnose", "add"), "drive": ("drive",)}

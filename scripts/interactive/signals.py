@@ -67,8 +67,11 @@ class Drawn:
         pose = np.asarray(self.array(f"pose_{log}"), float)
         most = usual_largest(traces)
         figure: Any = plan_along("plan", "", of_run, pose, traces, most).figure
+        at = np.asarray(figure.data[0].customdata, float)
+        # As a list: of an array, which travels as bytes, Dash does not tell what was selected.
+        figure.data[0].customdata = None  # or Plotly finds the list equal, and keeps the array
+        figure.data[0].customdata = at.tolist()
         if marked:
-            at = np.asarray(figure.data[0].customdata, float)
             inside = np.zeros(len(at), bool)
             for start, end in marked:
                 inside |= (at >= start) & (at <= end)

@@ -152,9 +152,14 @@ def _pictures() -> list[Any]:
             "plan, or with the box tool in a signal, to mark the same stretch in every chart.",
             className="note",
         ),
+        # The style sheet hides a heading above a chart that is hidden.
+        html.H2("Measured, and what the model says"),
         dcc.Graph(id="signals", style=HIDDEN, config=brush),
+        html.H2("Floor plan: where forces are left unexplained"),
         dcc.Graph(id="plan", style=HIDDEN, config=brush),
+        html.H2("Force residual over what it depends on most"),
         dcc.Graph(id="residual", style=HIDDEN, config=plain),
+        html.H2("Driven: reference and response"),
         dcc.Graph(id="drive", style=HIDDEN, config=plain),
     ]  # fmt: skip
 
@@ -416,14 +421,11 @@ def _cancel(step: Step) -> Any:
     return html.Button("Cancel", id={"do": "cancel", "with": str(step.number)})
 
 
-def themed(figure: Any, title: str = "") -> Any:
-    """A figure for light and dark: mid-grey lines stand on both; its title above the legend."""
-    heading = {"text": f"<b>{title}</b>", "x": 0.0, "xanchor": "left", "y": 1.0, "yanchor": "top",
-               "yref": "container", "pad": {"t": 4, "l": 4}, "font": {"size": 15}}  # fmt: skip
+def themed(figure: Any) -> Any:
+    """A figure for light and dark: mid-grey lines stand on both."""
     if isinstance(figure, dict):
-        figure.setdefault("layout", {}).update({**_PLAIN, "title": heading})
+        figure.setdefault("layout", {}).update(_PLAIN)
         return figure
-    figure.update_layout(title=heading)
     figure.update_layout(**_PLAIN)
     figure.update_xaxes(gridcolor=_GRID, zerolinecolor=_ZERO)
     figure.update_yaxes(gridcolor=_GRID, zerolinecolor=_ZERO)

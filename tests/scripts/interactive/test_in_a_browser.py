@@ -14,7 +14,7 @@ import pytest
 
 from identification.logs.reading import write_log
 from tests.identification.recordings import recording
-from tests.scripts.interactive.browser import CHROMIUM, DRIVER, serve, workbench
+from tests.scripts.interactive.browser import CHROMIUM, DRIVER, Browser, serve, workbench
 
 pytest.importorskip("dash")
 pytest.importorskip("selenium.webdriver")
@@ -57,6 +57,11 @@ def test_from_a_log_to_a_better_model_and_back(served: tuple[str, Path], tmp_pat
         page.until(lambda: "worth it" in page.text(".verdict")[0], "the error fell")
         page.until(lambda: page.find("#signals .main-svg"), "signals are drawn")
         page.until(lambda: page.find("#plan .main-svg"), "the floor plan is drawn")
+        # A region of the floor that is brushed is shaded in every signal.
+        drag_over(page, "#plan .nsewdrag")
+        page.until(lambda: page.find("#signals .shapelayer path"), "the brushed stretches")
+        page.driver.execute_script("document.querySelector('#unmark').click()")
+        page.until(lambda: not page.find("#signals .shapelayer path"), "no stretch is marked")
         # A second browser sees the same, and so does a reload.
         other = workbench(address, tmp_path / "two")
         try:
@@ -76,6 +81,12 @@ def test_from_a_log_to_a_better_model_and_back(served: tuple[str, Path], tmp_pat
         assert page.ended(4)[0] in ("failed", "done")
         page.press("Compare")
         assert page.ended(5)[0] == "done"
+        page.until(lambda: "paper" in page.text("#signals .legendtext"), "two models are compared")
+        assert "01_identified" in page.text("#signals .legendtext")
+        page.press("Drive")
+        assert page.ended(6)[0] == "done"
+        page.until(lambda: page.find("#drive .main-svg"), "the tracking is drawn")
+        assert {"kinematic", "computed_torque"} <= set(page.text("#panel td"))
         assert page.complaints() == []
     finally:
         page.driver.quit()
@@ -85,20 +96,35 @@ def test_from_a_log_to_a_better_model_and_back(served: tuple[str, Path], tmp_pat
 _SECOND = "04_diagnose_result"
 
 
+def drag_over(page: Browser, selector: str) -> None:
+    """Drag the mouse over the middle of an element."""
+    from selenium.webdriver.common.action_chains import ActionChains
+
+    (box,) = page.find(selector)
+    page.driver.execute_script("arguments[0].scrollIntoView({block: 'center'})", box)
+    reach = box.rect["width"] // 3, box.rect["height"] // 3
+    chain = ActionChains(page.driver).move_to_element_with_offset(box, -reach[0], -reach[1])
+    chain.click_and_hold().move_by_offset(*reach).move_by_offset(*reach).release().perform()
+
+
 def _repeats(folder: Path, again: Path) -> None:
-    """The exported commands make the same model, to the bit."""
+    """Exported commands make the same model, to the bit: a script's and a notebook's."""
     from youbot_scripts.interactive.project import Project
 
     project = Project.open(folder, "", [])
-    again.mkdir()
-    shutil.copy(folder / "drive.csv", again / "drive.csv")
+    cells = json.loads(project.notebook())["cells"]
+    shell = [cell["source"][1:] for cell in cells if cell["source"].startswith("!")]
     path = Path(sys.executable).parent
-    subprocess.run(
-        ["sh"], input=project.script(), text=True, cwd=again, check=True,
-        env={**os.environ, "PATH": f"{path}:{os.environ['PATH']}"}, capture_output=True,
-    )  # fmt: skip
-    made = [json.loads((place / project.model).read_text()) for place in (folder, again)]
-    assert made[0]["parameters"] == made[1]["parameters"]
+    for name, script in (("script", project.script()), ("notebook", "\n".join(shell))):
+        place = again / name
+        place.mkdir(parents=True)
+        shutil.copy(folder / "drive.csv", place / "drive.csv")
+        subprocess.run(
+            ["sh", "-e"], input=script, text=True, cwd=place, check=True,
+            env={**os.environ, "PATH": f"{path}:{os.environ['PATH']}"}, capture_output=True,
+        )  # fmt: skip
+        made = [json.loads((there / project.model).read_text()) for there in (folder, place)]
+        assert made[0]["parameters"] == made[1]["parameters"], name
 
 
 @pytest.mark.parametrize("width", [1400, 400])
