@@ -35,6 +35,7 @@ from identification.logs.log import Log
 from identification.logs.wheel_checks import Slip, slip_of
 from identification.mechanisms.mechanism import Mechanism
 from identification.mechanisms.registry import AnyModel, kind_of, mechanism_of, platform_geometry
+from identification.mechanisms.residual_maps import refuse_unseen_logs
 from identification.mechanisms.samples import Samples
 from identification.residual_map.residual_map import residual_map
 from identification.residual_map.settings import ResidualMapSettings
@@ -267,6 +268,7 @@ def compare(
         raise InputError("no log given: compare needs at least one")
     mechanism = mechanism_of(model, geometry, settings.fit.mechanism)
     samples = mechanism.samples_of(logs, *_clock_of(model))
+    refuse_unseen_logs(mechanism, model.theta, samples)
     force, velocity = [], []
     for item in samples:
         velocity.append(_free_run(mechanism, model.theta, item, settings))

@@ -30,13 +30,20 @@ from youbot_scripts.shared.tables import show
 if TYPE_CHECKING:
     from rich.console import Console
 
-EXAMPLES = ("youbot add model.json floor_tilt runs/*.csv -o better.json",)
+EXAMPLES = (
+    "youbot add model.json floor_tilt runs/*.csv -o better.json",
+    "youbot add model.json residual:heading runs/*.csv -o better.json",
+)
 
 
 def main(
     model: ModelArgument,
     effect: Annotated[
-        str, typer.Argument(metavar="EFFECT", help="Name, as `youbot effects` lists it.")
+        str,
+        typer.Argument(
+            metavar="EFFECT",
+            help="Name, as `youbot effects` lists it, or residual:VARIABLE (a smooth map).",
+        ),
     ],
     logs: LogsArgument,
     output: OutputModelOption = None,
@@ -48,6 +55,10 @@ def main(
     seed: SeedOption = 0,
 ) -> None:
     """Add a named effect to a model, fit everything again, print held-out errors before and after.
+
+    `residual:heading` (or another variable that a residual map names) is a smooth map of whatever
+    the model leaves over that variable, with error bars: it explains nothing, makes the error fall
+    today, and is refused where the logs have not been.
 
     Says when it was not worth it (no material or significant fall, implausible sign or size), and
     does what was asked all the same.

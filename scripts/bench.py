@@ -17,7 +17,9 @@ from youbot_scripts.blind_bench.calibration_page import write_page
 from youbot_scripts.blind_bench.cases import KINDS, write_case
 from youbot_scripts.blind_bench.effect_sizes import force_ratio, size_table, sizings
 from youbot_scripts.blind_bench.null_fits import null_fits
-from youbot_scripts.blind_bench.report import not_right, show, show_sizes, tables
+from youbot_scripts.blind_bench.published import Published
+from youbot_scripts.blind_bench.publishing import publish as write_blind_set
+from youbot_scripts.blind_bench.report import not_right, show, show_claims, show_sizes, tables
 from youbot_scripts.blind_bench.scores import score
 from youbot_scripts.blind_bench.trials import Options, Record, Spec, plan, run_trials
 from youbot_scripts.cli import run_script
@@ -36,7 +38,12 @@ EXAMPLES = (
     "youbot bench --baseline --calibration docs/calibration.md --kinds none,noise,one,two "
     "--cases 200 --replicates 2000 --seed 11 --resume calibration/",
     "youbot bench --sizes --cases 2",
+    "youbot bench --publish blind/ --kinds none,one,law --cases 20 --seed 7",
+    "youbot bench --publish blind/ --tool stepwise --jobs 2",
+    "youbot bench --publish blind/ --score mine/answers.json",
 )
+
+TOOL_NAMES = "youbot, stepwise, sparse, boosted"
 
 DEFAULT_KINDS = "none,one,quarter,two,unknown"
 
@@ -99,6 +106,20 @@ def main(
     replicates: Annotated[
         int, typer.Option(min=0, metavar="N", help="Fits without a diagnosis, for that page.")
     ] = 0,
+    publish: Annotated[
+        Path | None,
+        typer.Option(
+            metavar="DIR", help="Write a blind set: logs, and apart from them the answers."
+        ),
+    ] = None,
+    tool: Annotated[
+        str,
+        typer.Option(metavar="NAME", help=f"Let it answer the set in --publish: {TOOL_NAMES}."),
+    ] = "",
+    score_file: Annotated[
+        Path | None,
+        typer.Option("--score", metavar="FILE", help="Score answers to the set in --publish."),
+    ] = None,
     sizes: Annotated[
         bool, typer.Option("--sizes", help="Only measure how large each effect must be to matter.")
     ] = False,
@@ -120,13 +141,27 @@ def main(
     --resume finds are neither run nor kept. --calibration writes a page of what all stated
     probabilities promise and deliver on these cases and on --replicates fits of platforms to which
     nothing is added, white noise and other in turn.
+
+    --publish writes the cases as a blind set for other tools, with the rules in its README.md;
+    --score scores a tool's answers to it, --tool answers it by this diagnosis or by a baseline of
+    the literature, and scores that.
     """
     out = common.console(json)
     common.check_pictures(None, report)
     if sizes:
         _measure_sizes(out, cases, seed, jobs, json)
         return
+    if publish is not None and (tool or score_file):
+        _try_tool(publish, tool, score_file, seed, jobs, json, out)
+        return
+    if tool or score_file:
+        raise InputError("--tool and --score need the blind set: --publish DIR")
     specs = plan(_words(kinds), cases, seed, _rates(rates), noise, first)
+    if publish is not None:
+        with common.progress(len(specs), "publishing") as advance:
+            write_blind_set(specs, publish, jobs=jobs, progress=advance)
+        out.print(f"{len(specs)} cases: {publish}", soft_wrap=True)
+        return
     if write is not None:
         _write(specs, write, out)
         return
@@ -171,6 +206,27 @@ def bench(
         return run_trials(
             specs, diagnose, jobs=jobs, folder=folder, options=options, progress=advance
         )
+
+
+def _try_tool(
+    folder: Path, tool: str, answers: Path | None, seed: int, jobs: int, json: Path | None, out: Any
+) -> None:
+    """Let a tool answer a blind set, and score answers to it."""
+    from youbot_scripts.blind_bench.claim_scores import score_claims
+
+    published = Published(folder)
+    codes = published.codes
+    if tool:
+        from youbot_scripts.blind_bench.tools import answer_set
+
+        with common.progress(len(codes), tool) as advance:
+            path = answer_set(published, tool, seed=seed, jobs=jobs, progress=advance)
+        out.print(f"answers: {path}", soft_wrap=True)
+        answers = answers or path
+    assert answers is not None
+    found = score_claims(published, answers)
+    show_claims(out, found)
+    common.write_result(json, found, seed)
 
 
 def _words(text: str) -> list[str]:

@@ -6,11 +6,12 @@ it names effects, and a name that is not registered is an error.
 
 from __future__ import annotations
 
+import importlib
 import importlib.util
 import sys
 import traceback
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from contextlib import ExitStack, contextmanager
 from hashlib import sha256
 from importlib import metadata
 from pathlib import Path
@@ -20,7 +21,7 @@ from typing import Any
 import youbot_env.physics.catalogue  # noqa: F401 - a user's effect must not come before the shipped ones
 import youbot_env.physics.kinematic_effects  # noqa: F401 - the same
 from youbot_env.errors import InputError
-from youbot_env.physics.effect import CATALOGUE, Effect
+from youbot_env.physics.effect import OPEN, Effect, Registry
 
 GROUP = "youbot.effects"
 """Entry point group: each entry names a module that registers effects when imported."""
@@ -105,21 +106,35 @@ def load_installed_effects() -> tuple[Effect, ...]:
 
 
 def _registered(source: str, run: Callable[[], Any]) -> tuple[Effect, ...]:
-    before = {item.name: item for item in CATALOGUE}
+    before = {id(registry): {item.name: item for item in registry} for registry in OPEN}
     with _undone_on_error(source):
         run()
-        # By identity: a file that is loaded again registers new objects under the old names.
-        new = tuple(item for item in CATALOGUE if before.get(item.name) is not item)
+        # By identity: a file that is loaded again registers new objects under the old names. A
+        # catalogue that is imported by the file comes with effects of its own.
+        new = [
+            (registry, item)
+            for registry in OPEN
+            for item in registry
+            if before.get(id(registry), {}).get(item.name) is not item and not _ships(item)
+        ]
         if not new and source.endswith(".py"):
             raise InputError("registers no effect; decorate a function with @effect(...)")
-        for item in new:
-            _try_out(item)
-    return new
+        for registry, item in new:
+            _try_out(registry, item)
+    return tuple(item for _, item in new)
+
+
+def _ships(item: Effect) -> bool:
+    """Whether an effect is of these packages' own."""
+    package = getattr(item.function, "__module__", "").partition(".")[0]
+    return package in ("youbot_env", "identification")
 
 
 @contextmanager
 def _undone_on_error(source: str) -> Iterator[None]:
-    with CATALOGUE.restored_on_error():
+    with ExitStack() as stack:
+        for registry in OPEN:
+            stack.enter_context(registry.restored_on_error())
         try:
             yield
         except InputError as error:
@@ -160,12 +175,11 @@ def _run(name: str, path: Path) -> ModuleType:
     return module
 
 
-def _try_out(item: Effect) -> None:
+def _try_out(registry: Registry, item: Effect) -> None:
     """Evaluate a new effect as a simulation will: on numbers, and on symbols for the compiler."""
-    from youbot_env.equations.equations import (
-        try_out,
-    )  # sympy is slow to load, and most runs need no plugin
-
+    # Imported late: sympy is slow to load, and most runs need no plugin.
+    module, _, name = registry.trial.partition(":")
+    try_out = getattr(importlib.import_module(module), name)
     for parameter in {*item.parameters, *item.public_parameters}:
         size = parameter.size if parameter.default is None else parameter.default
         if not parameter.lower <= size <= parameter.upper:

@@ -23,6 +23,7 @@ from youbot_env.errors import finite
 from youbot_env.model.model import Model
 from youbot_env.physics import inverse_dynamics as dynamics
 from youbot_env.physics.effect import CONTACT, SPEED, WORLD
+from youbot_env.physics.residual_maps import Places
 from youbot_env.simulation.compiled import inverse_kernel
 from youbot_env.simulation.generated_code import MOTION
 
@@ -85,7 +86,9 @@ class ComputedTorque:
         self._kernel = inverse_kernel(model.structure, dynamics)
         # A copy: the adaptive controller writes into it, and the model is immutable.
         self._lengths, self._theta = model.lengths, model.theta.copy()
+        self._has_maps = False  # the warm-up stands at the origin, where maps may know nothing
         self._warm_up()
+        self._has_maps = bool(model.map_limits)
 
     def _warm_up(self) -> None:
         """Compile, or load compiled code, before a loop runs: its first call must not be slow."""
@@ -118,6 +121,11 @@ class ComputedTorque:
         Uses the measured body twist; the pose where the model reads it (without one it is
         dead-reckoned from (0, 0, 0)); the acting torque where it is known, to notice drives that
         are off. NaN in an observation counts as not measured.
+
+        Raises
+        ------
+        InputError
+            If it is to go where a map of the residual in the model knows nothing.
         """
         coming, has_slopes = self._read(observation, reference)
         past, constants = self.design.past, self.design.constants
@@ -132,6 +140,10 @@ class ComputedTorque:
             self._place,
             self._motion,
         )
+        if self._has_maps:
+            twist, pose, angle = self._motion[:, :3], self._motion[:, 6:9], self._motion[:, 9:13]
+            at = Places(twist, pose, angle, time=self._motion[:, 13])
+            self.model.refuse_unseen(at, "the reference")
         self._kernel.held(
             self._motion,
             self.loop.sample_time,

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -20,7 +21,13 @@ from identification.diagnosis.structures import LoggedData, Step
 from identification.fitting.final_fit import final_fit
 from identification.logs.log import Log, shared_clock
 from identification.mechanisms.registry import AnyModel, kind_of, mechanism_of
+from identification.mechanisms.residual_maps import (
+    refuse_unseen_logs,
+    sentence_of_map,
+    with_map_over,
+)
 from youbot_env.errors import InputError
+from youbot_env.physics.residual_maps import is_map
 
 
 def add_effect(
@@ -51,8 +58,17 @@ def add_effect(
     mechanism = mechanism_of(model, settings=settings.fit.mechanism)
     item = mechanism.catalogue[effect]
     if effect in mechanism.structure.effects:
-        raise InputError(f"the model holds {effect} already; identify fits it again")
+        if not is_map(effect):
+            raise InputError(f"the model holds {effect} already; identify fits it again")
+        # Drawn anew, over the range of these logs.
+        model = _without(model, effect)
+        mechanism = mechanism_of(model, settings=settings.fit.mechanism)
+    if is_map(effect):
+        settings = _for_a_map(settings)
     data = LoggedData(mechanism, logs, seed, progress, settings)
+    if is_map(effect):
+        mechanism = with_map_over(mechanism, effect, data.samples)
+    refuse_unseen_logs(mechanism, model.theta, data.samples)
     wheels = wheel_evidence(data, mechanism, model.theta, [effect])
     base = fit_base(data, mechanism, model.theta)
     if wheels.accepted:
@@ -94,10 +110,27 @@ def add_effect(
         p_value=p_value,
         worthwhile=not reasons,
         reasons=tuple(reasons),
-        sentence=describe_in(new, item),
+        sentence=sentence_of_map(new, effect, settings.proposal.map_points)
+        if is_map(effect)
+        else describe_in(new, item),
         samples=tuple(data.samples),
         settings=settings,
     )
+
+
+def _for_a_map(settings: DiagnosisSettings) -> DiagnosisSettings:
+    """The settings under which blocks of every log are held out in turn."""
+    blocks = {"blocks_of_single_log": settings.proposal.map_blocks, "min_lone_share": NO_SHARE}
+    return replace(settings, fit=replace(settings.fit, **blocks))
+
+
+NO_SHARE = float(np.finfo(float).tiny)
+"""Any log shows some column alone, by this."""
+
+
+def _without(model: AnyModel, effect: str) -> Any:
+    left = {name: values for name, values in model.effects.items() if name != effect}
+    return replace(model, effects=left, covariance=None, covariance_names=())
 
 
 def _errors_that_doubt(

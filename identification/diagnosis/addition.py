@@ -8,8 +8,10 @@ from typing import Any, ClassVar
 from identification.diagnosis.report import estimates
 from identification.diagnosis.settings import DiagnosisSettings
 from identification.diagnosis.structures import Step
+from identification.mechanisms.residual_maps import curve_of
 from identification.mechanisms.samples import Samples
 from identification.showing import Shown
+from youbot_env.physics.residual_maps import is_map
 
 
 @dataclass(frozen=True, repr=False)
@@ -67,5 +69,8 @@ class Addition(Shown):
             "reasons": list(self.reasons),
             "words": self.sentence,
             "parameters": estimates(self.model.effects[self.effect]),
+            "curve": curve_of(self.model, self.effect, self.settings.proposal.map_points)
+            if is_map(self.effect)
+            else None,
             "settings": self.settings.to_dict(),
         }

@@ -55,6 +55,7 @@ from identification.fitting.least_squares import Fit
 from identification.logs.log import Log, in_order_of_time, shared_clock, warnings_of_logs
 from identification.mechanisms.mechanism import Mechanism
 from identification.mechanisms.registry import AnyModel, kind_of, mechanism_of
+from identification.mechanisms.residual_maps import refuse_unseen_logs
 from identification.residual_map.residual_map import residual_map
 from identification.residual_map.shares import ResidualMap
 from identification.threads import side_by_side
@@ -93,6 +94,7 @@ def diagnose(
     logs = in_order_of_time(logs)
     mechanism = mechanism_of(model, settings=settings.fit.mechanism)
     data = LoggedData(mechanism, logs, seed, progress, settings)
+    refuse_unseen_logs(mechanism, model.theta, data.samples)
     names = list(effects) if effects is not None else list(mechanism.catalogue.names())
     chosen = select(data, mechanism, model.theta, names, np.random.default_rng(seed))
     steps = without_imitators(chosen.steps, settings)

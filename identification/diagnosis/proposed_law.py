@@ -44,7 +44,21 @@ def propose(
     base, verdict, fitted, count = found
     kept = steps[:count]
     step = data.step(fitted, verdict.found.law.name)
-    return kept, _proposal(data, kept, step, verdict, fits)
+    # Judged with the same folds, or the errors could not be compared.
+    before = data.step(base.fitted, base.effect, fitted.held_out.folds)
+    if _worsens_free_run(data, before, step):
+        return steps, None
+    return kept, _proposal(data, kept, before, step, verdict, fits)
+
+
+def _worsens_free_run(data: LoggedData, before: Step, after: Step) -> bool:
+    """Whether the held-out free run is worse with a law than without it: such a law is not what is
+    missing. A ripple of the wheels is not judged by it, whose phase a free run loses."""
+    assert after.effect is not None
+    alone = after.fitted.mechanism.with_effects([after.effect])
+    most = data.settings.max_velocity_error_ratio * before.velocity_error
+    worse = np.isfinite(before.velocity_error) and not after.velocity_error <= most
+    return bool(worse) and not alone.structure.depends_on_angle
 
 
 Found = tuple[Step, Verdict, FittedStructure, int]
@@ -109,7 +123,12 @@ def _with_law(base: FittedStructure, found: FoundLaw) -> tuple[Mechanism[Any], A
 
 
 def _proposal(
-    data: LoggedData, kept: Sequence[Step], step: Step, verdict: Verdict, fits: Fits
+    data: LoggedData,
+    kept: Sequence[Step],
+    before: Step,
+    step: Step,
+    verdict: Verdict,
+    fits: Fits,
 ) -> Proposal:
     fitted, settings = step.fitted, data.settings
     args = (fitted.mechanism, data.samples, data.noise, fitted.theta, data.seed, settings.fit)
@@ -117,12 +136,10 @@ def _proposal(
     parameters = _parameters(fitted, final, verdict.found, settings.fit.interval_deviations)
     values = {name: entry["value"] for name, entry in parameters.items()}
     base = kept[-1]
-    # Judged with the same folds, or the errors could not be compared.
-    before = data.step(base.fitted, base.effect, fitted.held_out.folds).force_error
     systematic = base.predictable.systematic_share
     share = None
     if systematic > 0:
-        share = min((1.0 - (step.force_error / before) ** 2) / systematic, 1.0)
+        share = min((1.0 - (step.force_error / before.force_error) ** 2) / systematic, 1.0)
     return Proposal(
         replace(verdict.found, values=values),
         parameters,
@@ -130,6 +147,8 @@ def _proposal(
         step.velocity_error,
         share,
         verdict,
+        fitted.mechanism,
+        final.theta,
         tuple(item.effect for item in kept if item.effect),
         tuple(item.name for item in data.samples),
     )

@@ -43,6 +43,7 @@ from identification.fitting.settings import FitSettings
 from identification.logs.log import Log, shared_clock, warnings_of_logs
 from identification.mechanisms.mechanism import Mechanism
 from identification.mechanisms.registry import AnyModel, kind_of, mechanism_of
+from identification.mechanisms.residual_maps import refuse_unseen_logs
 from identification.mechanisms.samples import Samples
 from identification.showing import Shown
 from youbot_env.errors import InputError
@@ -257,6 +258,8 @@ def identify(
     start = start or load_model("paper")
     mechanism = mechanism_of(start, geometry, settings.mechanism)
     held = as_they_mean(mechanism, mechanism.samples_of(logs), settings)
+    if start is not None:
+        refuse_unseen_logs(mechanism, start.theta, held.samples)
     samples = held.samples
     free = np.flatnonzero(mechanism.free)
     rows = [regression(mechanism, start.theta, item, free, settings) for item in samples]

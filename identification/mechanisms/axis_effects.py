@@ -140,7 +140,7 @@ BOTH_WAYS = frozenset({"asymmetric_viscous_friction", "asymmetric_coulomb_fricti
 AXIS_BASE = Registry()
 """The components of the base model of one axis."""
 
-AXIS_CATALOGUE = Registry()
+AXIS_CATALOGUE = Registry(trial="identification.mechanisms.axis_printing:try_out")
 """Effects that can be added to it."""
 
 _ARMSTRONG = "Armstrong-Helouvry, Dupont, Canudas de Wit, Automatica 30(7), 1994"

@@ -41,6 +41,10 @@ formula = partial(symbolic.formula, notation=NOTATION)
 """One line: what an effect adds to the force that a motion demands."""
 
 
+try_out = partial(symbolic.try_out, notation=NOTATION)
+"""Evaluate an effect of an axis on numbers and on symbols."""
+
+
 def equation(effects: Sequence[str] = (), form: Form = "text") -> str:
     """The equation of motion with effects, and below it what drives and clocks do.
 

@@ -241,7 +241,7 @@ class Mechanism(Generic[Known]):
     @cached_property
     def catalogue(self) -> Registry:
         """The effects that it can have, with units and sizes of the mechanism at hand."""
-        found = Registry()
+        found = Registry(self.kind.catalogue.make)
         for item in self.kind.catalogue:
             if self.kind.holds(item, self.geometry):
                 found.add(self.kind.declared(item, self.geometry))

@@ -58,6 +58,7 @@ class Scene:
         force = np.concatenate([force[:1], force])[kept]
         rolling = dynamics.rolling_geometry(np, mechanism.structure, mechanism.geometry, theta)
         torque = mechanism.kind.torque_of(rolling, tuple(force.T))
+        self.torque = np.stack(torque, axis=1)
         acceleration = np.gradient(s.twist, s.dt, axis=0)
         self.time, self.twist, self.pose = s.time[kept], s.twist[kept], s.pose[kept]
         self.angle, self.wheel_speed = s.wheel_angle[kept], s.wheel_speed[kept]
@@ -382,10 +383,13 @@ class Evidence:
     def unseen_squares(self, sums: Sums) -> tuple[float, float]:
         """Squares of the unseen stretches that the structure and the law leave, both as the seen
         ones have them."""
-        inverse, step = self._own(self.seen)
-        before = self._left(None, self.unseen, step, np.zeros(0)).sum()
-        strength, with_law = self._solved(sums, self.seen, inverse)
-        return float(before), float(self._left(sums, self.unseen, with_law, strength).sum())
+        before = self._left(None, self.unseen, self._own_seen[1], np.zeros(0)).sum()
+        return float(before), float(self.unseen_left(sums).sum())
+
+    def unseen_left(self, sums: Sums) -> Array:
+        """(blocks,) squares of the unseen stretches that a law leaves as the seen ones have it."""
+        strength, step = self._solved(sums, self.seen, self._own_seen[0])
+        return self._left(sums, self.unseen, step, strength)
 
 
 RIDGE = 1e-9

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 from collections.abc import Callable, Iterable, Sequence
 from functools import cached_property
 from typing import Protocol
@@ -11,6 +12,7 @@ from numpy.typing import NDArray
 
 from identification.mechanisms.samples import Samples
 from identification.proposal import platform_laws
+from identification.proposal.axis_laws import Travel, axis_laws
 from identification.proposal.evidence import Evidence
 from identification.proposal.law import Law, Shapes
 from identification.proposal.periods import cycles_of_angles, periods_over_floor
@@ -125,5 +127,34 @@ def _rms(values: Array) -> float:
     return float(np.sqrt((values**2).mean()))
 
 
-GRAMMARS: dict[str, Callable[[Evidence, Sequence[Samples]], Grammar]] = {"mecanum": PlatformGrammar}
+class AxisGrammar:
+    """The laws of one axis that slides or turns."""
+
+    def __init__(self, evidence: Evidence, samples: Sequence[Samples]) -> None:
+        self.settings, mechanism = evidence.settings, evidence.mechanism
+        places = np.concatenate([item.pose[:, 0] for item in samples])
+        shares = np.linspace(0.0, 1.0, self.settings.edges + 2)
+        where = tuple(float(v) for v in np.quantile(places, shares))
+        values = dict(zip(mechanism.parameter_names, evidence.theta.tolist(), strict=True))
+        duration = max(float(item.time[-1]) for item in samples)
+        self.seen = Travel(mechanism.geometry, where, duration, values["smoothing"])
+
+    def single(self) -> list[tuple[Law, Choices]]:
+        """All of them."""
+        laws = axis_laws(self.seen, self.settings)
+        return [(law, list(itertools.product(*(c.values for c in law.shapes)))) for law in laws]
+
+    def periodic(self) -> list[tuple[Law, Choices]]:
+        """None: a force that repeats itself along the travel is in the catalogue."""
+        return []
+
+    def products(self, leaders: Sequence[Law]) -> list[tuple[Law, Choices]]:
+        """None: those that an axis has are among its laws."""
+        return []
+
+
+GRAMMARS: dict[str, Callable[[Evidence, Sequence[Samples]], Grammar]] = {
+    "mecanum": PlatformGrammar,
+    "axis": AxisGrammar,
+}
 """Of each kind of mechanism, by its name; no law is proposed for others."""

@@ -10,7 +10,7 @@ import importlib.abc
 import importlib.util
 import math
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from textwrap import wrap
 
 from youbot_env.physics.effect import Effect, Effort, Parameter, Place
@@ -72,6 +72,8 @@ class Law:
     recognise : how a user sees it in measurements; confirm : what experiment would confirm it
     dissipative : whether it only takes energy
     terms : how many factors are multiplied, and other pieces that make it longer than its constants
+    typical : by unit what is typical for the mechanism, where its effects are declared in multiples
+        of that
     """
 
     name: str
@@ -87,6 +89,7 @@ class Law:
     confirm: str
     dissipative: bool = False
     terms: int = 1
+    typical: tuple[tuple[str, float], ...] = ()
 
     @property
     def strengths(self) -> tuple[Constant, ...]:
@@ -192,7 +195,9 @@ class FoundLaw:
 
     def parameters(self) -> tuple[Parameter, ...]:
         """The declarations of an effect's parameters, with shape constants as they were found."""
-        return tuple(self._declared(item) for item in self.law.constants)
+        typical = dict(self.law.typical)
+        declared = (self._declared(item) for item in self.law.constants)
+        return tuple(_in_multiples(item, typical.get(item.unit, 1.0)) for item in declared)
 
     def _declared(self, item: Constant) -> Parameter:
         found = [self.values.get(name, 0.0) for name in item.names]
@@ -224,16 +229,25 @@ class FoundLaw:
     def file_text(self, about: str) -> str:
         """A file for ``--effects``, as a person would write it; ``about``: its first line."""
         law = self.law
-        place = PLACES[law.place.name]
+        place, of_axis = PLACES[law.place.name], law.place.name == "axis"
+        places = [f"from youbot_env import {place}, Parameter, effect"]
+        if of_axis:
+            places = [
+                "from identification.mechanisms.axis_effects import AXIS_CATALOGUE, JOINT",
+                "from youbot_env import Parameter, effect",
+                "",
+                "# Numbers are multiples of what is typical for the axis, as in the catalogue.",
+            ]
         rows = [line for item in self.parameters() for line in _written(item)]
         out = [
             f'"""{about}"""',
             "",
-            f"from youbot_env import {place}, Parameter, effect",
+            *places,
             "",
             "",
             "@effect(",
             f"    acts_at={place},",
+            *(["    registry=AXIS_CATALOGUE,"] if of_axis else []),
             "    parameters=[",
             *rows,
             "    ],",
@@ -244,6 +258,20 @@ class FoundLaw:
             law.function_text(),
         ]
         return "\n".join(out)
+
+
+def _in_multiples(item: Parameter, of: float) -> Parameter:
+    """The declaration in multiples of what is typical."""
+    if of == 1.0:
+        return item
+    return replace(
+        item,
+        default=None if item.default is None else rounded(item.default / of, DIGITS),
+        lower=item.lower / of,
+        upper=item.upper / of,
+        size=rounded(item.size / of, 2),
+        grid=tuple(rounded(value / of, DIGITS) for value in item.grid),
+    )
 
 
 @dataclass(frozen=True)
@@ -257,6 +285,7 @@ class Verdict:
     p_value : family-wise over all that was tried; unseen_p_value : on unseen stretches
     tried : how many laws, and how many choices of their shape constants
     pareto : of each length the best law: law, share of the squares that it leaves
+    alternatives : other laws that unseen stretches cannot tell from it, the same
     """
 
     found: FoundLaw
@@ -266,6 +295,7 @@ class Verdict:
     unseen_p_value: float
     tried: tuple[int, int]
     pareto: tuple[tuple[FoundLaw, float], ...]
+    alternatives: tuple[tuple[FoundLaw, float], ...] = ()
 
 
 SOURCE = "Proposed from logs by youbot diagnose"
@@ -276,6 +306,7 @@ PLACES = {
     "wheel joint": "WHEEL",
     "roller axle": "ROLLER",
     "log channel": "CHANNEL",
+    "axis": "JOINT",
 }
 """How a file calls the places where laws act."""
 

@@ -81,6 +81,8 @@ def single_laws(seen: Surroundings, settings: ProposalSettings) -> list[Law]:
         *_along_directions(seen, settings),
         *_by_place(seen, settings),
         *_by_heading(settings),
+        *_friction_by_heading(seen),
+        *_friction_by_time(seen),
         *_by_time(seen, settings),
         *_of_body(seen, settings),
         *_of_joints(seen, settings),
@@ -121,6 +123,38 @@ def _along_directions(seen: Surroundings, settings: ProposalSettings) -> Iterato
             CONFIRM["direction"],
             dissipative=form.dissipative,
         )
+    yield _along_and_across(settings)
+
+
+def _along_and_across(settings: ProposalSettings) -> Law:
+    """Dry friction of another size along a direction than across it: a weave, a grain."""
+    across = "across = {0}_across * xp.tanh((c * world.velocity_y - s * world.velocity_x) / {1})"
+    along = "along = {0}_along * xp.tanh((c * world.velocity_x + s * world.velocity_y) / {1})"
+    eps = Constant("smoothing", "m/s", 1e-4, 0.1, settings.smoothing[0],
+                   (settings.smoothing[0],), fitted=False)  # fmt: skip
+    # A quarter turn: along and across change places.
+    quarter = tuple(k * math.pi / (2 * settings.quarters) for k in range(settings.quarters))
+    return Law(
+        "dry_along_and_across",
+        WORLD,
+        WORLD_SPEEDS,
+        (
+            Constant("force_along", "N", 0.0, size=5.0),
+            Constant("force_across", "N", 0.0, size=5.0),
+            eps,
+            Constant("direction", "rad", *CIRCLE, 1.0, quarter),
+        ),
+        (TURN, along.format("force", "smoothing"), across.format("force", "smoothing")),
+        "along * c - across * s, along * s + across * c, 0.0",
+        "Dry friction along a direction of the floor and another across it",
+        "f_1 tanh(v_d/eps) along d, f_2 tanh(v_n/eps) across it",
+        r"f_1\tanh(v_d/\epsilon)\,d + f_2\tanh(v_n/\epsilon)\,n",
+        "A force against the motion that has another size along one direction of the floor than "
+        "across it, whichever way the robot faces.",
+        CONFIRM["direction"],
+        dissipative=True,
+        terms=2,
+    )
 
 
 def _by_place(seen: Surroundings, settings: ProposalSettings) -> Iterator[Law]:
@@ -163,6 +197,37 @@ def _by_place(seen: Surroundings, settings: ProposalSettings) -> Iterator[Law]:
             where,
             terms=2,
         )
+        for word, sign, mark in (("beyond", "", ">"), ("before", "-", "<")):
+            way = f"xp.maximum({sign}(world.{axis} - edge), 0.0)"
+            push = f"{sign}stiffness * {way}"
+            yield Law(
+                f"spring_{word}_an_edge_in_{axis}",
+                WORLD,
+                (f"position_{axis}",),
+                (Constant("stiffness", "N/m", size=10.0), edge),
+                (),
+                f"{push}, 0.0, 0.0" if axis == "x" else f"0.0, {push}, 0.0",
+                f"Spring {word} a line across the floor: something soft in the way",
+                f"k ({axis} - p_0) ({axis} {mark} p_0)",
+                rf"k ({axis} - p_0)\,[{axis} {mark} p_0]",
+                f"A force back that grows {word} a line on the floor, and none on its other side.",
+                where,
+                terms=2,
+            )
+    yield Law(
+        "moment_by_place",
+        WORLD,
+        ("position_x", "position_y"),
+        (Constant("along_x", "N m/m", size=1.0), Constant("along_y", "N m/m", size=1.0)),
+        (),
+        "0.0, 0.0, along_x * world.x + along_y * world.y",
+        "Moment that grows along the floor",
+        "a x + b y",
+        "a x + b y",
+        "The robot is turned, the more the farther it is on one side of the room.",
+        where,
+        terms=2,
+    )
     yield _bump(seen, settings)
 
 
@@ -273,6 +338,84 @@ def _by_heading(settings: ProposalSettings) -> Iterator[Law]:
         )
 
 
+def _friction_by_heading(seen: Surroundings) -> Iterator[Law]:
+    """Friction whose size swings with the heading: a brush or a caster that is not round."""
+    swings = "size = level + cosine * xp.cos(times * world.yaw) + sine * xp.sin(times * world.yaw)"
+    dry, viscous, _ = canonical_factors(seen)
+    for factor, unit in ((dry, "N"), (viscous, "N s/m")):
+        size = factor.strengths[0].size
+        for order in (1, 2):
+            yield replace(
+                factor,
+                name=f"{factor.name}_by_heading_{order}",
+                variables=("heading", "twist"),
+                constants=(
+                    *_swinging(unit, size),
+                    Constant("times", "1", 1.0, 8.0, 1.0, (float(order),), fitted=False,
+                             whole=True),
+                ),
+                lines=(swings, *(line.replace("force /", "size /") for line in factor.lines)),
+                result=factor.result.replace("coefficient", "size"),
+                meaning=f"{factor.meaning}, whose size swings with the heading",
+                formula=f"(a + b cos(n psi) + c sin(n psi)) {factor.formula.partition(' ')[2]}",
+                latex=rf"(a + b\cos n\psi + c\sin n\psi)\,{factor.latex.partition(' ')[2]}",
+                recognise=f"{factor.recognise}, more at some headings than at others.",
+                confirm=CONFIRM["heading"],
+                dissipative=False,
+                terms=3,
+            )  # fmt: skip
+    for order in (1, 2):
+        yield Law(
+            f"viscous_turning_by_heading_{order}",
+            WORLD,
+            ("heading", "twist"),
+            (
+                *_swinging("N m s", 1.0),
+                Constant("times", "1", 1.0, 8.0, 1.0, (float(order),), fitted=False, whole=True),
+            ),
+            (swings,),
+            "0.0, 0.0, size * world.yaw_rate",
+            "Viscous friction of turning, whose size swings with the heading",
+            "(a + b cos(n psi) + c sin(n psi)) W",
+            r"(a + b\cos n\psi + c\sin n\psi)\,\Omega",
+            "A moment against turning, more at some headings than at others.",
+            CONFIRM["heading"],
+            terms=3,
+        )
+
+
+def _swinging(unit: str, size: float) -> tuple[Constant, ...]:
+    return (
+        Constant("level", unit, 0.0, size=size),
+        *(Constant(name, unit, size=size) for name in ("cosine", "sine")),
+    )
+
+
+def _friction_by_time(seen: Surroundings) -> Iterator[Law]:
+    """Friction that grows steadily from the start of each log: something winds up, or wears."""
+    for factor in canonical_factors(seen)[:2]:
+        (strength_of,) = factor.strengths
+        growth = Constant("growth", f"{strength_of.unit}/s", size=strength_of.size / 60.0)
+        yield replace(
+            factor,
+            name=f"{factor.name}_that_grows",
+            variables=("twist", "time"),
+            constants=(replace(strength_of, name="level"), growth),
+            lines=(
+                "size = level + growth * world.time",
+                *(line.replace("force /", "size /") for line in factor.lines),
+            ),
+            result=factor.result.replace("coefficient", "size"),
+            meaning=f"{factor.meaning}, which grows from the start of each log",
+            formula=f"(a + b t) {factor.formula.partition(' ')[2]}",
+            latex=rf"(a + b t)\,{factor.latex.partition(' ')[2]}",
+            recognise=f"{factor.recognise}, more from minute to minute.",
+            confirm=CONFIRM["time"],
+            dissipative=False,
+            terms=2,
+        )
+
+
 # --- time ------------------------------------------------------------------------------------
 
 
@@ -339,6 +482,7 @@ def _of_body(seen: Surroundings, settings: ProposalSettings) -> Iterator[Law]:
             for form in more:
                 yield _body_law(k, other, form, f"{form.key}_{AXES[other][0]}_to_{axis}", word)
         yield from _products_of_speeds(k, seen, unit, settings)
+    yield from _drags(seen, settings)
     air = "coefficient * xp.sqrt(body.twist[0] ** 2 + body.twist[1] ** 2)"
     yield Law(
         "air_drag",
@@ -354,6 +498,39 @@ def _of_body(seen: Surroundings, settings: ProposalSettings) -> Iterator[Law]:
         CONFIRM["speed"],
         dissipative=True,
     )
+
+
+def _drags(seen: Surroundings, settings: ProposalSettings) -> Iterator[Law]:
+    """Forces against the motion, whichever way it goes, that grow ever less with the speed."""
+    speed = "speed = xp.sqrt(body.twist[0] ** 2 + body.twist[1] ** 2 + 2.5e-05)"
+    knees = tuple(share * seen.speed for share in settings.knee_shares)
+    knee = Constant("knee", "m/s", 0.02 * seen.speed, 5 * seen.speed, seen.speed, knees)
+    root = Constant("coefficient", "N s^0.5/m^0.5", size=5.0 / math.sqrt(seen.speed or 1.0))
+    for name, constants, line, word, formula, latex in (
+        (
+            "levelling_drag",
+            (Constant("force", "N"), knee),
+            "per_speed = force * xp.tanh(speed / knee) / speed",
+            "levels off with the speed",
+            "f tanh(|v|/u_k) v/|v|",
+            r"f \tanh(|v|/u_k)\,v/|v|",
+        ),
+        (
+            "root_drag",
+            (root,),
+            "per_speed = coefficient / xp.sqrt(speed)",
+            "grows with the root of the speed",
+            "k |v|^0.5 v/|v|",
+            r"k \sqrt{|v|}\,v/|v|",
+        ),
+    ):
+        yield Law(
+            name, BODY, ("twist",), constants, (speed, line),
+            "per_speed * body.twist[0], per_speed * body.twist[1], 0.0",
+            f"Drag that {word}, against it", formula, latex,
+            f"A force against the motion that {word}, whichever way.", CONFIRM["speed"],
+            dissipative=True,
+        )  # fmt: skip
 
 
 def _body_law(k: int, other: int, form: Form, name: str, word: str) -> Law:
@@ -432,6 +609,18 @@ def _of_joints(seen: Surroundings, settings: ProposalSettings) -> Iterator[Law]:
         CONFIRM["wheel"],
     )  # fmt: skip
     load = Quantity("wheel.torque", "M", "M", "wheel torque", "N m", seen.torque)
+    edges = Constant("edge", "N m", 0.0, 4 * seen.torque, seen.torque,
+                     tuple(share * seen.torque for share in settings.knee_shares))  # fmt: skip
+    for way, sign in (("forward", ""), ("backward", "-")):
+        yield Law(
+            f"{way}_load_beyond_an_edge", WHEEL, ("torque",),
+            (Constant("share", "1", -settings.most_load_share, size=0.3), edges), (),
+            f"{sign}share * xp.maximum({sign}wheel.torque - edge, 0.0)",
+            f"Part of the {way} torque beyond an edge that is lost: a drive that is weak one way",
+            "k (M beyond M_0)", r"k\,\max(M - M_0, 0)",
+            f"Beyond a torque the wheels get less than the log says, {way} alone.",
+            CONFIRM["wheel"], terms=2,
+        )  # fmt: skip
     for form in (
         Form("squared_load", "of the squared torque", (strength("share", "N m", load, 2),),
              "share * wheel.torque * xp.abs(wheel.torque)", "k M |M|", "k M |M|", False),

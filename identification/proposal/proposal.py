@@ -3,9 +3,13 @@
 from __future__ import annotations
 
 import re
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Any
 
+import numpy as np
+from numpy.typing import NDArray
+
+from identification.mechanisms.mechanism import Mechanism
 from identification.proposal.law import FoundLaw, Verdict
 
 
@@ -20,6 +24,7 @@ class Proposal:
     force_error, velocity_error : held out, of the model with it
     share : of what the motion predicts beyond the model, held out, that it takes
     verdict : what the search says for it
+    mechanism, theta : the structure with the law, and its parameters (P,) of the joint fit
     beside : accepted effects that the model holds beside it
     logs : that it was found on
     """
@@ -30,6 +35,8 @@ class Proposal:
     velocity_error: float
     share: float | None
     verdict: Verdict
+    mechanism: Mechanism[Any] = field(repr=False)
+    theta: NDArray[np.float64] = field(repr=False)
     beside: tuple[str, ...] = ()
     logs: tuple[str, ...] = ()
 
@@ -89,6 +96,17 @@ class Proposal:
             "p_value": verdict.unseen_p_value,
             "family_wise_p_value": verdict.p_value,
             "fall": {"seen": verdict.fall, "unseen": verdict.unseen_fall},
+            "alternatives": [
+                {
+                    "name": found.law.name,
+                    "meaning": found.law.meaning,
+                    "formula": found.law.formula,
+                    "variables": list(found.law.variables),
+                    "values": dict(found.values),
+                    "left": left,
+                }
+                for found, left in verdict.alternatives
+            ],
             "tried": {"laws": verdict.tried[0], "choices": verdict.tried[1]},
             "pareto": [
                 {

@@ -13,13 +13,14 @@ from identification.fitting.gauge import gauge_basis
 from identification.fitting.regression import regression
 from identification.fitting.settings import FitSettings
 from identification.mechanisms.mechanism import Mechanism
+from identification.mechanisms.residual_maps import with_effect_of_its_own
 from identification.mechanisms.samples import Samples
 from identification.proposal.evidence import Evidence
 from identification.proposal.grammar import GRAMMARS, Grammar
 from identification.proposal.law import Verdict
 from identification.proposal.search import Search
 from identification.proposal.settings import ProposalSettings
-from youbot_env.physics.effect import Effect, Registry
+from youbot_env.physics.effect import Effect
 
 Array = NDArray[np.float64]
 Indices = NDArray[np.intp]
@@ -56,6 +57,8 @@ def find_law(
     mechanism = left.mechanism
     if mechanism.kind.name not in GRAMMARS:
         return None
+    if len(mechanism.axes) == 1:
+        settings = settings.of_an_axis()
     rows = replace(fit, row_rate=settings.row_rate)
     basis = gauge_basis(mechanism, left.free) / mechanism.scale[left.free][:, None]
     of_logs = [regression(mechanism, left.theta, item, left.free, rows) for item in samples]
@@ -114,18 +117,5 @@ def with_law(mechanism: Mechanism[Any], effect: Effect) -> Mechanism[Any]:
     The catalogue of all is left as it is: a law that was proposed for one robot is no candidate for
     the next.
     """
-    catalogue = Registry()
-    for item in mechanism.kind.catalogue:
-        catalogue.add(item)
-    catalogue.add(effect)
-    kind = replace(mechanism.kind, catalogue=catalogue)
-    structure = replace(
-        mechanism.structure,
-        effects=(*mechanism.structure.effects, effect.name),
-        mechanism=kind,
-    )
-    conventions = replace(mechanism.conventions, kind=kind)
-    return Mechanism(
-        *(mechanism.geometry, structure, conventions, mechanism.settings),
-        *(mechanism.held, mechanism.acts_in),
-    )
+    more = with_effect_of_its_own(mechanism, effect)
+    return more.with_effects((*mechanism.structure.effects, effect.name))

@@ -184,6 +184,7 @@ class Search:
             self._unseen_p_value(best.sums),
             tried,
             tuple(self._pareto(leaders)),
+            tuple(self._alternatives(leaders)),
         )
 
     def settled(self, verdict: Verdict) -> Verdict:
@@ -209,6 +210,22 @@ class Search:
         for item in by_length:
             if item.square < least * (1.0 - self.settings.length_penalty) and self.fall(item) > 0:
                 least = item.square
+                yield self._found(item), item.square / self.evidence.own_held_out
+
+    def _alternatives(self, leaders: Sequence[Tried]) -> Iterator[tuple[FoundLaw, float]]:
+        """Laws that unseen stretches cannot tell from the best one, best first: what they leave
+        more there is no more than chance makes it."""
+        best, *others = leaders[: self.settings.compared]
+        assert best.sums is not None
+        left, told = self.evidence.unseen_left(best.sums), {best.law.name}
+        for item in others:
+            assert item.sums is not None
+            if item.law.name in told:
+                continue  # the same law near another period
+            more = self.evidence.unseen_left(item.sums) - left
+            size = float(np.sqrt((more**2).sum()))
+            if self.fall(item) > 0 and more.sum() <= self.settings.alike_deviations * size:
+                told.add(item.law.name)
                 yield self._found(item), item.square / self.evidence.own_held_out
 
     @cached_property

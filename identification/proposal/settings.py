@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 from youbot_env.errors import Settings, check_settings
 
@@ -26,6 +26,13 @@ class ProposalSettings(Settings):
             "unit": "1 a half turn",
             "reason": "15 degrees apart: of a dry force along a direction half way between two, "
             "each shows 98 %",
+        },
+    )
+    quarters: int = field(
+        default=6,
+        metadata={
+            "unit": "1 a quarter turn",
+            "reason": "directions of a friction along and across: 15 degrees apart as above",
         },
     )
     knee_shares: tuple[float, ...] = field(
@@ -177,6 +184,30 @@ class ProposalSettings(Settings):
             "floor that is met once in a minute would be seen, or not seen, as a whole",
         },
     )
+    axis_min_duration: float = field(
+        default=15.0,
+        metadata={
+            "unit": "s",
+            "reason": "of one axis, whose motions are shorter: a positioning stage is there and "
+            "back in two seconds",
+        },
+    )
+    axis_block_time: float = field(
+        default=0.25,
+        metadata={
+            "unit": "s",
+            "reason": "of one axis, whose forces are filtered ten times as fast: ten of the "
+            "filter's time constants and more",
+        },
+    )
+    axis_periods: int = field(
+        default=22,
+        metadata={"unit": "1", "reason": "of a friction along the travel, as the catalogue's"},
+    )
+    spot_shares: tuple[float, ...] = field(
+        default=(0.05, 0.15),
+        metadata={"unit": "share of the travel", "reason": "widths of a tight spot of an axis"},
+    )
     folds: int = field(
         default=4,
         metadata={"unit": "1", "reason": "of the stretches that the search sees"},
@@ -261,10 +292,42 @@ class ProposalSettings(Settings):
             "reason": "of a simplex search: a bound on time",
         },
     )
+    map_blocks: int = field(
+        default=20,
+        metadata={
+            "unit": "1 a log",
+            "reason": "blocks of each log, held out in turn, that judge a map of the residual: it "
+            "is refused where it has not been, so a whole log, alone in a part of the range, says "
+            "nothing against it",
+        },
+    )
+    map_points: int = field(
+        default=9,
+        metadata={"unit": "1", "reason": "places in the table of a map's curve: a screen"},
+    )
+    compared: int = field(
+        default=8,
+        metadata={
+            "unit": "1",
+            "reason": "leading laws, of which those alike are a set",
+        },
+    )
+    alike_deviations: float = field(
+        default=1.64,
+        metadata={
+            "unit": "1",
+            "reason": "of the difference of what two laws leave, block by block: one-sided, 5 %",
+        },
+    )
     shown: int = field(
         default=8,
         metadata={"unit": "1", "reason": "laws in the list of length against error"},
     )
+
+    def of_an_axis(self) -> ProposalSettings:
+        """Those of one axis."""
+        own = {"min_duration": self.axis_min_duration, "block_time": self.axis_block_time}
+        return replace(self, **own)
 
     def __post_init__(self) -> None:
         check_settings(self, "proposal settings", positive=True)

@@ -23,6 +23,7 @@ from identification.diagnosis.settings import DiagnosisSettings
 from identification.diagnosis.significance import remainder, stacked
 from identification.diagnosis.structures import Candidate, FittedStructure, LoggedData
 from identification.logs.log import Log
+from identification.mechanisms.mechanism import Mechanism
 from identification.mechanisms.registry import AnyModel, mechanism_of
 
 Array = NDArray[np.float64]
@@ -46,11 +47,13 @@ class Baseline:
 
     missing : accepted effects, in order
     p_values : of each step's accepted effect, on the half that has not chosen it
+    fitted : the model with them
     """
 
     missing: tuple[str, ...]
     p_values: tuple[float, ...] = ()
     sets: dict[str, list[str]] = field(default_factory=dict)
+    fitted: FittedStructure | None = field(default=None, repr=False)
 
     def to_dict(self) -> dict[str, Any]:
         """JSON form, with the keys of a diagnosis that a score reads."""
@@ -78,7 +81,7 @@ def stepwise(model: AnyModel, logs: Sequence[Log], *, seed: int = 0) -> Baseline
     missing: list[str] = []
     p_values: list[float] = []
     while len(missing) < MOST_EFFECTS:
-        left = [name for name in names if name not in missing]
+        left = [name for name in names if name not in missing and _fits(mechanism, name, missing)]
         tried = [try_candidate(fitted, None, name)[0] for name in left]
         first, second = (_tests(fitted, tried, half) for half in (0, 1))
         found = discoveries([p for _, p in second], FALSE_DISCOVERIES)
@@ -89,7 +92,14 @@ def stepwise(model: AnyModel, logs: Sequence[Log], *, seed: int = 0) -> Baseline
         missing.append(tried[best].name)
         p_values.append(second[best][1])
         fitted = fit_structure(data, tried[best].mechanism, tried[best].theta)
-    return Baseline(tuple(missing), tuple(p_values))
+    return Baseline(tuple(missing), tuple(p_values), fitted=fitted)
+
+
+def _fits(mechanism: Mechanism[Any], name: str, present: Sequence[str]) -> bool:
+    """Whether a structure can hold an effect beside others: one lag of the drives, one delay."""
+    place = mechanism.catalogue[name].acts_at
+    once = place.kind in ("actuator", "shift")
+    return not once or all(mechanism.catalogue[other].acts_at is not place for other in present)
 
 
 def discoveries(p_values: Sequence[float], rate: float) -> list[int]:

@@ -17,11 +17,12 @@ from identification.logs.reading import write_log
 from youbot_env.errors import InputError
 from youbot_scripts.blind_bench import motions, second_simulator as plant, sensors, wheel_effects
 from youbot_scripts.blind_bench.effects import (
+    BEYOND,
     CATALOGUE,
     DIFFER,
     EVERYTHING,
+    FOREIGN,
     KINEMATICS,
-    LAWS,
     OUTSIDE,
     REGIMES,
     Planted,
@@ -60,6 +61,7 @@ KINDS = (
     "sweep",
     "kinematics",
     "law",
+    "foreign",
     "fleet",
 )
 """Nothing planted; nothing, and noise that is not white; speeds from encoder counts, with Coulomb
@@ -67,7 +69,8 @@ friction in every other case; one effect of about its size; a quarter of it unde
 one of about its size under twice the noise; two of about their size; one outside the catalogue;
 one of about its size in some logs only; one outside the catalogue in a part of the motion;
 one at each of `SWEEP` times its size; one effect of kinematics of about its size; one of all
-that is outside the catalogue, for which a law may be proposed; one effect of about its size in
+outside the catalogue that a law of the grammar states; one that none does; one effect of about its
+size in
 one of `FAULTY_ONE_IN` cases, of calibration and one multisine."""
 
 SWEEP = (1 / 16, 1 / 8, 1 / 4, 1 / 2, 1.0, 2.0, 4.0)
@@ -234,8 +237,9 @@ def _what(kind: str, index: int, seed: int, rng: np.random.Generator) -> list[tu
         return [(list(REGIMES)[index % len(REGIMES)], about_one[0])]
     if kind == "unknown":
         return [(list(OUTSIDE)[index % len(OUTSIDE)], about_one[0])]
-    if kind == "law":
-        return [(list(LAWS)[index % len(LAWS)], about_one[0])]
+    if kind in ("law", "foreign"):
+        known = list(BEYOND if kind == "law" else FOREIGN)
+        return [(known[index % len(known)], about_one[0])]
     if kind == "sweep":
         return [(names[index % len(names)], SWEEP[index // len(names) % len(SWEEP)])]
     if kind == "kinematics":
@@ -340,6 +344,32 @@ def logs_of(case: Case) -> list[Log]:
         log_along(case, name, twist, began)
         for (name, twist), began in zip(twists.items(), starts, strict=True)
     ]
+
+
+def unseen_log(case: Case) -> Log:
+    """A multisine of a case's platform that no diagnosis has seen."""
+    dt, _ = tick(case.rate)
+    rng = _generator(case.seed, case.kind, case.index, UNSEEN)
+    return log_along(case, UNSEEN, motions.multisine(rng, dt))
+
+
+UNSEEN = "unseen"
+
+
+def true_velocity_error(case: Case, speed: Array, effort: Array, dt: float, pose: Array) -> float:
+    """Velocity error of the true platform's free run, driven by a log's torques alone: what the
+    true law reaches.
+
+    Parameters
+    ----------
+    speed, effort : (N, 4) wheel speeds [rad/s] and torques [N m] as logged, dt [s] apart
+    pose : (3,) where it starts
+    """
+    measured = motions.twist_of(speed)
+    predicted = motions.twist_of(plant.replay(physics(case), effort, dt, measured[0], pose))
+    scale = np.array([motions.LEVER, motions.LEVER, 1.0])
+    error = (measured - predicted) / scale
+    return float(np.sqrt((error**2).sum() / ((measured / scale) ** 2).sum()))
 
 
 SHORT_NAMES = {

@@ -177,3 +177,42 @@ def ramp(rng: np.random.Generator, size: float, path: Array) -> Values:
 
 def magnet(rng: np.random.Generator, size: float, path: Array) -> Values:
     return {"moment": size, "neutral": rng.uniform(-1.0, 1.0)}
+
+
+def weave(rng: np.random.Generator, size: float, path: Array) -> Values:
+    """The floor drags more along one axis of the world than along the other."""
+    forces = [size, size * rng.uniform(0.1, 0.5)]
+    if rng.random() < 0.5:
+        forces.reverse()
+    return {"force_x": forces[0], "force_y": forces[1]}
+
+
+def sticking(rng: np.random.Generator, size: float, path: Array) -> Values:
+    where = {"wheel": float(rng.integers(4))}
+    return {
+        "torque": size,
+        **where,
+        "speed": rng.uniform(4.0, 10.0),
+        "width": rng.uniform(1.5, 4.0),
+    }
+
+
+def any_wheel(name: str) -> Callable[[np.random.Generator, float, Array], Values]:
+    return lambda rng, size, path: {name: size, "wheel": float(rng.integers(4))}
+
+
+def mat(rng: np.random.Generator, size: float, path: Array) -> Values:
+    x, y = spot(rng, path)
+    return {"stiffness": size, "x": x, "y": y, "radius": rng.uniform(0.25, 0.4)}
+
+
+def weak(rng: np.random.Generator, size: float, path: Array) -> Values:
+    return {"share": min(size, 0.7), "edge": rng.uniform(0.1, 0.3)}
+
+
+def wall(rng: np.random.Generator, size: float, path: Array) -> Values:
+    return {"stiffness": size, "edge": float(np.quantile(path[:, 0], rng.uniform(0.4, 0.7)))}
+
+
+def pile(rng: np.random.Generator, size: float, path: Array) -> Values:
+    return {"coefficient": size, "direction": direction(rng)}

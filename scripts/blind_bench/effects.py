@@ -411,7 +411,80 @@ STRANGE = {
 }  # fmt: skip
 """More of these, of other sites and shapes: a law may be proposed for them."""
 
-LAWS = OUTSIDE | REGIMES | STRANGE
+FOREIGN = {
+    item.name: item
+    for item in (
+        Plantable("grain_drag", 16.0, "N", draws.directed,
+                  _renamed(grain="force", grain_direction="direction"), ("heading",),
+                  reads=("heading", "twist")),
+        Plantable("woven_floor", 10.0, "N", draws.weave,
+                  _renamed(weave_x="force_x", weave_y="force_y"), ("heading",)),
+        Plantable("sticking_roller", 0.12, "N m", draws.sticking,
+                  _renamed(sticking="torque", sticking_wheel="wheel", sticking_speed="speed",
+                           sticking_width="width"), site="roller"),
+        Plantable("springy_mat", 60.0, "N/m", draws.mat,
+                  _renamed(mat="stiffness", mat_x="x", mat_y="y", mat_radius="radius"),
+                  ("position_x", "position_y")),
+        Plantable("growing_drag", 12.0, "N", draws.one_number("force"), _renamed(growing="force"),
+                  ("time",)),
+        Plantable("weak_drive", 0.4, "1", draws.weak,
+                  _renamed(weak_drive="share", weak_edge="edge"),
+                  tuple(f"torque_{wheel}" for wheel in WHEELS), site="wheel", reads=("torque",)),
+        Plantable("soft_wall", 15.0, "N/m", draws.wall, _renamed(wall="stiffness", wall_x="edge"),
+                  ("position_x",)),
+        Plantable("eccentric_rub", 0.5, "N m", draws.any_wheel("torque"),
+                  _renamed(rubbing="torque", rubbing_wheel="wheel"),
+                  tuple(f"wheel_angle_{wheel}" for wheel in WHEELS), site="wheel",
+                  reads=("wheel_angle", "wheel_speed")),
+        Plantable("saddle_floor", 10.0, "N/m", draws.one_number("stiffness"),
+                  _renamed(saddle="stiffness"), ("position_x", "position_y")),
+        Plantable("side_fan", 2.5, "N m/m", draws.one_number("slope"), _renamed(fan="slope"),
+                  ("position_x",)),
+        Plantable("root_drag", 20.0, "N", draws.one_number("coefficient"),
+                  _renamed(root_drag="coefficient"), site="body", reads=("twist",)),
+        Plantable("carpet_pile", 8.0, "N m s", draws.pile,
+                  _renamed(pile="coefficient", pile_direction="direction"), ("heading",),
+                  reads=("heading", "twist")),
+    )
+}  # fmt: skip
+"""Effects that the search was not built with: products of two variables, two directions at once,
+shapes with a corner, one-sided torques, roots. The grammar has got laws since for most of them (see
+`FORMS`); for the others it has none."""
+
+FORMS = {
+    "carpet_nap": ("dry_nap",),
+    "line_spring": ("line_spring",),
+    "sticky_patch": ("dry_drag_in_a_patch",),
+    "wind": ("force_by_heading_2",),
+    "sideways_drift": ("quadratic_x_to_y",),
+    "bump": ("spot_that_pushes",),
+    "floor_joints": ("ripple_of_floor",),
+    "one_way_friction": ("uneven_forward_dry_wheel_friction", "uneven_backward_dry_wheel_friction"),
+    "late_drag": ("dry_drag_from_a_time_on",),
+    "air_drag": ("air_drag",),
+    "cogging_wheel": ("uneven_ripple_of_wheels",),
+    "rubbing_at_a_speed": ("at_peak_wheel_friction",),
+    "magnetic_strip": ("strip_across_x",),
+    "gust": ("pull_for_a_while",),
+    "side_brush": ("levelling_drag_y",),
+    "heading_magnet": ("moment_by_heading_2",),
+    "ramp": ("pull_beyond_an_edge_in_x", "pull_before_an_edge_in_x"),
+    "grain_drag": ("dry_drag_by_heading_1",),
+    "woven_floor": ("dry_along_and_across",),
+    "sticking_roller": ("uneven_at_peak_roller_friction",),
+    "growing_drag": ("dry_drag_that_grows",),
+    "weak_drive": ("forward_load_beyond_an_edge",),
+    "soft_wall": ("spring_beyond_an_edge_in_x",),
+    "carpet_pile": ("viscous_turning_by_heading_2",),
+    "side_fan": ("moment_by_place",),
+    "root_drag": ("root_drag",),
+}
+"""Of the laws outside the catalogue, the laws of the grammar that state them."""
+
+BEYOND = OUTSIDE | REGIMES | STRANGE
+"""Effects outside the catalogue, each of which a law of the grammar states."""
+
+LAWS = BEYOND | FOREIGN
 """Everything that no name of the catalogue explains."""
 
 EVERYTHING = CATALOGUE | KINEMATICS | LAWS

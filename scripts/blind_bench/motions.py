@@ -81,3 +81,10 @@ def wheel_speeds(twist: Array, wheel_radius: float = 0.0475) -> Array:
     ahead, left, turn = twist[:, 0], twist[:, 1], LEVER * twist[:, 2]
     rows = [ahead - left - turn, ahead + left + turn, ahead + left - turn, ahead - left + turn]
     return np.column_stack(rows) / wheel_radius
+
+
+def twist_of(speed: Array, wheel_radius: float = 0.0475) -> Array:
+    """Twist (N, 3) [m/s, m/s, rad/s] that is nearest to wheel speeds (N, 4); see `wheel_speeds`."""
+    a, b, c, d = speed.T
+    sums = [a + b + c + d, b + c - a - d, (b + d - a - c) / LEVER]
+    return 0.25 * wheel_radius * np.column_stack(sums)

@@ -69,6 +69,7 @@ KIND_WORDS = {
     "differ": "one effect in some of the logs only",
     "regime": "an effect outside the catalogue, in a part of the motion",
     "law": "an effect outside the catalogue, of any kind",
+    "foreign": "an effect that the search for laws was not built with",
 }
 """Kinds of cases in words."""
 
@@ -94,9 +95,10 @@ WANTED = {
     ("unknown", "said_unknown"): "> 90 %",
     **{
         (kind, key): ">= 80 %"
-        for kind in ("unknown", "law")
+        for kind in ("unknown", "law", "foreign")
         for key in ("law_proposed", "law_right", "law_helps")
     },
+    **{(kind, "law_form"): ">= 60 %" for kind in ("unknown", "law")},
     ("none", "law_needless"): "<= 1 %",
     ("noise", "law_needless"): "<= 1 %",
     ("one", "law_needless"): "<= 3 %",

@@ -47,7 +47,8 @@ SCORE_WORDS = {
     "said_unknown": '"unknown", after one partial fit at most',
     "law_proposed": "a law proposed",
     "law_right": "its site and main variable right",
-    "law_helps": "with it the squared velocity error falls by 80 %",
+    "law_form": "its form right, or in its set of three",
+    "law_helps": "80 % of the way to the true law's velocity error, unseen run",
     "law_needless": "a law proposed that nothing needs",
     "carrier_first_or_second_where": "carrier first or second, base model",
     "carrier_first_or_second_remaining": "carrier first or second, last model",
@@ -174,3 +175,33 @@ def show_sizes(console: Console, table: Mapping[str, Mapping[str, Any]]) -> None
     headers = columns("effect", "size", *(f"x{factor}" for factor in factors), "3 at", "20 at")
     title = "base model's force error over its noise floor, and sizes at which it is 3 and 20"
     show_tables(console, [Table(title, headers, tuple(rows))])
+
+
+CLAIM_WORDS = {
+    "right": "right",
+    "wrongly_named": "named what nobody planted",
+    "named_exactly": "what is planted named alone, and nothing else",
+    "law_right": "beyond the catalogue: site and a variable right",
+    "error_falls": "80 % of the way to the noise, unseen run",
+}
+
+
+def show_claims(out: Console, found: Mapping[str, Any]) -> None:
+    """Print the scores of a tool's answers to a blind set, a table for each kind of case."""
+    for kind, shares in found.items():
+        if kind == "unanswered":
+            continue
+        rows = tuple(
+            (words, f"{shares[key]['count']} of {shares[key]['total']}", _interval(shares[key]))
+            for key, words in CLAIM_WORDS.items()
+            if shares[key]["total"]
+        )
+        title = f"{KIND_WORDS.get(kind, kind)}: {shares['cases']} cases"
+        show_tables(out, [Table(title, columns("score", "cases", "95 % interval"), rows)])
+    if found["unanswered"]:
+        out.print(f"{found['unanswered']} cases have no answer, and count as wrong")
+
+
+def _interval(share: Mapping[str, Any]) -> str:
+    low, high = share["interval"]
+    return f"{100 * low:.0f} to {100 * high:.0f} %"

@@ -9,7 +9,7 @@ from typing import Any
 
 from youbot_scripts.blind_bench import sensors
 from youbot_scripts.blind_bench.draws import WHEELS
-from youbot_scripts.blind_bench.effects import CATALOGUE, EVERYTHING, KINEMATICS, LAWS
+from youbot_scripts.blind_bench.effects import CATALOGUE, EVERYTHING, FORMS, KINEMATICS, LAWS
 from youbot_scripts.blind_bench.proportions import Proportion
 from youbot_scripts.blind_bench.sensors import ENCODER
 from youbot_scripts.blind_bench.trials import Record
@@ -205,21 +205,40 @@ def law_right(record: Record) -> bool | None:
     )
 
 
+def law_form(record: Record) -> bool | None:
+    """Whether the form is right, or in the set of laws that the data cannot tell apart; None where
+    no law of the grammar states what is planted, or none is wanted."""
+    wanted = {form for name in planted(record) for form in FORMS.get(name, ())}
+    if not wanted:
+        return None
+    said = _proposal(record)
+    if not said:
+        return False
+    names = [said["name"], *(row["name"] for row in said.get("alternatives", ()))]
+    return bool(wanted & set(names[:LARGEST_SET]))
+
+
 LAW_FALL = 0.8
-"""Share of the squared velocity error, held out, that a proposed law must take away."""
+"""Share of the way from the base model's squared velocity error to what the true law reaches, on
+a run that the diagnosis has not seen, that a proposed law must go."""
+
+
+def law_way(record: Record) -> float | None:
+    """How much of that way the proposed law goes; None where none is wanted, or where the base
+    model's free run is hardly worse than the truth's. 0 without a proposal."""
+    if law_proposed(record) is None:
+        return None
+    errors = record.get("unseen")
+    if not errors:
+        return 0.0
+    base, law, truth = (errors[key] ** 2 for key in ("base", "law", "truth"))
+    return None if base < CLEAR * truth else (base - law) / (base - truth)
 
 
 def law_helps(record: Record) -> bool | None:
-    """Whether the held-out velocity error falls by most of it; None where no law is wanted.
-
-    Of all of it, not of the way to what the true law reaches, which is a little less.
-    """
-    if law_proposed(record) is None:
-        return None
-    said, steps = _proposal(record), record.get("found", {}).get("steps")
-    if not said or not steps or not said["velocity_error"] or not steps[0]["velocity_error"]:
-        return False
-    return 1.0 - (said["velocity_error"] / steps[0]["velocity_error"]) ** 2 >= LAW_FALL
+    """Whether the proposed law goes most of that way; None: see `law_way`."""
+    way = law_way(record)
+    return None if way is None else way >= LAW_FALL
 
 
 def tie_resolved(record: Record) -> bool | None:
@@ -518,7 +537,7 @@ def _of_one_kind(kind: str, records: Sequence[Record]) -> dict[str, Any]:
             coulomb_called_stribeck=_called_stribeck,
             accepted_unplanted=accepted_unplanted,
         ) | _numbers(records)
-    if kind in ("unknown", "regime", "law") or kind in UNNAMED:
+    if kind in ("unknown", "regime", "law", "foreign") or kind in UNNAMED:
         ranks = {
             f"carrier_first_or_second_{key}": Proportion.of(
                 None if (rank := carrier_rank(record, key)) is None else rank <= 2
@@ -526,7 +545,8 @@ def _of_one_kind(kind: str, records: Sequence[Record]) -> dict[str, Any]:
             ).to_dict()
             for key in ("where", "remaining")
         }
-        laws = {"law_proposed": law_proposed, "law_right": law_right, "law_helps": law_helps}
+        laws = {"law_proposed": law_proposed, "law_right": law_right}
+        laws |= {"law_form": law_form, "law_helps": law_helps}
         said = {"said_unknown": said_unknown, "regime_right": regime_right}
         return _shares(records, **said, **laws) | ranks
     if kind == "differ":

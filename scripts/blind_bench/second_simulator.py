@@ -146,6 +146,30 @@ class Physics(NamedTuple):
     ramp: float = 0.0
     ramp_direction: float = 0.0
     ramp_edge: float = 0.0
+    grain: float = 0.0  # dry drag that depends on the heading
+    grain_direction: float = 0.0
+    weave_x: float = 0.0  # dry drag of its own size along each axis of the world
+    weave_y: float = 0.0
+    sticking: float = 0.0  # dry friction of one roller axle around one speed
+    sticking_wheel: float = 0.0
+    sticking_speed: float = 1.0
+    sticking_width: float = 1.0
+    mat: float = 0.0  # [N/m] away from a spot, inside of a radius
+    mat_x: float = 0.0
+    mat_y: float = 0.0
+    mat_radius: float = 1.0
+    growing: float = 0.0  # [N] of dry drag after a minute, from none
+    weak_drive: float = 0.0  # share of a torque beyond an edge that a drive loses one way
+    weak_edge: float = 0.0
+    wall: float = 0.0  # [N/m] of a spring beyond a line
+    wall_x: float = 0.0
+    rubbing: float = 0.0  # dry friction of one wheel that swings with its angle
+    rubbing_wheel: float = 0.0
+    saddle: float = 0.0  # [N/m] of a floor that is a saddle
+    fan: float = 0.0  # [N m/m] moment that grows along world x
+    root_drag: float = 0.0  # [N (s/m)^0.5] against the motion, with the root of the speed
+    pile: float = 0.0  # viscous friction of turning that depends on the heading
+    pile_direction: float = 0.0
 
 
 @njit(cache=True)
@@ -166,6 +190,8 @@ def _wheel_friction(p: Physics, i: int, rate: float, angle: float, torque: float
         total += p.ripple * math.sin(p.ripple_cycles * angle + p.ripple_phase[i])
     if p.cog != 0.0 and i == int(p.cog_wheel):
         total += p.cog * math.sin(p.cog_cycles * angle)
+    if p.rubbing != 0.0 and i == int(p.rubbing_wheel):
+        total += p.rubbing * (0.5 + 0.5 * math.cos(angle)) * math.tanh(rate / p.dry_width)
     if p.rub != 0.0:
         near = (abs(rate) - p.rub_speed) / p.rub_width
         total += p.rub * math.exp(-near * near) * math.tanh(rate / p.dry_width)
@@ -186,6 +212,8 @@ def _exerted(p: Physics, i: int, command: float, rate: float, time: float):
     torque = (1.0 + p.gain[i]) * command + p.offset[i]
     if p.back_emf > 0.0:
         torque *= 1.0 - p.back_emf * abs(rate) / 10.0
+    if p.weak_drive != 0.0:
+        torque -= p.weak_drive * max(torque - p.weak_edge, 0.0)
     if p.fall != 0.0:
         torque *= 1.0 - p.fall + p.fall * math.exp(-(p.began + time) / p.fall_time)
     return torque
@@ -248,6 +276,28 @@ def _outside(p: Physics, x: float, y: float, yaw: float, u: float, v: float, tim
     if p.ramp != 0.0 and x > p.ramp_edge:
         fx += p.ramp * math.cos(p.ramp_direction)
         fy += p.ramp * math.sin(p.ramp_direction)
+    if p.grain != 0.0:
+        speed = math.sqrt(u * u + v * v + 0.005**2)
+        drag = p.grain * (0.5 + 0.5 * math.cos(yaw - p.grain_direction))
+        fx, fy = fx - drag * u / speed, fy - drag * v / speed
+    if p.weave_x != 0.0 or p.weave_y != 0.0:
+        fx -= p.weave_x * math.tanh(u / 0.01)
+        fy -= p.weave_y * math.tanh(v / 0.01)
+    if p.mat != 0.0 and math.hypot(x - p.mat_x, y - p.mat_y) < p.mat_radius:
+        fx += p.mat * (x - p.mat_x)
+        fy += p.mat * (y - p.mat_y)
+    if p.growing != 0.0:
+        speed = math.sqrt(u * u + v * v + 0.005**2)
+        drag = p.growing * time / 60.0
+        fx, fy = fx - drag * u / speed, fy - drag * v / speed
+    if p.saddle != 0.0:
+        fx, fy = fx + p.saddle * y, fy + p.saddle * x
+    if p.root_drag != 0.0:
+        speed = math.sqrt(u * u + v * v + 0.005**2)
+        fx -= p.root_drag * u / math.sqrt(speed)
+        fy -= p.root_drag * v / math.sqrt(speed)
+    if p.wall != 0.0:
+        fx -= p.wall * max(x - p.wall_x, 0.0)
     if p.joints != 0.0:
         fx += p.joints * math.sin(2.0 * math.pi * x / p.joint_distance + p.joint_phase)
     return fx, fy
@@ -306,6 +356,8 @@ def derivative(
     b[2] = sx * slope_y - sy * slope_x
     b[2] -= p.scrub * math.tanh(w / p.scrub_width) + p.twist_stiffness * (q[2] - p.twist_neutral)
     b[2] -= p.magnet * math.sin(2.0 * (q[2] - p.magnet_neutral))
+    b[2] += p.fan * q[0]
+    b[2] -= p.pile * w * (0.5 + 0.5 * math.cos(2.0 * (q[2] - p.pile_direction)))
 
     for i in range(4):
         x = p.half_length if i < 2 else -p.half_length
@@ -337,6 +389,9 @@ def derivative(
         roller_dry = p.roller_coulomb + p.roller_dry[i]
         if roller_dry != 0.0:
             resists += roller_dry * math.tanh(rate / p.roller_dry_width)
+        if p.sticking != 0.0 and i == int(p.sticking_wheel):
+            near = (abs(rate) - p.sticking_speed) / p.sticking_width
+            resists += p.sticking * math.exp(-near * near) * math.tanh(rate / p.roller_dry_width)
         _couple(a, b, row, p.roller_inertia, bias, -resists)
 
     dq[0], dq[1], dq[2] = q[3], q[4], w
@@ -399,11 +454,13 @@ def steps_for(p: Physics, dt: float) -> int:
     wheel = (
         p.coulomb + p.dry.max() + p.breakaway + p.load_share * 2.0 + p.one_way + p.rub
     ) / p.dry_width
+    wheel += p.rubbing / p.dry_width
     wheel += abs(p.forward_dry) / p.forward_width
     roller = (p.roller_coulomb + p.roller_dry.max()) / p.roller_dry_width
     inertia = 0.25 * p.m0 * p.wheel_radius**2 + p.I1
     rate = wheel / inertia + 8.0 * roller / (p.roller_radius**2 * p.m0)
-    rate += (p.nap / 0.01 + (p.patch + p.late_drag) / 0.005) / p.m0 + (
+    small = 15.0 * p.root_drag * 0.005 + p.patch + p.late_drag + p.grain + 4.0 * p.growing
+    rate += ((p.nap + p.weave_x + p.weave_y) / 0.01 + small / 0.005) / p.m0 + (
         1.0 / p.lag if p.lag > 0.0 else 0.0
     )
     rate += p.trail / p.trail_width / p.m0 + p.scrub / p.scrub_width / p.I0 + p.swing
@@ -429,6 +486,37 @@ def drive(p: Physics, wanted: Array, dt: float = TICK) -> tuple[Array, Array, Ar
     limits = (PROPORTIONAL, INTEGRAL, TORQUE_LIMIT)
     _drive(p, wanted, dt, steps_for(p, dt), limits, speed, command, pose)
     return speed, command, pose
+
+
+@njit(cache=True)
+def _replay(p, torque, dt, steps, q, speed):
+    work, k = np.empty((5, 3)), np.empty((5, 18))
+    command = np.empty(4)
+    for n in range(len(torque)):
+        _speeds(p, q, speed[n])
+        if n + 1 < len(torque):
+            command[:] = 0.5 * (torque[n] + torque[n + 1])
+            for m in range(steps):
+                time = n * dt + m * dt / steps
+                _step(p, q, command, time, dt / steps, work, k)
+
+
+def replay(p: Physics, torque: Array, dt: float, twist: Array, pose: Array) -> Array:
+    """(N, 4) wheel speeds [rad/s] of the true platform, driven by logged torques alone.
+
+    Parameters
+    ----------
+    torque : (N, 4) [N m] as logged, dt apart; between two rows their mean acts
+    twist, pose : (3,) where it starts: body twist [m/s, m/s, rad/s], pose [m, m, rad]
+    """
+    c, s = math.cos(pose[2]), math.sin(pose[2])
+    ahead, left, turn = twist
+    q = np.zeros(18)
+    q[:3], q[3:6] = pose, (c * ahead - s * left, s * ahead + c * left, turn)
+    q[10:14] = torque[0]
+    speed = np.empty_like(torque)
+    _replay(p, np.ascontiguousarray(torque, float), dt, steps_for(p, dt), q, speed)
+    return speed
 
 
 def measured(

@@ -25,8 +25,16 @@ from youbot_env.model.model import Model
 from youbot_env.model.model_file import load_model
 from youbot_env.motions.base import motion_from_dict
 from youbot_env.physics.effect import CATALOGUE as REGISTERED
-from youbot_scripts.blind_bench.cases import Case, draw_case, log_along, tick, write_case
-from youbot_scripts.blind_bench.effects import CATALOGUE, EVERYTHING
+from youbot_scripts.blind_bench.cases import (
+    Case,
+    draw_case,
+    log_along,
+    tick,
+    true_velocity_error,
+    unseen_log,
+    write_case,
+)
+from youbot_scripts.blind_bench.effects import CATALOGUE, EVERYTHING, LAWS
 from youbot_scripts.shared.results_folder import failure, resumed
 
 SINGLES = ("one", "quarter", "double_noise", "sweep")
@@ -36,9 +44,9 @@ Record = dict[str, Any]
 """What is kept of a trial, JSON-able: ``case``, ``found`` (the diagnosis's own JSON),
 ``carriers``, ``base`` and ``sizes`` (what the diagnosis states of the base parameters and of the
 effects), ``true_velocity_error``, ``seconds``; ``identify``, what `identify` says of the same logs;
-``after``, the diagnosis with the proposed experiment; ``baseline``, what the baseline names;
-``library_warnings``, in words. Where
-something failed: ``error``, its ``error_class`` and the line of code that raised it, ``raised_at``.
+``unseen``, see `unseen_errors`; ``after``, the diagnosis with the proposed experiment;
+``baseline``, what the baseline names; ``library_warnings``, in words. Where something failed:
+``error``, its ``error_class`` and the line of code that raised it, ``raised_at``.
 """
 
 Diagnose = Callable[..., Any]
@@ -90,6 +98,24 @@ def velocity_error(model: Model, logs: Sequence[Log]) -> float:
         velocity_traces(mechanism, model.theta, samples) for samples in mechanism.samples_of(logs)
     )
     return add_up(map(SumsOfSquares.of, runs)).ratio
+
+
+def unseen_errors(case: Case, found: Any) -> dict[str, float] | None:
+    """Velocity errors of free runs on a run that the diagnosis has not seen: of the refitted base
+    model, with the proposed law, and of the true platform. None where no law is proposed, or none
+    is wanted."""
+    proposal = getattr(found, "proposal", None)
+    if proposal is None or not any(item.name in LAWS for item in case.planted):
+        return None
+    base = found.steps[0].fitted
+    fits = {"base": (base.mechanism, base.theta), "law": (proposal.mechanism, proposal.theta)}
+    (samples,) = base.mechanism.samples_of([unseen_log(case)])
+    runs = {key: velocity_traces(*pair, samples) for key, pair in fits.items()}
+    errors = {key: SumsOfSquares.of(run).ratio for key, run in runs.items()}
+    truth = true_velocity_error(
+        *(case, samples.wheel_speed, samples.torque, samples.dt, samples.pose[0])
+    )
+    return errors | {"truth": truth}
 
 
 def stated_sizes(found: Any, report: dict[str, Any]) -> dict[str, dict[str, float]]:
@@ -229,6 +255,7 @@ def _diagnosed(
     record["found"] = found.to_dict()
     record["base"] = stated_base(getattr(found, "model", None))
     record["sizes"] = stated_sizes(found, record["found"])
+    record["unseen"] = unseen_errors(case, found)
     truth = true_model(case)
     record["true_velocity_error"] = None if truth is None else velocity_error(truth, logs)
     proposed = record["found"].get("next_experiment")

@@ -6,7 +6,7 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
-from youbot_scripts.demonstration.files import Demonstration
+from youbot_scripts.demonstration.files import CARPET, Demonstration
 from youbot_scripts.shared.tables import Column, Table, columns, number, show, text, with_std
 
 CONTROLLERS = ("kinematic", "kinematic_tuned", "computed_torque", "ppo")
@@ -135,6 +135,46 @@ def drive(demo: Demonstration) -> None:
     )
 
 
+def last_room(demo: Demonstration) -> None:
+    """Find the law of what the catalogue has not, add it, and drive on it."""
+    demo.say(
+        "The same robot on a carpet. What acts there is in no catalogue: diagnose may only say "
+        "that it does not know, and propose a law."
+    )
+    base, better = demo.carpet_models
+    found = demo.result_of(
+        *("diagnose", demo.model, *demo.carpet_logs, "-o", base, "--proposal", demo.law),
+        to="carpet_diagnosis.json",
+    )
+    law = found["proposal"]
+    if law is None:
+        demo.say("It proposes none: the story ends here.")
+        return
+    demo.say("The law is a file of some ten lines; every command takes it as an effect:")
+    added = demo.result_of(
+        *("add", base, law["name"], *demo.carpet_logs, "--effects", demo.law, "-o", better),
+        to="carpet_law_added.json",
+    )
+    truth = [effect for effect in demo.hidden_effects(CARPET[2]) if effect.startswith(law["name"])]
+    if not truth:
+        demo.say(f"Hidden was {demo.hidden_effects(CARPET[2])[0]}.")
+        return
+    driven = demo.result_of(
+        *("evaluate", "--effects", demo.law, "--effect", truth[0], "--model", f"{base},{better}"),
+        *("--controllers", "computed_torque", "--bands", "1-2", "--seeds", "2"),
+        *("--duration", "8", "--brief", "--jobs", "1"),
+        to="carpet_evaluation.json",
+    )
+    before, after = (_error(driven, "computed_torque", model) for model in (base, better))
+    errors = (added[key]["velocity_error"] for key in ("before", "after", "noise_floor"))
+    fall = [f"{100 * error:.1f} %" for error in errors]
+    demo.say(
+        f"Hidden was {truth[0]}. The held-out velocity error falls from {fall[0]} to {fall[1]} "
+        f"(noise {fall[2]}), and computed torque misses {100 * before:.2f} % of its reference "
+        f"without the law, {100 * after:.2f} % with it."
+    )
+
+
 def _error(found: dict[str, Any], controller: str, model: Path) -> float:
     """Mean normalised RMSE over axes, seeds and bands."""
     errors = [
@@ -154,5 +194,6 @@ CHAPTERS: dict[str, Callable[[Demonstration], None]] = {
     "What is missing?": diagnose,
     "And on logs like those of a real robot?": second_room,
     "Does a better model drive better?": drive,
+    "And where the catalogue ends?": last_room,
 }
 """The chapters in their order: title and function."""

@@ -23,6 +23,9 @@ LOGS = ("calibration.csv.gz", "multisine_a.csv.gz", "multisine_b.csv.gz", "recor
 HIDDEN = ("hidden/calibration.csv.gz", "hidden/multisine_a.csv.gz", "hidden/record.json")
 """Logs of the same platform with a hidden effect, which `record.json` names."""
 
+CARPET = ("carpet/multisine_a.csv.gz", "carpet/IV.csv.gz", "carpet/record.json")
+"""Logs of the same platform with an effect that the catalogue has not."""
+
 
 @dataclass(frozen=True)
 class Demonstration:
@@ -73,6 +76,22 @@ class Demonstration:
         return self.folder / "lab.json"
 
     @property
+    def carpet_logs(self) -> tuple[Path, Path]:
+        """Logs in which something hides that no catalogue has."""
+        folder = self.folder / "logs"
+        return folder / CARPET[0], folder / CARPET[1]
+
+    @property
+    def carpet_models(self) -> tuple[Path, Path]:
+        """Files of the model that those logs are fitted with, without and with the law."""
+        return self.folder / "carpet.json", self.folder / "carpet_law.json"
+
+    @property
+    def law(self) -> Path:
+        """The file of the law that is proposed for them."""
+        return self.folder / "law.py"
+
+    @property
     def plots(self) -> tuple[str | Path, ...]:
         """Option that draws the figures; none without matplotlib, an extra."""
         if importlib.util.find_spec("matplotlib") is None:
@@ -97,9 +116,10 @@ class Demonstration:
         self.command(*arguments, "--json", path)
         return json.loads(path.read_text("utf-8"))
 
-    def hidden_effects(self) -> list[str]:
-        """What is hidden in the logs of ``changed_room``, as the option `--effect` takes it."""
-        record = json.loads((self.calibration.parent / HIDDEN[2]).read_text("utf-8"))
+    def hidden_effects(self, record_file: str = HIDDEN[2]) -> list[str]:
+        """What is hidden in the logs of ``changed_room``, or of another record, as the option
+        `--effect` takes it."""
+        record = json.loads((self.calibration.parent / record_file).read_text("utf-8"))
         return [
             f"{effect}:"
             + ",".join(f"{p}={held['value']!r}" for p, held in of["parameters"].items())
@@ -122,9 +142,10 @@ def unpack(demo: Demonstration) -> None:
     if "," in str(demo.folder):
         raise InputError(f"{demo.folder}: a comma would part it in a list of models; name another")
     try:
-        (folder / "hidden").mkdir(parents=True, exist_ok=True)
+        for room in ("hidden", "carpet"):
+            (folder / room).mkdir(parents=True, exist_ok=True)
     except OSError as error:
         raise InputError(f"{folder}: cannot be made a folder: {error.strerror}") from None
     shipped = resources.files("youbot_scripts").joinpath("data")
-    for name in (*LOGS, *HIDDEN):
+    for name in (*LOGS, *HIDDEN, *CARPET):
         write_atomically(folder / name, shipped.joinpath(name).read_bytes())

@@ -23,6 +23,7 @@ FIELDS: dict[str, tuple[str, str]] = {
     "world.yaw": ("rad", "heading in the world, unwrapped"),
     "world.velocity_x": ("m/s", "of O along world X"),
     "world.velocity_y": ("m/s", "of O along world Y"),
+    "world.yaw_rate": ("rad/s", "as the body's"),
     "world.com_x": ("m", "from O to the centre of mass, along world X"),
     "world.com_y": ("m", "the same, along world Y"),
     "actuator.torque": ("N m", "that acts at the joint"),

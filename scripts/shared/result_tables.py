@@ -117,11 +117,21 @@ def of_model(model: Any) -> dict[str, dict[str, Any]]:
 
 
 def added_parameters(found: Found) -> Table:
-    """The parameters of an effect that was added."""
+    """The parameters of an effect that was added; of a map of the residual its curve."""
+    if found.get("curve"):
+        return _map_curve(found)
     rows = tuple((name, entry, entry["unit"]) for name, entry in found["parameters"].items())
     return Table(
         found["effect"], columns("parameter", Column("value", _estimate), text("unit")), rows
     )
+
+
+def _map_curve(found: Found) -> Table:
+    rows, parts = found["curve"], [key for key in found["curve"][0] if key not in ("at", "unit")]
+    shown = [Column(f"{part} [{rows[0][part]['unit']}]", _estimate) for part in parts]
+    first = f"{found['effect'].partition(':')[2].replace('_', ' ')} [{rows[0]['unit']}]"
+    values = tuple((number(row["at"], 3), *(row[part] for part in parts)) for row in rows)
+    return Table(found["effect"], columns(first, *shown), values)
 
 
 # --- errors ----------------------------------------------------------------------------------

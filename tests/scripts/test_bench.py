@@ -16,6 +16,7 @@ import numpy as np
 import pytest
 
 from identification.logs.reading import read_logs
+from identification.mechanisms.mecanum import Mecanum
 from tests.identification.shared_data import DATA, needs_data
 from youbot_env.errors import InputError
 from youbot_env.model.model import Model
@@ -278,7 +279,7 @@ def test_noise_is_white_and_of_the_size_asked_for():
 def test_every_effect_meets_its_turn():
     names = list(effects.CATALOGUE)
     kinds = {"one": 15, "quarter": 15, "double_noise": 15, "unknown": len(effects.OUTSIDE)}
-    kinds["law"] = len(effects.LAWS)
+    kinds |= {"law": len(effects.BEYOND), "foreign": len(effects.FOREIGN)}
     for kind, turn in kinds.items():
         drawn = [cases.draw_case(kind, i, 0) for i in range(turn)]
         assert len({case.planted[0].name for case in drawn}) == turn
@@ -706,14 +707,21 @@ def test_the_carrier_is_ranked_among_what_lies_beyond_the_twist():
 
 
 def test_a_proposed_law_is_judged_by_its_site_its_variable_and_its_error():
-    law = {"site": "wheel", "variables": ["wheel_angle"], "velocity_error": 0.05}
-    steps = [{"velocity_error": 0.2}]
-    row = record("cogging_wheel", {"verdict": "unknown", "proposal": law, "steps": steps})
+    law = {"name": "uneven_ripple_of_wheels", "site": "wheel", "variables": ["wheel_angle"]}
+    unseen = {"base": 0.2, "law": 0.05, "truth": 0.02}
+    row = record("cogging_wheel", {"verdict": "unknown", "proposal": law}, unseen=unseen)
     assert scores.law_proposed(row) and scores.law_right(row) and scores.law_helps(row)
-    law |= {"site": "world", "velocity_error": 0.15}
-    assert not scores.law_right(row) and not scores.law_helps(row)
-    silent = record("cogging_wheel", {"verdict": "unknown", "proposal": None, "steps": steps})
+    assert scores.law_form(row)
+    unseen["law"] = 0.15
+    law |= {"site": "world", "name": "line_spring"}
+    assert not scores.law_right(row) and not scores.law_helps(row) and not scores.law_form(row)
+    law["alternatives"] = [{"name": "uneven_ripple_of_wheels"}]
+    assert scores.law_form(row), "in the set that the data cannot tell apart"
+    silent = record("cogging_wheel", {"verdict": "unknown", "proposal": None})
     assert scores.law_proposed(silent) is False and scores.law_right(silent) is False
+    assert scores.law_helps(silent) is False
+    unseen["base"] = 0.021
+    assert scores.law_helps(row) is None, "the base model's free run is hardly worse"
     assert scores.law_needless(row) is None
     # Where nothing is missing, or the catalogue has it, none is wanted.
     for what in ("", "floor_tilt"):
@@ -727,12 +735,25 @@ def test_a_proposed_law_is_judged_by_its_site_its_variable_and_its_error():
 def test_what_is_outside_the_catalogue_acts_and_says_what_it_depends_on(name: str):
     case = cases.draw_case(name, 0, 3, rate=50.0, noise=0.0)
     item, planted = effects.EVERYTHING[name], cases.physics(case)
-    assert item.site in ("body", "world", "wheel") and item.main_variables
+    assert item.site in ("body", "world", "wheel", "roller") and item.main_variables
     fields = item.plant(case.planted[0].values)
     assert set(fields) <= set(planted._fields)
     # The first one is its strength, which means none at zero.
     strength = next(iter(fields))
     assert getattr(planted, strength) != 0 and planted._field_defaults[strength] == 0
+
+
+def test_the_true_platform_follows_its_own_torques():
+    case = cases.draw_case("floor_tilt", 0, 3, rate=50.0, noise=0.0)
+    log = cases.unseen_log(case)
+    truth = trials.true_model(case)
+    assert truth is not None
+    (samples,) = Mecanum(truth.geometry, truth.structure).samples_of([log])
+    run = (samples.wheel_speed, samples.torque, samples.dt, samples.pose[0])
+    mine = cases.true_velocity_error(case, *run)
+    # Nothing is left but the commands, held between two rows and drawn as a line.
+    assert mine < 1e-3 and trials.velocity_error(truth, [log]) < 1e-3
+    assert cases.true_velocity_error(cases.draw_case("none", 0, 3, rate=50.0), *run) > 0.1
 
 
 def test_the_fall_of_the_error_is_measured_against_what_it_can_fall():

@@ -118,6 +118,25 @@ def test_the_loop_closes(shown: tuple[Path, str]):
     assert f"misses {100 * np.mean(ours[0]):.2f} % of the reference" in " ".join(out.split())
 
 
+def test_the_last_room_ends_with_a_law_and_a_better_controller(shown: tuple[Path, str]):
+    folder, out = shown
+    found = json.loads((folder / "carpet_diagnosis.json").read_text())
+    assert found["verdict"] == "unknown" and found["proposal"]["name"] == "dry_nap"
+    added = json.loads((folder / "carpet_law_added.json").read_text())
+    for name, true in (("force", 9.0), ("direction", 0.7)):
+        estimate = added["parameters"][name]
+        assert abs(estimate["value"] - true) < 4 * estimate["std"] < 0.1 * true
+    floor, errors = added["noise_floor"], (added["before"], added["after"])
+    assert errors[1]["velocity_error"] < 1.5 * floor["velocity_error"]
+    assert errors[1]["velocity_error"] < errors[0]["velocity_error"] / 5
+    driven = json.loads((folder / "carpet_evaluation.json").read_text())
+    mean: dict[str, float] = {}
+    for row in driven["results"]:
+        mean[Path(row["model"]).stem] = row["metrics"]["nrmse"]["mean"]
+    assert mean["carpet_law"] < mean["carpet"] / 5
+    assert "with it." in out and "def dry_nap(" in (folder / "law.py").read_text()
+
+
 def test_lists_what_it_wrote_and_nothing_else(shown: tuple[Path, str]):
     folder, out = shown
     written = {str(path.relative_to(folder)) for path in folder.rglob("*") if path.is_file()}

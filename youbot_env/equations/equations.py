@@ -152,8 +152,10 @@ def formula(
     )
 
 
-def try_out(item: Effect) -> None:
+def try_out(item: Effect, notation: Notation | None = None) -> None:
     """Evaluate an effect on numbers and on symbols.
+
+    ``notation``: of its mechanism; that of a platform where none is given.
 
     Raises
     ------
@@ -161,7 +163,10 @@ def try_out(item: Effect) -> None:
         If it does not return what its place asks for: one value, or three at the body, in the
         world and at a wheel's contact.
     """
-    point, count = _POINTS[item.acts_at], len(WORDS[item.acts_at])
+    known = notation or PLATFORM
+    if item.acts_at not in known.points:
+        raise InputError(f"effect {item.name}: nothing acts at {item.acts_at.name!r} there")
+    point, count = known.points[item.acts_at], len(known.words[item.acts_at])
     # All different and not zero, so that exchanged or lost values show.
     plain = [0.3 + 0.1 * k for k in range(len(item.parameter_names))]
     _try_public(item, plain)
@@ -240,7 +245,9 @@ _POINTS: dict[Place, Any] = {
     BODY: Body(tuple(_TWIST), tuple(_ACCELERATION), _TIME, _NAMED, _START),
     WHEEL: Wheel(*real_symbols("phi' phi'' phi M t"), base=_NAMED, start=_START),
     ROLLER: Roller(*real_symbols("gamma' gamma'' t"), base=_NAMED, start=_START),
-    WORLD: World(*real_symbols("x y psi x' y' xC yC t"), base=_NAMED, start=_START),
+    WORLD: World(
+        *real_symbols("x y psi x' y' xC yC t"), base=_NAMED, start=_START, yaw_rate=_TWIST[2]
+    ),
     ACTUATOR: Actuator(*real_symbols("M M' t M''")),
     CHANNEL: Channel(*real_symbols("M phi' t"), start=_START),
     CLOCK: Clock(),

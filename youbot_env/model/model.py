@@ -17,6 +17,7 @@ from youbot_env.physics.effect import Effect, Parameter
 from youbot_env.physics.geometry import Geometry, least_squares_of, no_force_of
 from youbot_env.physics.mecanum import MECANUM, mecanum_kind
 from youbot_env.physics.mechanism import Instant, MechanismKind, ModelStructure
+from youbot_env.physics.residual_maps import Places, map_limits, refuse_unseen
 from youbot_env.physics.stated_parameters import to_public, to_theta
 
 Array = NDArray[np.float64]
@@ -154,6 +155,25 @@ class Model(Generic[Known]):
         return to_theta(self.structure, self.geometry, self.values)
 
     @cached_property
+    def map_limits(self) -> dict[str, tuple[float, float]]:
+        """What its maps of the residual have seen: low and high of each, by its effect's name."""
+        return map_limits(tuple(self.effects), self.values)
+
+    def refuse_unseen(self, at: Places, where: str = "the motion") -> None:
+        """Refuse a motion that goes where a map of the residual in this model knows nothing.
+
+        Raises
+        ------
+        InputError
+            See :func:`youbot_env.physics.residual_maps.refuse_unseen`.
+        """
+        if not self.map_limits:
+            return
+        if at.wheel_speed is None and at.twist is not None and isinstance(self.geometry, Geometry):
+            at = at._replace(wheel_speed=self.geometry.wheel_speeds(at.twist))
+        refuse_unseen(self.map_limits, at, where)
+
+    @cached_property
     def lengths(self) -> Array:
         """Lengths of the geometry that compiled code reads; for a platform l, h, R, r [m]."""
         return np.array([getattr(self.geometry, name) for name in self.mechanism.lengths], float)
@@ -270,6 +290,7 @@ class Model(Generic[Known]):
         at : pose (..., 3), wheel_angle (..., 4), torque (..., 4) that acts, time (...)
         """
         instant = _instant(twist, acceleration, at)
+        self.refuse_unseen(_places(twist, at))
         return _stack(dynamics.wrench(np, self.structure, self.geometry, self.theta, instant))
 
     def inverse_dynamics(self, twist: ArrayLike, acceleration: ArrayLike, **at: ArrayLike) -> Array:
@@ -281,6 +302,7 @@ class Model(Generic[Known]):
         before the motion: feed forward from the reference that much ahead.
         """
         instant = _instant(twist, acceleration, at)
+        self.refuse_unseen(_places(twist, at))
         return _stack(
             dynamics.inverse_dynamics(np, self.structure, self.geometry, self.theta, instant)
         )
@@ -288,6 +310,7 @@ class Model(Generic[Known]):
     def forward_dynamics(self, twist: ArrayLike, torque: ArrayLike, **at: ArrayLike) -> Array:
         """Acceleration (..., 3) of the body twist under acting wheel torques (..., 4) [N m]."""
         instant = _instant(twist, np.zeros(3), {**at, "torque": torque})
+        self.refuse_unseen(_places(twist, at))
         return _stack(
             dynamics.forward_dynamics(np, self.structure, self.geometry, self.theta, instant)
         )
@@ -346,6 +369,12 @@ def _instant(twist: ArrayLike, acceleration: ArrayLike, at: Mapping[str, ArrayLi
         for key, value in at.items()
     }
     return Instant(_parts(twist), _parts(acceleration), **parts)  # type: ignore[arg-type]
+
+
+def _places(twist: ArrayLike, at: Mapping[str, ArrayLike]) -> Places:
+    """Where a motion is, as far as it is said."""
+    said = {key: np.asarray(at[key], float) for key in ("pose", "wheel_angle", "time") if key in at}
+    return Places(twist=np.asarray(twist, float), **said)
 
 
 def _stack(components: Sequence[Any]) -> Array:

@@ -109,6 +109,7 @@ class World(NamedTuple):
     time: Number
     base: BaseParameters
     start: Number | float = 0.0
+    yaw_rate: Number | float = 0.0
 
 
 class Actuator(NamedTuple):
@@ -400,15 +401,31 @@ def effect_of(name: str) -> str:
     return name.partition(INSTANCE)[0]
 
 
+OPEN: list[Registry] = []
+"""To which a user's file may add."""
+
+
 class Registry:
     """Effects by name, in the order of registration.
 
     An instance (``floor_tilt@2``) is its effect under its own name: a floor may slope otherwise in
     another log, so a model may hold one effect twice, at different values.
+
+    Some effects are made of their name (``make``, by the prefix of these names): they can be had,
+    and are not listed.
+
+    Others may be added by a user's file where it has a ``trial``: "module:function", which tries
+    out one of these.
     """
 
-    def __init__(self) -> None:
+    def __init__(
+        self, make: Mapping[str, Callable[[str], Effect]] | None = None, trial: str = ""
+    ) -> None:
         self._effects: dict[str, Effect] = {}
+        self.make = dict(make or {})
+        self.trial = trial
+        if trial:
+            OPEN.append(self)
 
     def add(self, new: Effect) -> None:
         """Register an effect.
@@ -425,8 +442,12 @@ class Registry:
         self._effects[new.name] = new
 
     def __getitem__(self, name: str) -> Effect:
+        plain = effect_of(name)
+        for prefix, make in self.make.items():
+            if plain not in self._effects and plain.startswith(prefix):
+                return replace(make(plain), name=name)
         try:
-            found = self._effects[effect_of(name)]
+            found = self._effects[plain]
             return found if name == found.name else replace(found, name=name)
         except KeyError:
             raise InputError(
@@ -458,7 +479,7 @@ class Registry:
             raise
 
 
-CATALOGUE = Registry()
+CATALOGUE = Registry(trial="youbot_env.equations.equations:try_out")
 """Effects that can be added to the base model."""
 
 BASE = Registry()

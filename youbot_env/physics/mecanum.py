@@ -51,6 +51,7 @@ from youbot_env.physics.mechanism import (
     Site,
 )
 from youbot_env.physics.namespaces import Namespace, Number, Triple
+from youbot_env.physics.residual_maps import PREFIX, residual_map_effect
 
 STATE = (
     *("velocity_x", "velocity_y", "yaw_rate"),
@@ -130,7 +131,7 @@ def into_body(xp: Namespace, yaw: Number, force: Sequence[Number]) -> Triple:
 
 def _world_point(xp: Namespace, at: Instant[Number], base: BaseParameters) -> World:
     x, y, yaw = at.pose
-    vx, vy, _ = at.twist
+    vx, vy, wz = at.twist
     c, s = xp.cos(yaw), xp.sin(yaw)
     # Of the whole platform: the wheels lie symmetrically about O, so they add mass and no moment.
     com_x, com_y = base.m_aX / base.m0, base.m_aY / base.m0
@@ -141,6 +142,7 @@ def _world_point(xp: Namespace, at: Instant[Number], base: BaseParameters) -> Wo
         at.time,
         base,
         at.start,
+        wz,
     )
 
 
@@ -187,6 +189,8 @@ def _fault(geometry: Geometry, values: Mapping[str, float]) -> str:
         return f"m0 = {values['m0']:g} kg must exceed the mass of the four wheels, {wheels:g} kg"
     return ""
 
+
+CATALOGUE.make[PREFIX] = residual_map_effect
 
 MECANUM = MechanismKind(
     name="mecanum",

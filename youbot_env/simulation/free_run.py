@@ -11,6 +11,7 @@ from numpy.typing import ArrayLike, NDArray
 from youbot_env.errors import InputError
 from youbot_env.physics import inverse_dynamics as dynamics
 from youbot_env.physics.mechanism import Geometry as Lengths, Instant, ModelStructure
+from youbot_env.physics.residual_maps import Places
 from youbot_env.simulation.compiled import rollout
 
 Array = NDArray[np.float64]
@@ -174,7 +175,8 @@ def simulate(model: Model, time: ArrayLike, torque: ArrayLike, start: ArrayLike)
     Raises
     ------
     InputError
-        If the shapes do not fit the model, time does not increase, or the model is too stiff.
+        If the shapes do not fit the model, time does not increase, the model is too stiff, or the
+        run goes where a map of the residual in it knows nothing.
     """
     time, torque = np.asarray(time, float), np.asarray(torque, float)
     if time.ndim != 1 or not len(time) or torque.shape != (len(time), 4):
@@ -182,7 +184,14 @@ def simulate(model: Model, time: ArrayLike, torque: ArrayLike, start: ArrayLike)
     duration = np.diff(time)
     if not (duration > 0).all():
         raise InputError("time must be finite and increase from sample to sample")
-    return simulate_theta(model.structure, model.geometry, model.theta, duration, torque, start)
+    found = simulate_theta(model.structure, model.geometry, model.theta, duration, torque, start)
+    model.refuse_unseen(places_of(found), "the free run")
+    return found
+
+
+def places_of(states: Array) -> Places:
+    """Where a platform is in its states (..., S)."""
+    return Places(states[..., :3], states[..., 3:6], states[..., 6:10], time=states[..., 10])
 
 
 def simulate_theta(

@@ -19,7 +19,7 @@ from youbot_env.physics.effect import ACTUATOR, CATALOGUE, CHANNEL, CLOCK
 from youbot_env.physics.mecanum import STATE
 from youbot_env.physics.mechanism import Instant
 from youbot_env.simulation.compiled import kernel
-from youbot_env.simulation.free_run import initial_state, substeps
+from youbot_env.simulation.free_run import initial_state, places_of, substeps
 from youbot_env.simulation.platforms import (
     DRIVES,
     TWIST,
@@ -91,6 +91,7 @@ class Plant(StateRows):
         self._followed: Array = np.zeros((own, 4))
         self._theta: Array = np.tile(model.theta, (count, 1))
         self._lengths = model.lengths
+        self._has_maps = bool(model.map_limits)
         self._substeps = substeps
         self._needed: dict[float, int] = {}
         late = count if self.structure.at(CLOCK) else 0
@@ -142,10 +143,19 @@ class Plant(StateRows):
         return self.state
 
     def advance(self, torque: Array, duration: float) -> None:
-        """``step`` for C-contiguous rows (n, 4), unchecked and without a result."""
+        """``step`` for C-contiguous rows (n, 4), unchecked and without a result.
+
+        Raises
+        ------
+        InputError
+            If a platform comes to where a map of the residual in its model knows nothing.
+        """
         self._move(torque, duration)
         if len(self.wheel_rates):
             self._show_speeds(torque, duration)
+        if self._has_maps:
+            for model, state in zip(self.models, self.states, strict=True):
+                model.refuse_unseen(places_of(state), "the plant")
 
     def _move(self, torque: Array, duration: float) -> None:
         count = self._needed.get(duration) or self._count(duration)

@@ -2,17 +2,19 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
 
 from identification.diagnosis.candidates import fit_base, fit_structure, try_candidate
-from identification.diagnosis.proposed_law import Fits, propose
+from identification.diagnosis.proposed_law import Fits, _worsens_free_run, propose
 from identification.diagnosis.structures import LoggedData
 from identification.fitting.final_fit import final_fit
 from identification.mechanisms.registry import mechanism_of
 from identification.proposal.law import FoundLaw
+from identification.proposal.propose import with_law
 from tests.identification.proposal.laws import every_law
 from tests.identification.recordings import recording
 from youbot_env.model.model_file import load_model
@@ -64,3 +66,21 @@ def test_nothing_is_proposed_beside_noise():
     kept, found = propose(data, steps, False, Fits(fit_structure, final_fit))
     assert found is None and kept == steps
     assert np.isfinite(steps[0].force_error)
+
+
+def test_a_law_that_makes_the_free_run_worse_is_none(monkeypatch):
+    data = data_with(())
+    paper = load_model("paper")
+    base = fit_base(data, mechanism_of(paper), paper.theta)
+    step = data.step(base, None)
+    law = FoundLaw(next(law for law in every_law() if law.name == "dry_nap"), {})
+    ripple = FoundLaw(next(law for law in every_law() if law.name == "ripple_of_wheels"), {})
+    for found, refused in ((law, True), (ripple, False)):
+        effect = found.effect()
+        mechanism = with_law(base.mechanism, effect)
+        theta = np.concatenate([base.theta, [effect.defaults[n] for n in effect.parameter_names]])
+        fitted = replace(base, mechanism=mechanism, theta=theta)
+        after = replace(step, fitted=fitted, effect=effect.name)
+        worse = replace(after, velocity_error=2 * step.velocity_error)
+        assert not _worsens_free_run(data, step, after)
+        assert _worsens_free_run(data, step, worse) is refused

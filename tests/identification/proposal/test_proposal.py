@@ -7,9 +7,11 @@ import json
 
 import pytest
 
+from identification.mechanisms.registry import mechanism_of
 from identification.proposal.law import Verdict
 from identification.proposal.proposal import Proposal
 from tests.identification.proposal.laws import at_some_size, every_law
+from youbot_env.model.model_file import load_model
 
 
 def proposal_of(name: str, **about) -> Proposal:
@@ -18,8 +20,13 @@ def proposal_of(name: str, **about) -> Proposal:
         key: {"value": value, "unit": "N", "std": 0.1, "interval": [value - 0.2, value + 0.2]}
         for key, value in found.values.items()
     }
-    verdict = Verdict(found, 0.9, 0.8, 0.002, 0.001, (170, 900), ((found, 0.1),))
-    given = {"share": 0.87, "logs": ("a", "b"), **about}
+    other = at_some_size(every_law()[0])
+    verdict = Verdict(
+        *(found, 0.9, 0.8, 0.002, 0.001, (170, 900), ((found, 0.1),), ((other, 0.11),))
+    )
+    paper = load_model("paper")
+    structure = {"mechanism": mechanism_of(paper), "theta": paper.theta}
+    given = {"share": 0.87, "logs": ("a", "b"), **structure, **about}
     return Proposal(found, entries, 0.012, 0.02, verdict=verdict, **given)
 
 
@@ -31,6 +38,7 @@ def test_its_json_holds_what_is_promised():
     assert found["force_error"] == 0.012 and found["velocity_error"] == 0.02
     assert set(found["parameters"]) == {"force", "smoothing", "direction"}
     assert found["pareto"][0]["left"] == 0.1 and found["tried"] == {"laws": 170, "choices": 900}
+    assert found["alternatives"][0]["left"] == 0.11
     ast.parse(found["source"])
 
 
