@@ -243,7 +243,8 @@ def build_policy(source: str | os.PathLike[str], model: Model, loop: Loop) -> Po
     Raises
     ------
     InputError
-        If the file is no valid policy, or the loop is not what it was trained for.
+        If the file is no valid policy, or the loop or the robot's wheels are not those that it was
+        trained for.
     """
     network, description = load_policy(source)
     difference = abs(loop.sample_time * description.control_rate - 1.0)
@@ -251,6 +252,12 @@ def build_policy(source: str | os.PathLike[str], model: Model, loop: Loop) -> Po
         raise InputError(
             f"policy {description.name}: was trained at {description.control_rate:g} Hz, the loop "
             f"runs at {1.0 / loop.sample_time:g} Hz; train one for it"
+        )
+    if (here := model.geometry.arrangement) != description.rollers:
+        raise InputError(
+            f"policy {description.name}: was trained on a robot with rollers in "
+            f"{description.rollers}, these stand in {here}; train one on it: "
+            "youbot train ppo --model MODEL"
         )
     base = None
     if description.base is not None:

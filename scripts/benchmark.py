@@ -1,20 +1,22 @@
-"""Measure the simulator's speed beside Gymnasium's own."""
+"""Measure the speed of simulator, identification and diagnosis beside peers, in one run."""
 
 from __future__ import annotations
 
 import sys
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
 from youbot_scripts.cli import run_script
 from youbot_scripts.shared import options as common
-from youbot_scripts.shared.tables import show
+
+if TYPE_CHECKING:
+    from youbot_scripts.benchmarks.benchmark import Sizes
 
 EXAMPLES = (
     "youbot benchmark",
-    "youbot benchmark --copies 1024,8192,1048576 --json speed.json",
-    "youbot benchmark --quick --report speed.html",
+    "youbot benchmark --copies 1024,8192,1048576 --parts steps --json speed.json",
+    "youbot benchmark --quick --plots plots/",
 )
 
 
@@ -28,48 +30,57 @@ def main(
     effects: Annotated[
         str, typer.Option(metavar="N,...", help="Effects in the model, 0 to 6.")
     ] = "1,6",
+    parts: Annotated[
+        str | None,
+        typer.Option(
+            metavar="NAME,...", help="Of steps, simulators, logs, training, imports; default: all."
+        ),
+    ] = None,
     quick: Annotated[bool, typer.Option("--quick", help="Few, short turns; no imports.")] = False,
+    plots: common.PlotsOption = None,
     report: common.ReportOption = None,
     json: common.JsonOption = None,
 ) -> None:
-    """Env steps a second: one environment beside CartPole-v1, batches beside its vector form.
+    """Speed beside peers: environments, simulators, identification by log length, imports.
 
     Ours and the peer take turns, so that a busy machine slows both; the ratio is the median over
     turns. Batches have noise, one sample of delay, a new reference and a new model in each episode,
-    and begin episodes by themselves.
+    and begin episodes by themselves. docs/speed.md explains the tables.
     """
-    from youbot_env.threads import threads as usual
-    from youbot_scripts.benchmarks.charts import import_table, speed_table, write_report
-    from youbot_scripts.benchmarks.speed import (
-        EFFECTS,
-        SpeedSettings,
-        import_times,
-        machine,
-        speeds,
-    )
+    from youbot_scripts.benchmarks.benchmark import draw, measure, tables
+    from youbot_scripts.benchmarks.charts import write_report
+    from youbot_scripts.shared.tables import show
 
-    common.check_pictures(None, report)
+    common.check_pictures(plots, report)
     out = common.console(json)
-    settings = SpeedSettings(rounds=3, steps=2000, warm_up=2) if quick else SpeedSettings()
-    many = _counts("threads", threads or ("1" if usual() == 1 else f"1,{usual()}"), 1, 1024)
-    found = speeds(
-        _counts("copies", copies, 1, 2**24),
-        many,
-        _counts("effects", effects, 0, len(EFFECTS)),
-        settings,
-    )
-    imports = {} if quick else import_times(("youbot_env", "identification", "controllers"))
-    show(out, [speed_table(found), *([import_table(imports)] if imports else [])])
+    found = measure(_sizes(copies, threads, effects, parts, quick))
+    show(out, tables(found))
+    if plots:
+        for path in draw(found, plots):
+            out.print(f"figure: {path}", soft_wrap=True)
     if report:
-        write_report(report, found, imports, machine())
+        write_report(report, found.speeds, tables(found), found.machine)
         out.print(f"report written to {report}", soft_wrap=True)
-    common.write_result(
-        json,
-        {
-            "speeds": [row.to_dict() for row in found],
-            "import_seconds": imports,
-            "machine": machine(),
-        },
+    common.write_result(json, found.to_dict())
+
+
+def _sizes(copies: str, threads: str | None, effects: str, parts: str | None, quick: bool) -> Sizes:
+    from youbot_env.errors import InputError
+    from youbot_env.threads import threads as usual
+    from youbot_scripts.benchmarks.benchmark import PARTS, Sizes, usual_parts
+    from youbot_scripts.benchmarks.speed import EFFECTS
+
+    chosen = tuple(parts.split(",")) if parts else usual_parts(quick)
+    for name in chosen:
+        if name not in PARTS:
+            raise InputError(f"parts: {name!r} is none of {', '.join(PARTS)}")
+    many = threads or ("1" if usual() == 1 else f"1,{usual()}")
+    return Sizes(
+        parts=chosen,
+        copies=_counts("copies", copies, 1, 2**24),
+        threads=_counts("threads", many, 1, 1024),
+        effects=_counts("effects", effects, 0, len(EFFECTS)),
+        quick=quick,
     )
 
 

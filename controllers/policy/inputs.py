@@ -17,7 +17,14 @@ CUT = 5.0
 """The environment cuts each observed value at this many times its scale."""
 
 WHEEL_MIX: Array = np.column_stack([np.ones(4), SIGN_LATERAL, -np.array(SIGN_Y)])
-"""(4, 3): what pushes forward, left and turns to the left, for each wheel fl, fr, bl, br."""
+"""(4, 3): what pushes forward, left and turns to the left, for each wheel fl, fr, bl, br, where
+rollers stand in X. In O it is that of the wheels in another order, and so are features made of it.
+"""
+
+
+def wheel_mix(geometry: Geometry) -> Array:
+    """``WHEEL_MIX`` of any robot: the signs with which a twist turns the wheels."""
+    return np.sign(geometry.wheel_jacobian)
 
 
 @dataclass(frozen=True)

@@ -142,6 +142,8 @@ class Description:
     control_rate : [Hz]
     base : name of the controller that it sits on, None if it drives alone
     share : largest part of the torque limit that it may ask of a wheel
+    rollers : how those of the robot stand that it was trained on, in "X" or "O": by that other
+        wheels push sideways and turn
     training : how it was trained: command, seed, steps, times, versions, learning curve
     """
 
@@ -151,6 +153,7 @@ class Description:
     control_rate: float = 100.0
     base: str | None = None
     share: float = 1.0
+    rollers: str = "X"
     training: Mapping[str, Any] = field(default_factory=dict)
 
 

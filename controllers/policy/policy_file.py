@@ -32,6 +32,7 @@ from youbot_env.files import (
     read_json,
     write_atomically,
 )
+from youbot_env.physics.geometry import ARRANGEMENTS
 
 Arrays = dict[str, NDArray[Any]]
 
@@ -128,6 +129,7 @@ def save_policy(
             "torque_limit": description.torque_limit,
             "control_rate": description.control_rate,
             "share": description.share,
+            "rollers": description.rollers,
         },
         "base": description.base,
         "training": plain(description.training),
@@ -157,6 +159,7 @@ def _description(content: Mapping[str, Any]) -> Description:
         control_rate=float(acts["control_rate"]),
         base=content["base"],
         share=float(acts["share"]),
+        rollers=acts.get("rollers", "X"),  # older files hold none
         training=content["training"],
     )
 
@@ -224,11 +227,11 @@ def _network(
     )
 
 
-def _exactly(**properties: Schema) -> Schema:
-    """An object that has each of the properties and no other."""
+def _exactly(optional: Mapping[str, Schema] = {}, **properties: Schema) -> Schema:
+    """An object that has each of the properties and no other but for optional ones."""
     return {
         "type": "object",
-        "properties": properties,
+        "properties": {**properties, **optional},
         "required": list(properties),
         "additionalProperties": False,
     }
@@ -262,6 +265,7 @@ DESCRIPTION_FILE = FileKind(
             torque_limit=POSITIVE,
             control_rate=POSITIVE,
             share={"type": "number", "exclusiveMinimum": 0, "maximum": 1},
+            optional={"rollers": {"enum": list(ARRANGEMENTS)}},
         ),
         base={"type": ["string", "null"]},
         training={"type": "object"},

@@ -15,7 +15,6 @@ from identification.diagnosis.structures import FittedStructure, LoggedData
 from identification.fitting.kinematic_evidence import SlippingWheels, slip_words
 from identification.fitting.noise_bias import joint_fit
 from identification.mechanisms.samples import Samples
-from youbot_env.physics.effect import CONTACT, SPEED
 
 
 def does_slip(data: LoggedData, slip: SlippingWheels) -> bool:
@@ -26,8 +25,7 @@ def does_slip(data: LoggedData, slip: SlippingWheels) -> bool:
 def refuted(data: LoggedData, fitted: FittedStructure, slip: SlippingWheels) -> list[str]:
     """Effects of a structure that explain little where no wheel slips.
 
-    Any friction, gain or delay may imitate what slips; forces say little of effects that wheels and
-    pose show, so these are doubted only where wheels slip nearly always.
+    Any friction, gain, delay or roller angle may imitate what slips.
     """
     names = fitted.mechanism.structure.effects
     if not names or not does_slip(data, slip):
@@ -36,9 +34,7 @@ def refuted(data: LoggedData, fitted: FittedStructure, slip: SlippingWheels) -> 
     kept = 1.0 - float(np.mean(np.concatenate(slip.slips)))
     if kept < data.settings.fit.kinematics.min_rest_without_slip:
         return list(names)
-    catalogue = fitted.mechanism.catalogue
-    doubtful = [name for name in names if catalogue[name].acts_at not in (CONTACT, SPEED)]
-    return [name for name in doubtful if not _holds(data, fitted, firm, name)]
+    return [name for name in names if not _holds(data, fitted, firm, name)]
 
 
 def _without(samples: Samples, slips: np.ndarray) -> Samples:
@@ -47,15 +43,28 @@ def _without(samples: Samples, slips: np.ndarray) -> Samples:
 
 
 def _holds(data: LoggedData, fitted: FittedStructure, firm: Sequence[Samples], name: str) -> bool:
-    """Whether an effect takes what is needed of the squares of samples that do not slip."""
-    settings = data.settings.rows
+    """Whether an effect takes as much of the squares where no wheel slips as it does in all.
+
+    What slips is an error of its own: without it a real effect is a larger part of what is left.
+    """
+    settings = data.settings
+    least = max(settings.min_share_of_residual, settings.min_share_on_grip * _share(fitted, name))
+    return _share(fitted, name, firm) >= least
+
+
+def _share(fitted: FittedStructure, name: str, samples: Sequence[Samples] | None = None) -> float:
+    """Share that an effect takes of the squares which the structure's other effects leave.
+
+    ``samples`` : by default those that the structure was fitted to
+    """
+    samples, settings = samples or fitted.samples, fitted.settings.rows
     others = [other for other in fitted.mechanism.structure.effects if other != name]
     base = fitted.mechanism.with_effects(others)
     known = dict(zip(fitted.mechanism.parameter_names, fitted.theta, strict=True))
     start = np.array([known[key] for key in base.parameter_names])
-    without = joint_fit(base, firm, start, settings).square
-    square = joint_fit(fitted.mechanism, firm, fitted.theta, settings).square
-    return without - square > data.settings.min_share_of_residual * without
+    without = joint_fit(base, samples, start, settings).square
+    square = joint_fit(fitted.mechanism, samples, fitted.theta, settings).square
+    return 1.0 - square / without
 
 
 def slip_warning(slip: SlippingWheels, refused: Sequence[str]) -> str:

@@ -3,6 +3,7 @@ slows both."""
 
 from __future__ import annotations
 
+import itertools
 import os
 import platform
 import subprocess
@@ -14,6 +15,10 @@ from typing import Any
 
 import gymnasium as gym
 import numpy as np
+
+from youbot_env.tracking import period_lanes as lanes
+from youbot_env.tracking.batch import INFO, Batch, keys_of
+from youbot_env.tracking.options import tracking_setup
 
 FULL = {
     "wheel_speed_noise": 0.01,
@@ -45,6 +50,10 @@ class SpeedSettings:
         default=40_000,
         metadata={"unit": "env steps a turn", "reason": "a few ms: less than a scheduler's slice"},
     )
+    most_calls: int = field(
+        default=2000,
+        metadata={"unit": "calls a turn", "reason": "a few copies take as long a call as one"},
+    )
     warm_up: int = field(
         default=50,
         metadata={"unit": "steps", "reason": "caches are filled, results' arrays are made"},
@@ -57,7 +66,7 @@ class Speed:
 
     Attributes
     ----------
-    case, copies, threads, effects : what was measured
+    case, copies, threads, effects : what was measured; "float32" batches are in single precision
     rate, peer_rate : env steps a second; of the peer in the same turns
     ratio : median over turns of the peer's time by ours: above 1 ours is faster
     bytes_a_copy : memory between steps
@@ -95,10 +104,12 @@ def in_turns(
     return float(mine), float(theirs), float(np.median(times[:, 1] / times[:, 0]))
 
 
-def single(settings: SpeedSettings) -> Speed:
-    """``env.step`` of one environment beside CartPole-v1's, both through ``gym.make``."""
-    ours, peer = gym.make("youbot_env:YouBotTracking-v0"), gym.make("CartPole-v1")
-    action, push = np.full(4, 0.1, np.float32), [0]
+def single(settings: SpeedSettings, peer_id: str = "CartPole-v1") -> Speed:
+    """``env.step`` of one environment beside one of Gymnasium's, both through ``gym.make``."""
+    ours, peer = gym.make("youbot_env:YouBotTracking-v0"), gym.make(peer_id)
+    action = np.full(4, 0.1, np.float32)
+    pushes = [0, 1] if peer_id == "CartPole-v1" else [np.full(1, u, np.float32) for u in (-1, 1)]
+    turn = itertools.cycle(pushes)
 
     def drive() -> None:
         *_, terminated, truncated, _ = ours.step(action)
@@ -106,19 +117,24 @@ def single(settings: SpeedSettings) -> Speed:
             ours.reset()
 
     def balance() -> None:
-        push[0] ^= 1
-        *_, terminated, truncated, _ = peer.step(push[0])
+        *_, terminated, truncated, _ = peer.step(next(turn))
         if terminated or truncated:
             peer.reset()
 
     ours.reset(seed=0)
     peer.reset(seed=0)
-    mine, theirs, ratio = in_turns(drive, balance, 500, settings)
-    return Speed("one environment", 1, 1, 0, 1 / mine, 1 / theirs, ratio)
+    mine, theirs, ratio = in_turns(drive, balance, min(500, settings.most_calls), settings)
+    return Speed(f"one, {peer_id[:-3]}", 1, 1, 0, 1 / mine, 1 / theirs, ratio)
 
 
-def batch(copies: int, threads: int, effects: int, settings: SpeedSettings) -> Speed:
-    """The vector environment beside Gymnasium's NumPy CartPole of as many copies."""
+def batch(
+    copies: int, threads: int, effects: int, settings: SpeedSettings, dtype: str = "float64"
+) -> Speed:
+    """The vector environment beside Gymnasium's NumPy CartPole of as many copies.
+
+    Its copies stand at different times of their episodes, so that some begin a new one in most
+    steps, as they do after long.
+    """
     added = {name: dict(values) for name, values in EFFECTS[:effects]}
     mode = "vector_entry_point"
     ours: Any = gym.make_vec(
@@ -127,6 +143,7 @@ def batch(copies: int, threads: int, effects: int, settings: SpeedSettings) -> S
         vectorization_mode=mode,
         threads=threads,
         effects=added,
+        dtype=dtype,
         **FULL,
     )
     peer = gym.make_vec("CartPole-v1", copies, vectorization_mode=mode)
@@ -135,24 +152,43 @@ def batch(copies: int, threads: int, effects: int, settings: SpeedSettings) -> S
     push = rng.integers(0, 2, copies)
     ours.reset(seed=0)
     peer.reset(seed=0)
-    calls = max(1, settings.steps // copies)
+    rows = ours.unwrapped.rows
+    rows.set_clock(np.arange(copies) * rows.setup.steps // copies)
+    calls = max(1, min(settings.steps // copies, settings.most_calls))
     mine, theirs, ratio = in_turns(
         lambda: ours.step(action), lambda: peer.step(push), calls, settings
     )
     rates = copies / mine, copies / theirs
     memory = ours.unwrapped.bytes_a_copy
-    return Speed("batch", copies, threads, effects, *rates, ratio, memory)
+    name = "batch" if dtype == "float64" else f"batch {dtype}"
+    return Speed(name, copies, threads, effects, *rates, ratio, memory)
 
 
 def speeds(
     copies: Sequence[int], threads: Sequence[int], effects: Sequence[int], settings: SpeedSettings
 ) -> list[Speed]:
-    """One environment; every number of copies and threads; every number of effects."""
-    found = [single(settings)]
+    """One environment; numbers of copies and threads; of effects; single precision."""
+    found = [single(settings, "CartPole-v1"), single(settings, "Pendulum-v1")]
     found += [batch(n, many, 0, settings) for n in copies for many in threads]
     largest = 8192 if 8192 in copies else copies[-1]
     found += [batch(largest, threads[-1], count, settings) for count in effects if count]
-    return found
+    return found + [batch(n, many, 0, settings, "float32") for n in copies for many in threads]
+
+
+def single_precision_errors(copies: int = 16) -> dict[str, float]:
+    """Largest differences of single from double precision over an episode of random torques."""
+    setups = [tracking_setup(**FULL, dtype=dtype) for dtype in ("float64", "float32")]
+    double, short = (Batch(setup, copies) for setup in setups)
+    for rows in (double, short):
+        rows.begin(keys=keys_of(range(copies)))
+    rng, found = np.random.default_rng(0), np.zeros(lanes.REPORT_COLUMNS)
+    for _ in range(setups[0].steps):
+        action = rng.uniform(-1, 1, (copies, 4)).astype(np.float32)
+        one, other = double.step(action).report, short.step(action).report
+        found = np.maximum(found, np.abs(one - other).max(axis=0))
+    names = ("twist", "pose", "wheel_angle", "reference_twist", "measured_twist")
+    errors = {name: float(found[INFO[name]].max()) for name in names}
+    return {**errors, "reward": float(found[lanes.REWARD_AT])}
 
 
 def import_times(modules: Sequence[str], repeats: int = 5) -> dict[str, float]:

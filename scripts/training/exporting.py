@@ -151,6 +151,7 @@ def write_imported(
         layout=layout_of(inputs, scale, conditions.action_history),  # pyright: ignore[reportArgumentType]
         torque_limit=conditions.torque_limit,
         control_rate=conditions.control_rate,
+        rollers=model.geometry.arrangement,
         training={"imported_from": name, "steps": int(found.num_timesteps)},
     )
     folder.mkdir(parents=True, exist_ok=True)

@@ -10,7 +10,7 @@ import numpy as np
 import torch
 
 from controllers.interface import Array, Loop
-from controllers.policy.inputs import WHEEL_MIX, Layout, plain_features, tracking_features
+from controllers.policy.inputs import Layout, plain_features, tracking_features, wheel_mix
 from controllers.policy.policy import Description, Network
 from controllers.registry import CONTROLLERS, entry
 from youbot_env.errors import InputError
@@ -178,8 +178,9 @@ def prepare(choice: Choice, model: Model) -> Trainee:
         control_rate=conditions.control_rate,
         base=choice.base,
         share=choice.share,
+        rollers=plant.geometry.arrangement,
     )
-    mix = WHEEL_MIX if learner.mixed else np.eye(4)
+    mix = wheel_mix(plant.geometry) if learner.mixed else np.eye(4)
     features = FEATURES[learner.features](layout, model.geometry.L)
     return Trainee(choice, training, nominal, make_base, features, mix, description)
 

@@ -60,7 +60,11 @@ def action_rows(action: Any, count: int, *, single: bool) -> NDArray[np.float64]
     shape = (4,) if single else (count, 4)
     try:
         # A copy, so that a caller who writes to its array later changes nothing here.
-        rows = np.array(action, np.float64)
+        given = np.asarray(action)
+        # Complex numbers would lose a part with no more than a warning.
+        if np.iscomplexobj(given):
+            raise TypeError
+        rows = np.array(given, np.float64)
     except (TypeError, ValueError):
         raise InputError(f"action: {action!r} does not hold numbers") from None
     if rows.shape != shape:

@@ -516,6 +516,15 @@ class Batch:
         """(n,) control periods since each row's reset, a copy."""
         return self._counters()[:, lanes.CLOCK].ravel()[: self.platforms].copy()
 
+    def set_clock(self, clock: ArrayLike) -> None:
+        """Put the rows at other times (n,) [periods] of their episodes: ends and references follow.
+
+        The samples ahead that are observed already stay; states do, too.
+        """
+        counters = self._counters()
+        rows = np.arange(self.platforms)
+        counters[rows // LANES, lanes.CLOCK, rows % LANES] = clock
+
     def _fields(self, array: NDArray[Any], row: int, first: int, last: int) -> Array:
         block = array[row // LANES].reshape(-1, LANES)
         return block[first:last, row % LANES].astype(float)

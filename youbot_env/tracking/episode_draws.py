@@ -31,6 +31,9 @@ PHASE_DRAWS = 16
 COARSE = 4
 """The flattest set is chosen on every fourth point of the grid on which its peak is then found."""
 
+TOGETHER = 64
+"""Numbers that loops take at a time."""
+
 _TO_SHARE = 2.0**-32
 
 
@@ -109,7 +112,7 @@ def _largest(values):
 @njit(cache=True, error_model="numpy", nogil=True)
 def _padded(length):
     """A length at which loops that take many numbers at a time leave no rest."""
-    return -(-length // 64) * 64
+    return -(-length // TOGETHER) * TOGETHER
 
 
 @njit(cache=True, error_model="numpy", nogil=True)
@@ -119,29 +122,36 @@ def _flattest(tried, points, harmonic, work):
     Sums are in single precision, at ``points`` of a period, and phases count to a step of the finer
     grid: enough to choose. ``work``: see ``draw_reference``.
     """
+    # Indices into flat arrays: a view of an array counts references, which costs as much as a loop.
     sine, cosine, row, a, b = work
-    draws, tones = tried.shape
+    (draws, tones), width = tried.shape, len(row)
     for tone in range(tones):
-        step, s, c = harmonic[tone] / points, sine[tone], cosine[tone]
-        for m in range(len(s)):
+        step, at = harmonic[tone] / points, tone * width
+        for m in range(width):
             turns = step * np.float64(m)
             turns = turns - np.rint(turns)
-            put(s, m, single.sine_of_turns(np.float32(turns)))
-            put(c, m, single.sine_of_turns(np.float32(turns + 0.25)))
+            put(sine, at + m, single.sine_of_turns(np.float32(turns)))
+            put(cosine, at + m, single.sine_of_turns(np.float32(turns + 0.25)))
         for d in range(draws):
             turns = np.floor(tried[d, tone] * points * COARSE) / (points * COARSE)
-            a[tone, d] = single.sine_of_turns(np.float32(turns + 0.25))
-            b[tone, d] = single.sine_of_turns(np.float32(turns))
+            a[d, tone] = single.sine_of_turns(np.float32(turns + 0.25))
+            b[d, tone] = single.sine_of_turns(np.float32(turns))
     best, lowest = 0, np.float32(np.inf)
     for d in range(draws):
-        row[:] = 0.0
-        # Two tones at a time: half the passes over the row. Those beyond the last are zero.
-        for tone in range(0, len(sine), 2):
-            p, q, r, t = a[tone, d], b[tone, d], a[tone + 1, d], b[tone + 1, d]
-            s, c, z, w = sine[tone], cosine[tone], sine[tone + 1], cosine[tone + 1]
-            for m in range(len(row)):
-                sums = fma(p, given(s, m), fma(q, given(c, m), given(row, m)))
-                put(row, m, fma(r, given(z, m), fma(t, given(w, m), sums)))
+        for m in range(width):
+            row[m] = 0.0
+        # Four tones at a time: a fourth of the passes over the row. Those beyond the last are zero.
+        for tone in range(0, a.shape[1], 4):
+            p, q, r, t = a[d, tone], a[d, tone + 1], a[d, tone + 2], a[d, tone + 3]
+            e, f, g, h = b[d, tone], b[d, tone + 1], b[d, tone + 2], b[d, tone + 3]
+            i = tone * width
+            j, k, n = i + width, i + 2 * width, i + 3 * width
+            for m in range(width):
+                one = fma(p, given(sine, i + m), fma(e, given(cosine, i + m), given(row, m)))
+                two = fma(q, given(sine, j + m), f * given(cosine, j + m))
+                three = fma(r, given(sine, k + m), g * given(cosine, k + m))
+                four = fma(t, given(sine, n + m), h * given(cosine, n + m))
+                put(row, m, (one + two) + (three + four))
         highest = _largest(row)
         if highest < lowest:
             best, lowest = d, highest
@@ -167,13 +177,13 @@ def draw_reference(
     length, coarse = _padded(steps), _padded(steps // COARSE)
     values, row = np.empty((3, length)), np.empty(length)
     tried = np.empty((PHASE_DRAWS, tones))
-    even = tones + tones % 2
+    fours = -(-tones // 4) * 4
     work = (
-        np.zeros((even, coarse), np.float32),
-        np.zeros((even, coarse), np.float32),
+        np.zeros(fours * coarse, np.float32),
+        np.zeros(fours * coarse, np.float32),
         np.empty(coarse, np.float32),
-        np.zeros((even, PHASE_DRAWS), np.float32),
-        np.zeros((even, PHASE_DRAWS), np.float32),
+        np.zeros((PHASE_DRAWS, fours), np.float32),
+        np.zeros((PHASE_DRAWS, fours), np.float32),
     )
     for axis in range(3):
         for tone in range(tones):

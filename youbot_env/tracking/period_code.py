@@ -83,7 +83,11 @@ def period(action, places, tick, moves, seen, reward, over, report, first, last)
         if moves == SHARED:
             first = taken_before(taken, PIECE)
             stop = min(first + PIECE, last)
-        for row in range(first, stop, step):
+        row = first - step
+        while True:
+            row = row + step if moves else next_beginning(K, row + 1, stop)
+            if row >= stop:
+                break
             b, i, lanes = row // LANES, row % LANES, last - row
             lanes = step if lanes > step else lanes
             x, y, z, k = X[b, i:], Y[b, i:], Z[b, i:], K[b, i:]
@@ -92,8 +96,6 @@ def period(action, places, tick, moves, seen, reward, over, report, first, last)
                 move(x, y, w, lanes, tick, actions, numbers, whole, lengths)
                 for lane in range(lanes):
                     k[CLOCK * LANES + lane] += 1
-            elif k[PENDING * LANES] != BEGIN:
-                continue
             earned = reward[row]
             finish(row, x, y, z, k, w, v, table, lanes, tick, numbers, whole, lengths,
                    seen, reward, report)
@@ -119,10 +121,12 @@ def begin_rows(X, Y, Z, K, w, v, table, tick, numbers, whole, lengths, draws, st
     states, preview = whole[STATES], whole[PREVIEW]
     actions, one = 3 + 3 * (preview + 1), last - last + 1
     theta, stated = np.empty(len(nominal)), np.empty(len(mean))
-    for row in range(first, last):
+    row = first - 1
+    while True:
+        row = next_beginning(K, row + 1, last)
+        if row >= last:
+            break
         b, i = row // LANES, row % LANES
-        if K[b, PENDING * LANES + i] != BEGIN:
-            continue
         x, y, z, k = X[b, i:], Y[b, i:], Z[b, i:], K[b, i:]
         if final.shape[0]:
             for column in range(seen.shape[0]):

@@ -144,8 +144,10 @@ class YouBotTrackingVectorEnv(VectorEnv[Observations, NDArray[np.float32], NDArr
                 super().reset(seed=int(seed))
             keys = None if seed is None else _seed_keys(int(seed), self.num_envs)
             rows.begin(chosen, keys, start, reference)
-        else:
+        elif isinstance(seed, (list, tuple, np.ndarray)):
             self._reset_each(list(seed), chosen, start, reference)
+        else:
+            raise InputError(f"seed: {seed!r} is neither a whole number nor a list of them")
         self._begun = True
         return rows.observation, self._info()
 
@@ -276,6 +278,11 @@ class YouBotTrackingVectorEnv(VectorEnv[Observations, NDArray[np.float32], NDArr
     def torque_limit(self) -> float:
         """Wheel torque [N m] that an action of 1 commands."""
         return self._rows.setup.actuation.torque_limit
+
+    @property
+    def rows(self) -> Batch:
+        """What moves the copies."""
+        return self._rows
 
     @property
     def bytes_a_copy(self) -> int:

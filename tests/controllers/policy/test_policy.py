@@ -21,11 +21,18 @@ import safetensors.numpy as safetensors
 
 from controllers.interface import Controller, Loop, Observation, Reference
 from controllers.kinematic import KinematicControl
-from controllers.policy.inputs import WHEEL_MIX, Layout, plain_features, tracking_features
+from controllers.policy.inputs import (
+    WHEEL_MIX,
+    Layout,
+    plain_features,
+    tracking_features,
+    wheel_mix,
+)
 from controllers.policy.policy import Description, Network, Policy
-from controllers.policy.policy_file import MAX_WEIGHTS, load_policy, save_policy
+from controllers.policy.policy_file import MAX_WEIGHTS, load_policy, save_policy, shipped_policies
 from controllers.registry import build_policy
 from youbot_env.errors import InputError
+from youbot_env.model.model import Model
 from youbot_env.model.model_file import load_model
 from youbot_env.physics.geometry import Geometry
 from youbot_env.tracking.env import YouBotTrackingEnv
@@ -246,6 +253,37 @@ def test_a_policy_sits_on_a_controller_alone(tmp_path, monkeypatch, base):
     save_policy("r.json", trial.network, replace(trial.description, base=base))
     with pytest.raises(InputError, match="which is none of kinematic"):
         build_policy("r.json", load_model("paper"), Loop())
+
+
+def in_o() -> Model:
+    return replace(load_model("paper"), geometry=Geometry(l=0.15, h=0.25, arrangement="O"))
+
+
+@pytest.mark.parametrize("name", shipped_policies())
+def test_a_shipped_policy_is_refused_on_rollers_in_o(name):
+    """There the wheels that push sideways are others: it would drive to the wrong side."""
+    with pytest.raises(InputError) as caught:
+        build_policy(name, in_o(), Loop())
+    assert str(caught.value).endswith(
+        "was trained on a robot with rollers in X, these stand in O; train one on it: "
+        "youbot train ppo --model MODEL"
+    )
+
+
+def test_one_that_was_trained_in_o_drives_there_alone(tmp_path, saved):
+    network, description = load_policy(saved[0])
+    path, _ = save_policy(tmp_path / "o.json", network, replace(description, rollers="O"))
+    assert load_policy(path)[1].rollers == "O"
+    assert build_policy(path, in_o(), Loop()).description.rollers == "O"
+    with pytest.raises(InputError, match="rollers in O, these stand in X"):
+        build_policy(path, load_model("paper"), Loop())
+
+
+def test_wheels_are_mixed_as_a_robots_own_rollers_stand():
+    assert np.array_equal(wheel_mix(Geometry()), WHEEL_MIX)
+    geometry = in_o().geometry
+    push = geometry.body_force(wheel_mix(geometry).T)
+    assert np.abs(push - np.diag(np.diag(push))).max() < 1e-12 and (np.diag(push) > 0).all()
 
 
 def test_another_control_rate_is_refused(saved):

@@ -44,16 +44,16 @@ def batch_actions(first: int, count: int, step: int) -> np.ndarray:
     return np.array([actions_of(first + copy, step) for copy in range(count)])
 
 
-@pytest.mark.parametrize("copy", [0, 1, 69])
+@pytest.mark.parametrize("copy", [0, 1, 129])
 def test_a_copy_is_the_single_environment_to_the_bit(copy):
     """Over several episodes, in which reference and model are drawn anew."""
-    envs, single = vector(70, **NOISY), YouBotTrackingEnv(**NOISY)
+    envs, single = vector(130, **NOISY), YouBotTrackingEnv(**NOISY)
     seen, _ = envs.reset(seed=11)
     alone, _ = single.reset(seed=11 + copy)
     assert np.array_equal(seen[copy], alone)
     over, models = False, set()
     for step in range(65):
-        seen, reward, terminated, truncated, _ = envs.step(batch_actions(0, 70, step))
+        seen, reward, terminated, truncated, _ = envs.step(batch_actions(0, 130, step))
         if over:
             alone, _ = single.reset()
             expected = (0.0, False, False)
@@ -264,7 +264,7 @@ def test_a_wrong_option_is_one_clear_line(options, words):
 
 def test_any_order_of_calls_is_answered_or_refused():
     """Also what makes no sense; the slow test makes a million."""
-    random_calls(2000)
+    random_calls(3000)
 
 
 @pytest.mark.slow
@@ -272,32 +272,79 @@ def test_a_million_calls_in_any_order():
     random_calls(1_000_000)
 
 
+WRONG_ACTIONS = (
+    np.zeros(4),
+    np.zeros((2, 4)),
+    np.zeros((3, 5)),
+    np.zeros((0, 4)),
+    np.zeros((3, 4), complex),
+    np.full((3, 4), 1e300),
+    "forward",
+    None,
+    [[0.1] * 4, [0.1] * 4, [0.1]],
+)
+WRONG_OPTIONS = (
+    {"reset_mask": np.zeros(3, np.bool_)},
+    {"reset_mask": np.ones(4, np.bool_)},
+    {"reset_mask": [True, False, True]},
+    {"reset_mask": np.ones(3)},
+    {"initial_state": {"twist": (np.nan, 0.0, 0.0)}},
+    {"initial_state": {"speed": 1.0}},
+    {"reference": "circle"},
+    {"seed": 1},
+)
+WRONG_SEEDS = (-1, [1, 2], 1.5, [1, None, -3], "seed")
+
+
 def random_calls(count: int) -> None:
-    rng, made = np.random.default_rng(0), {}
-    modes = list(AutoresetMode)
+    """Calls of vectors and single environments in random order, sensible and not.
+
+    Each is answered within its spaces, or refused by an error that is meant.
+    """
+    rng, envs, single = np.random.default_rng(0), vector(3), YouBotTrackingEnv()
+    meant = (InputError, ResetNeeded, ClosedEnvironmentError, gym.error.Error)
     refused = 0
-    for _ in range(count):
-        if not made or rng.random() < 1e-3:
-            mode = modes[rng.integers(3)]
-            made = {"envs": vector(3, autoreset_mode=mode, episode_length=0.05)}
-        envs = made["envs"]
-        action = rng.uniform(-1, 1, (3, 4))
-        if rng.random() < 0.05:
-            action[rng.integers(3), rng.integers(4)] = rng.choice([np.nan, np.inf, 2.0])
+    for number in range(count):
+        if number == 0 or rng.random() < (0.3 if envs.closed else 1e-3):
+            options = {"episode_length": 0.05, "dtype": ("float64", "float32")[rng.integers(2)]}
+            envs = vector(3, autoreset_mode=list(AutoresetMode)[rng.integers(3)], **options)
+            single = YouBotTrackingEnv(**options)
         try:
-            call = rng.random()
-            if call < 0.8:
-                seen, reward, *_ = envs.step(action.astype(np.float32))
-                assert envs.observation_space.contains(seen)
-                assert ((reward >= 0) & (reward <= 1)).all()
-            elif call < 0.9:
-                envs.reset(options={"reset_mask": rng.random(3) < 0.4})
-            elif call < 0.98:
-                envs.reset(seed=int(rng.integers(100)))
-            elif call < 0.99:
-                envs.get_attr("state")
-            else:
-                envs.close()
-        except (InputError, ResetNeeded, ClosedEnvironmentError):
+            one_call(rng, envs, single)
+        except meant as error:
             refused += 1
-    assert 0 < refused < count
+            assert "\n" not in str(error)
+    assert 0.1 * count < refused < 0.7 * count
+
+
+def one_call(rng, envs: YouBotTrackingVectorEnv, single: YouBotTrackingEnv) -> None:
+    action = rng.uniform(-1, 1, (3, 4)).astype((np.float32, np.float64)[rng.integers(2)])
+    if rng.random() < 0.05:
+        action[rng.integers(3), rng.integers(4)] = rng.choice([np.nan, np.inf, -np.inf, 2.0])
+    call = rng.random()
+    if call < 0.5:
+        seen, reward, *_ = envs.step(action)
+        assert envs.observation_space.contains(seen)
+        assert ((reward >= 0) & (reward <= 1)).all()
+    elif call < 0.7:
+        seen, reward, *_ = single.step(action[0])
+        assert single.observation_space.contains(seen) and 0 <= reward <= 1
+    elif call < 0.75:
+        wrong = WRONG_ACTIONS[rng.integers(len(WRONG_ACTIONS))]
+        (envs if rng.random() < 0.5 else single).step(wrong)
+    elif call < 0.80:
+        envs.reset(options={"reset_mask": rng.random(3) < 0.4})
+    elif call < 0.84:
+        (envs if rng.random() < 0.5 else single).reset(
+            options=WRONG_OPTIONS[rng.integers(len(WRONG_OPTIONS))]
+        )
+    elif call < 0.87:
+        envs.reset(seed=WRONG_SEEDS[rng.integers(len(WRONG_SEEDS))])
+    elif call < 0.95:
+        (envs if rng.random() < 0.5 else single).reset(seed=int(rng.integers(100)))
+    elif call < 0.996:
+        envs.get_attr(("state", "model", "reference", "nothing")[rng.integers(3)])
+    elif call < 0.998:
+        envs.close()
+    else:
+        single.close()
