@@ -288,14 +288,22 @@ def _interfaces(message: Any) -> Iterator[tuple[str, Any]]:
             for name, one in zip(names, value, strict=False):
                 said, values = _field(one, "interface_names"), _field(one, "values")
                 for interface, number in zip(said or (), values if said else (), strict=False):
-                    yield f"{interface}[{name}]", float(number)
+                    yield f"{interface}[{name}]", _number(number)
             continue
         # Of a controller's state: one point of positions, velocities, efforts in the same order.
         for quantity in ("positions", "velocities", "effort"):
             values = _field(value, quantity)
             if values is not None and len(values) == len(names):
                 for name, number in zip(names, values, strict=True):
-                    yield f"{part}.{quantity}[{name}]", float(number)
+                    yield f"{part}.{quantity}[{name}]", _number(number)
+
+
+def _number(value: Any) -> float:
+    """A number of a message; NaN, as of one that is missing, for what a damaged text has there."""
+    try:
+        return float(value)
+    except (TypeError, ValueError, OverflowError):
+        return float("nan")
 
 
 def _joints(message: Any) -> Iterator[tuple[str, Any]]:
@@ -307,4 +315,4 @@ def _joints(message: Any) -> Iterator[tuple[str, Any]]:
         if values is None or len(values) != len(names):
             continue
         for name, value in zip(names, values, strict=True):
-            yield f"{part}[{name}]", float(value) if value is not None else np.nan
+            yield f"{part}[{name}]", _number(value)

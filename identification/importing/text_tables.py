@@ -353,7 +353,8 @@ def _add_column(table: Table, name: str, cells: list[str], unit: str) -> None:
     """Adds a column to a table as what it holds: numbers, dates, lists; or notes its text."""
     numbers = _numbers(cells)
     if numbers is not None:
-        glued = glued_nanoseconds(cells) if (np.diff(numbers) < 0).any() else None
+        falls = bool((numbers[1:] < numbers[:-1]).any())
+        glued = glued_nanoseconds(cells) if falls else None
         if glued is not None:
             table.note(f"column {name}: SECONDS.NANOSECONDS without zeros between, read as such")
             table.units[name] = "s"

@@ -59,3 +59,27 @@ def read_or_refused(path: Path) -> None:
         assert source.map_text
     except InputError as error:
         assert "\n" not in str(error)
+
+
+@pytest.mark.parametrize("damage", ["0,5", "3.4x2", "wheel_joint_fl", "[1, 2]", "1e999"])
+def test_a_value_of_an_echoed_message_that_is_no_number_is_missing(
+    damage: str, tmp_path: Path
+) -> None:
+    path, text = tmp_path / "echo.csv", LAYOUTS["echoed_yaml"]()
+    head, tail = text.split("velocity:\n- ", 1)
+    path.write_text(f"{head}velocity:\n- {damage}\n{tail.partition(chr(10))[2]}")
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        read_or_refused(path)
+
+
+@pytest.mark.parametrize("far", ["1e308", "-1e308"])
+def test_numbers_as_far_apart_as_they_can_be(far: str, tmp_path: Path) -> None:
+    path, text = tmp_path / "far.csv", LAYOUTS["plain"]()
+    rows = text.splitlines()
+    rows[3] = ",".join([rows[3].split(",")[0], far, *rows[3].split(",")[2:]])
+    rows[4] = ",".join([rows[4].split(",")[0], f"{-float(far)!r}", *rows[4].split(",")[2:]])
+    path.write_text("\n".join(rows))
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        read_or_refused(path)
