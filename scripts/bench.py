@@ -17,7 +17,7 @@ from youbot_scripts.blind_bench.calibration_page import write_page
 from youbot_scripts.blind_bench.cases import KINDS, write_case
 from youbot_scripts.blind_bench.effect_sizes import force_ratio, size_table, sizings
 from youbot_scripts.blind_bench.null_fits import null_fits
-from youbot_scripts.blind_bench.report import show, show_sizes
+from youbot_scripts.blind_bench.report import not_right, show, show_sizes, tables
 from youbot_scripts.blind_bench.scores import score
 from youbot_scripts.blind_bench.trials import Options, Record, Spec, plan, run_trials
 from youbot_scripts.cli import run_script
@@ -29,6 +29,7 @@ EXAMPLES = (
     "youbot bench --cases 60 --kinds one,quarter,two,unknown --jobs 2 --resume bench/",
     "youbot bench --cases 30 --kinds noise,counts,double_noise --jobs 2 --resume bench/",
     "youbot bench --kinds noise --first 7 --cases 1 --jobs 1 --keep cases/",
+    "youbot bench --cases 20 --kinds none,one,two --report bench.html",
     "youbot bench --cases 105 --kinds sweep",
     "youbot bench --cases 3 --kinds floor_tilt --write cases/",
     "youbot bench --cases 300 --kinds fleet --write robots/",
@@ -101,6 +102,7 @@ def main(
     sizes: Annotated[
         bool, typer.Option("--sizes", help="Only measure how large each effect must be to matter.")
     ] = False,
+    report: common.ReportOption = None,
     seed: common.SeedOption = 0,
     json: common.JsonOption = None,
 ) -> None:
@@ -120,6 +122,7 @@ def main(
     nothing is added, white noise and other in turn.
     """
     out = common.console(json)
+    common.check_pictures(None, report)
     if sizes:
         _measure_sizes(out, cases, seed, jobs, json)
         return
@@ -140,6 +143,11 @@ def main(
         write_page(calibration, rows_of(records, fits), len(fits), len(records))
         out.print(f"calibration: {calibration}", soft_wrap=True)
     show(out, scores, records)
+    if report:
+        from youbot_scripts.blind_bench.charts import write_report
+
+        write_report(report, records, tables(scores), not_right(records), seed)
+        out.print(f"report written to {report}", soft_wrap=True)
     common.write_result(json, {**scores, "trials": records}, seed)
 
 

@@ -3,18 +3,18 @@
 from __future__ import annotations
 
 import sys
-from typing import Annotated, Any
+from typing import Annotated
 
 import typer
 
 from youbot_scripts.cli import run_script
 from youbot_scripts.shared import options as common
-from youbot_scripts.shared.tables import Column, Table, columns, show
+from youbot_scripts.shared.tables import show
 
 EXAMPLES = (
     "youbot benchmark",
     "youbot benchmark --copies 1024,8192,1048576 --json speed.json",
-    "youbot benchmark --quick",
+    "youbot benchmark --quick --report speed.html",
 )
 
 
@@ -29,6 +29,7 @@ def main(
         str, typer.Option(metavar="N,...", help="Effects in the model, 0 to 6.")
     ] = "1,6",
     quick: Annotated[bool, typer.Option("--quick", help="Few, short turns; no imports.")] = False,
+    report: common.ReportOption = None,
     json: common.JsonOption = None,
 ) -> None:
     """Env steps a second: one environment beside CartPole-v1, batches beside its vector form.
@@ -38,6 +39,7 @@ def main(
     and begin episodes by themselves.
     """
     from youbot_env.threads import threads as usual
+    from youbot_scripts.benchmarks.charts import import_table, speed_table, write_report
     from youbot_scripts.benchmarks.speed import (
         EFFECTS,
         SpeedSettings,
@@ -46,6 +48,7 @@ def main(
         speeds,
     )
 
+    common.check_pictures(None, report)
     out = common.console(json)
     settings = SpeedSettings(rounds=3, steps=2000, warm_up=2) if quick else SpeedSettings()
     many = _counts("threads", threads or ("1" if usual() == 1 else f"1,{usual()}"), 1, 1024)
@@ -56,7 +59,10 @@ def main(
         settings,
     )
     imports = {} if quick else import_times(("youbot_env", "identification", "controllers"))
-    show(out, [_speed_table(found), *([_import_table(imports)] if imports else [])])
+    show(out, [speed_table(found), *([import_table(imports)] if imports else [])])
+    if report:
+        write_report(report, found, imports, machine())
+        out.print(f"report written to {report}", soft_wrap=True)
     common.write_result(
         json,
         {
@@ -78,26 +84,6 @@ def _counts(name: str, text: str, least: int, most: int) -> list[int]:
             raise InputError(f"{name}: {int(word)} is outside {least} to {most}")
         counts.append(int(word))
     return counts
-
-
-def _speed_table(found: list[Any]) -> Table:
-    million = Column("million\nsteps/s", lambda rate: f"{rate / 1e6:.2f}")
-    peer = Column("CartPole", lambda rate: f"{rate / 1e6:.2f}")
-    ratio = Column("times\nas fast", lambda value: f"{value:.2f}")
-    rows = tuple(
-        (
-            *(row.case, row.copies, row.threads, row.effects, row.rate, row.peer_rate, row.ratio),
-            "" if row.bytes_a_copy is None else str(row.bytes_a_copy),
-        )
-        for row in found
-    )
-    shown = columns("case", "copies", "threads", "effects", million, peer, ratio, "bytes\na copy")
-    return Table("Speed beside CartPole-v1, in turns", shown, rows)
-
-
-def _import_table(imports: dict[str, float]) -> Table:
-    seconds = Column("seconds", lambda value: f"{value:.2f}")
-    return Table("In a new Python", columns("what", seconds), tuple(imports.items()))
 
 
 if __name__ == "__main__":

@@ -136,15 +136,13 @@ def main(
 
 def _draw(out: Any, found: Evaluation, brief: bool, plots: Path | None, page: Path | None) -> None:
     from identification.figures.style import write_figures
-    from youbot_scripts.shared.report_page import pictures, write_page
+    from youbot_scripts.shared.report_page import write_page
 
-    figures = found.figures(brief)
     if plots:
-        for path in write_figures(plots, figures.items()):
+        for path in write_figures(plots, found.figures(brief).items()):
             out.print(f"figure: {path}", soft_wrap=True)
     if page:
-        parts = [*pictures(figures.items()), *found.tables(brief)]
-        write_page(page, "Controllers compared", parts, found.trials[0].seed)
+        write_page(page, "Controllers compared", found.page(brief), found.trials[0].seed)
         out.print(f"report: {page}", soft_wrap=True)
 
 

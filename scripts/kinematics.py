@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import sys
+from collections.abc import Iterator, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
@@ -13,7 +14,9 @@ from youbot_scripts.shared.options import (
     GeometryOption,
     JsonOption,
     LogsArgument,
+    ReportOption,
     check_output,
+    check_pictures,
     console,
     write_json,
     write_result,
@@ -23,7 +26,8 @@ from youbot_scripts.shared.tables import Table, columns, percent, show
 if TYPE_CHECKING:
     from rich.console import Console
 
-    from identification.kinematics import Kinematics
+    from identification.kinematics import Kinematics, Motion
+    from identification.kinematics.kinematics import KinematicFinding
 
 EXAMPLES = (
     "youbot kinematics runs/*.csv",
@@ -47,6 +51,7 @@ def main(
             help="Write the lengths here, as --geometry takes them.",
         ),
     ] = None,
+    report: ReportOption = None,
     json: JsonOption = None,
 ) -> None:
     """Estimate R and L [m], the speeds' delay, the pose's frame, slip and each wheel's lengths.
@@ -59,6 +64,7 @@ def main(
     from identification.logs.motion_reading import read_motions
     from youbot_env.model.model_file import geometry_to_dict, load_geometry
 
+    check_pictures(None, report)
     read = read_motions(logs)
     nominal = load_geometry(geometry) if geometry else None
     found = estimate_kinematics([motion for motion, _ in read], nominal)
@@ -74,16 +80,42 @@ def main(
     if output:
         whose = "" if geometry else "; r, m1 and l : h in it are the youBot's (yours: --geometry)"
         out.print(f"geometry written to {output}{whose}", soft_wrap=True)
+    if report:
+        _write_report(report, found, read)
+        out.print(f"report written to {report}", soft_wrap=True)
     write_result(json, found.to_dict())
 
 
 def _print(out: Console, found: Kinematics) -> None:
     for finding in found.findings:
-        cure = f"; {finding.cure}" if finding.cure else ""
-        style = STYLES.get(finding.level)
-        place = f"{finding.column}: " if finding.column else ""
-        line = f"{finding.level}: {place}{finding.message}{cure}"
-        out.print(line, style=style, soft_wrap=True)
+        out.print(_line(finding), style=STYLES.get(finding.level), soft_wrap=True)
+    show(out, _tables(found))
+    for line in _slip(found):
+        out.print(line, soft_wrap=True)
+    if found.counts:
+        out.print(f"position_*: {found.counts:.5g} counts a turn of the wheel")
+
+
+def _line(finding: KinematicFinding) -> str:
+    cure = f"; {finding.cure}" if finding.cure else ""
+    place = f"{finding.column}: " if finding.column else ""
+    return f"{finding.level}: {place}{finding.message}{cure}"
+
+
+def _slip(found: Kinematics) -> Iterator[str]:
+    """The slip in all, and where there is most of it."""
+    slip = found.slip
+    if slip.share is not None:
+        yield f"slip: {percent(slip.share)} of the way of {found.travelled:.3g} m"
+    for place in slip.where[:5]:
+        row = f", row {place.row}" if place.row is not None else ""
+        yield (
+            f"  {place.log}: {place.start:.4g} to {place.end:.4g} s{row}: up to "
+            f"{percent(place.share)} of the usual way"
+        )
+
+
+def _tables(found: Kinematics) -> list[Table]:
     rows = []
     for name, length in found.parameters.items():
         if length.value is None or length.std is None:
@@ -94,20 +126,7 @@ def _print(out: Console, found: Kinematics) -> None:
         interval = f"{length.value - reach:.5g} ... {length.value + reach:.5g}"
         rows.append((name, shown, interval, length.unit))
     head = columns("name", "value", "95 % interval", "unit")
-    show(out, [Table("Lengths", head, tuple(rows))])
-    if found.wheels:
-        show(out, [_wheels(found)])
-    slip = found.slip
-    if slip.share is not None:
-        out.print(f"slip: {percent(slip.share)} of the way of {found.travelled:.3g} m")
-    for place in slip.where[:5]:
-        row = f", row {place.row}" if place.row is not None else ""
-        out.print(
-            f"  {place.log}: {place.start:.4g} to {place.end:.4g} s{row}: up to "
-            f"{percent(place.share)} of the usual way"
-        )
-    if found.counts:
-        out.print(f"position_*: {found.counts:.5g} counts a turn of the wheel")
+    return [Table("Lengths", head, tuple(rows)), *([_wheels(found)] if found.wheels else [])]
 
 
 def _wheels(found: Kinematics) -> Table:
@@ -120,6 +139,33 @@ def _wheels(found: Kinematics) -> Table:
         rows.append((name, f"{wheel.radius[0]:.5f} ± {wheel.radius[1]:.5f}", angle))
     head = columns("wheel", "radius m", "roller angle, degrees")
     return Table("Each wheel", head, tuple(rows))
+
+
+def _write_report(path: Path, found: Kinematics, read: Sequence[tuple[Motion, Any]]) -> None:
+    from identification.figures.kinematic_charts import charts_of_kinematics, in_words
+    from youbot_scripts.shared.report_page import Charts, Words, write_page
+
+    lengths = ", ".join(
+        f"{name} {in_words(length)}"
+        for name, length in found.parameters.items()
+        if name in ("R", "L", "delay", "R_over_L") and length.value is not None and length.std
+    )
+    faults = [f for f in found.findings if f.level != "info"]
+    told = [_line(finding) for finding in faults]
+    told += [
+        f"{finding.level}: {motion.name}: {finding}"
+        for motion, findings in read
+        for finding in findings
+        if finding.level != "info"
+    ]
+    parts = [
+        Words([f"{lengths or 'No length is shown'} (95 %)", *_slip(found)], "verdict"),
+        Words(told, "warning"),
+        Words([_line(finding) for finding in found.findings if finding.level == "info"]),
+        *(Charts([chart]) for chart in charts_of_kinematics(found, [motion for motion, _ in read])),
+        *_tables(found),
+    ]
+    write_page(path, "Lengths, delay and slip from wheels and pose", parts, None)
 
 
 if __name__ == "__main__":

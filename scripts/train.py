@@ -85,7 +85,10 @@ def main(
         typer.Option("--set", metavar="KEY=VALUE", help="Any setting of learner or environment."),
     ] = None,
     output: Annotated[
-        Path | None, typer.Option(metavar="DIR", help="Folder of the run; default trained/ALGO.")
+        Path | None,
+        typer.Option(
+            "--output", "-o", metavar="DIR", help="Folder of the run; default trained/ALGO."
+        ),
     ] = None,
     resume: Annotated[
         bool, typer.Option("--resume", help="Go on with the run in --output, to its total.")

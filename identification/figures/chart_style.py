@@ -52,6 +52,19 @@ PLAN_POINTS = 1500
 """Points of one floor plan: more lie on top of each other."""
 
 
+PATH_POINTS = 2000
+"""Of a way on the floor, and of a speed over time: what a screen shows."""
+
+SPEED_TIME = 0.2
+"""[s] over which the pose is differenced: its white noise of a millimetre is 7 mm/s then."""
+
+UNITS = {"m": (1000.0, "mm"), "s": (1000.0, "ms"), "rad": (180.0 / np.pi, "°")}
+"""By the SI unit, factor and unit in which people state these numbers."""
+
+ROW, SIDE = 26, 96
+"""[px] Of rows of marks: of one row, and of what stands above and below all rows of a panel."""
+
+
 @dataclass(frozen=True)
 class Chart:
     """An interactive figure.
@@ -187,6 +200,22 @@ def add_horizontal(figure: Figure, row: int, y: float) -> None:
 def _panel(row: int) -> dict[str, Any]:
     # Any: plotly declares these numbers as str.
     return {"row": row, "col": 1}
+
+
+def log_axis(values: Sequence[float]) -> dict[str, Any]:
+    """A logarithmic axis around positive values, whose few labels do not run into each other."""
+    known = [value for value in values if 0 < value < np.inf]
+    low, high = (min(known), max(known)) if known else (1.0, 10.0)
+    low, high = 0.8 * low, 1.25 * high
+    decades = range(int(np.floor(np.log10(low))), int(np.ceil(np.log10(high))) + 1)
+    # More than three decades have room for their own labels alone.
+    steps = (1, 2, 5) if high < 30 * low else (1, 3) if high < 1000 * low else (1,)
+    ticks = [step * 10.0**decade for decade in decades for step in steps]
+    ticks = [tick for tick in ticks if low <= tick <= high]
+    return {
+        "type": "log", "range": [float(np.log10(low)), float(np.log10(high))],
+        "tickvals": ticks, "ticktext": [f"{tick:g}" for tick in ticks],
+    }  # fmt: skip
 
 
 def half_band(square: float, count: int) -> float:

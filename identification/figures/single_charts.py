@@ -52,6 +52,8 @@ def errors_chart(
         for name, level in zip(("force error", "velocity error"), floors, strict=True)
     ]
     figure = look.rows_figure(2, height, titles, shared=False)
+    # Names of effects are long: on a phone, little is left of a panel for a title to begin at.
+    figure.update_annotations(x=1.0, xanchor="right")
     of_kinds = ([step[1] for step in steps], [step[2] for step in steps])
     for row, (errors, level) in enumerate(zip(of_kinds, floors, strict=True), start=1):
         values = 100 * np.nan_to_num(errors, posinf=0.0)

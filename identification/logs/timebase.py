@@ -278,8 +278,10 @@ def even_step(time: NDArray[np.float64], settings: LogSettings) -> float | None:
 
     Jitter goes back and forth about a straight line over the row's number. Lost rows bend it.
     """
-    steps = np.diff(time) / np.median(np.diff(time))
-    whole = np.abs(steps - np.round(steps)) < 0.1
+    # Times that hardly move but for one may be apart by more than a number holds of them.
+    with np.errstate(over="ignore", invalid="ignore"):
+        steps = np.diff(time) / np.median(np.diff(time))
+        whole = np.abs(steps - np.round(steps)) < 0.1
     lost = np.round(steps).max() > 1 and np.round(steps).min() >= 1
     if lost and whole.mean() > settings.min_lattice_share:
         return None

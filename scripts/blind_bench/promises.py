@@ -54,3 +54,61 @@ class Row:
     def falls_short(self) -> bool:
         """Whether the share is outside the promise by more than two standard errors."""
         return self.share + 2 * self.std < self.least or self.share - 2 * self.std > self.most
+
+
+KIND_WORDS = {
+    "none": "nothing planted",
+    "noise": "nothing planted, noise that is not white",
+    "counts": "speeds from encoder counts; Coulomb friction in every other case",
+    "one": "one effect of about catalogue size",
+    "kinematics": "one effect of kinematics of about catalogue size",
+    "quarter": "a quarter of it, twice the noise",
+    "double_noise": "one effect of about catalogue size, twice the noise",
+    "two": "two effects at once",
+    "unknown": "an effect outside the catalogue",
+    "differ": "one effect in some of the logs only",
+    "regime": "an effect outside the catalogue, in a part of the motion",
+    "law": "an effect outside the catalogue, of any kind",
+}
+"""Kinds of cases in words."""
+
+NEVER = ("refused", "crashed", "identify_failed", "warned")
+"""What no case may be."""
+
+WANTED = {
+    ("none", "false_alarm"): "< 2 %",
+    ("none", "right"): ">= 99 %",
+    ("noise", "right"): ">= 95 %",
+    ("noise", "wrongly_named"): "<= 1 %",
+    ("counts", "right"): "all",
+    ("counts", "base_all_within_3"): "all",
+    ("one", "right"): ">= 97 %",
+    ("two", "right"): ">= 95 %",
+    **{(kind, "right"): ">= 85 %" for kind in ("quarter", "double_noise")},
+    ("one", "in_set"): "> 95 %",
+    ("one", "alone"): "> 80 %",
+    ("one", "confidently_wrong"): "< 2 %",
+    ("one", "accepted_unplanted"): "< 10 %",
+    ("quarter", "in_set"): "> 85 %",
+    ("two", "both_found"): "> 85 %",
+    ("unknown", "said_unknown"): "> 90 %",
+    **{
+        (kind, key): ">= 80 %"
+        for kind in ("unknown", "law")
+        for key in ("law_proposed", "law_right", "law_helps")
+    },
+    ("none", "law_needless"): "<= 1 %",
+    ("noise", "law_needless"): "<= 1 %",
+    ("one", "law_needless"): "<= 3 %",
+    ("two", "law_needless"): "<= 3 %",
+    ("differ", "log_named"): ">= 80 %",
+    ("regime", "regime_right"): ">= 80 %",
+    **{
+        (kind, key): "93 to 97 %"
+        for kind in ("none", "noise", "one", "quarter", "double_noise", "two")
+        for key in ("sizes_inside", "base_inside")
+    },
+    **{(kind, key): "none" for kind in KIND_WORDS for key in NEVER},
+    **{(kind, "tie_resolved"): "> 80 %" for kind in ("one", "quarter", "two")},
+}
+"""Targets of the diagnosis."""

@@ -6,7 +6,7 @@ from collections.abc import Iterable
 from dataclasses import dataclass
 from typing import Any
 
-from scipy.stats import beta
+from scipy.stats import beta, norm
 
 
 @dataclass(frozen=True)
@@ -33,6 +33,18 @@ class Proportion:
         low = float(beta.ppf(tail, k, n - k + 1)) if k else 0.0
         high = float(beta.ppf(1.0 - tail, k + 1, n - k)) if k < n else 1.0
         return low, high
+
+    def wilson(self, confidence: float = 0.95) -> tuple[float, float]:
+        """Two-sided score interval of a binomial share (Wilson 1927); of nothing: 0 to 1.
+
+        Its mean coverage is what it says; the exact interval's is more.
+        """
+        if not self.total:
+            return 0.0, 1.0
+        z, n, share = float(norm.ppf(0.5 + confidence / 2)), self.total, self.value
+        centre = (share + z * z / (2 * n)) / (1 + z * z / n)
+        half = z / (1 + z * z / n) * (share * (1 - share) / n + z * z / (4 * n * n)) ** 0.5
+        return max(0.0, centre - half), min(1.0, centre + half)
 
     def to_dict(self) -> dict[str, Any]:
         """JSON form."""

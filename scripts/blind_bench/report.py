@@ -2,11 +2,18 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
 from youbot_scripts.blind_bench.effects import CATALOGUE
-from youbot_scripts.blind_bench.scores import named_sets, planted, right, sensing, verdict
+from youbot_scripts.blind_bench.promises import KIND_WORDS, WANTED
+from youbot_scripts.blind_bench.scores import (
+    named_sets,
+    planted,
+    right,
+    sensing,
+    verdict,
+)
 from youbot_scripts.blind_bench.trials import errors_of
 from youbot_scripts.shared.tables import Table, columns, number, show as show_tables, text
 
@@ -14,21 +21,6 @@ if TYPE_CHECKING:
     from rich.console import Console
 
     from youbot_scripts.blind_bench.trials import Record
-
-KIND_WORDS = {
-    "none": "nothing planted",
-    "noise": "nothing planted, noise that is not white",
-    "counts": "speeds from encoder counts; Coulomb friction in every other case",
-    "one": "one effect of about catalogue size",
-    "kinematics": "one effect of kinematics of about catalogue size",
-    "quarter": "a quarter of it, twice the noise",
-    "double_noise": "one effect of about catalogue size, twice the noise",
-    "two": "two effects at once",
-    "unknown": "an effect outside the catalogue",
-    "differ": "one effect in some of the logs only",
-    "regime": "an effect outside the catalogue, in a part of the motion",
-    "law": "an effect outside the catalogue, of any kind",
-}
 
 SCORE_WORDS = {
     "right": "right",
@@ -71,47 +63,6 @@ SCORE_WORDS = {
     "tie_resolved": "tie resolved by the proposed experiment",
 }
 
-NEVER = ("refused", "crashed", "identify_failed", "warned")
-"""What no case may be."""
-
-WANTED = {
-    ("none", "false_alarm"): "< 2 %",
-    ("none", "right"): ">= 99 %",
-    ("noise", "right"): ">= 95 %",
-    ("noise", "wrongly_named"): "<= 1 %",
-    ("counts", "right"): "all",
-    ("counts", "base_all_within_3"): "all",
-    ("one", "right"): ">= 97 %",
-    ("two", "right"): ">= 95 %",
-    **{(kind, "right"): ">= 85 %" for kind in ("quarter", "double_noise")},
-    ("one", "in_set"): "> 95 %",
-    ("one", "alone"): "> 80 %",
-    ("one", "confidently_wrong"): "< 2 %",
-    ("one", "accepted_unplanted"): "< 10 %",
-    ("quarter", "in_set"): "> 85 %",
-    ("two", "both_found"): "> 85 %",
-    ("unknown", "said_unknown"): "> 90 %",
-    **{
-        (kind, key): ">= 80 %"
-        for kind in ("unknown", "law")
-        for key in ("law_proposed", "law_right", "law_helps")
-    },
-    ("none", "law_needless"): "<= 1 %",
-    ("noise", "law_needless"): "<= 1 %",
-    ("one", "law_needless"): "<= 3 %",
-    ("two", "law_needless"): "<= 3 %",
-    ("differ", "log_named"): ">= 80 %",
-    ("regime", "regime_right"): ">= 80 %",
-    **{
-        (kind, key): "93 to 97 %"
-        for kind in ("none", "noise", "one", "quarter", "double_noise", "two")
-        for key in ("sizes_inside", "base_inside")
-    },
-    **{(kind, key): "none" for kind in KIND_WORDS for key in NEVER},
-    **{(kind, "tie_resolved"): "> 80 %" for kind in ("one", "quarter", "two")},
-}
-"""Targets of the diagnosis."""
-
 NUMBER_WORDS = {
     "error_fall_median": "fall of the velocity error, median",
     "mean_set_size": "names in a set, on average",
@@ -124,18 +75,26 @@ NUMBER_WORDS = {
 
 def show(console: Console, scores: Mapping[str, Any], records: Sequence[Record]) -> None:
     """Print all tables of a bench."""
+    show_tables(console, tables(scores))
+    for line in [*not_right(records), *(f"error: {line}" for line in errors_of(records))]:
+        console.print(line, soft_wrap=True)
+
+
+def tables(scores: Mapping[str, Any]) -> Iterator[Table]:
+    """All tables of a bench."""
     for kind, found in scores["kinds"].items():
-        _show_kind(console, kind, found)
+        yield from _of_kind(kind, found)
     for kind, table in scores["confusion"].items():
         if kind != "none" and table:
-            _show_confusion(console, kind, table)
+            yield _confusion(kind, table)
     if scores["smallest_detectable_factor"]:
-        _show_detectable(console, scores["smallest_detectable_factor"])
-    for record in records:
-        if not right(record) and "error" not in record:
-            console.print(f"not right: {described(record)}", soft_wrap=True)
-    for line in errors_of(records):
-        console.print(f"error: {line}", soft_wrap=True)
+        yield _detectable(scores["smallest_detectable_factor"])
+
+
+def not_right(records: Sequence[Record]) -> list[str]:
+    """A line for each case whose verdict is wrong."""
+    wrong = (record for record in records if not right(record) and "error" not in record)
+    return [f"not right: {described(record)}" for record in wrong]
 
 
 def described(record: Record) -> str:
@@ -147,7 +106,7 @@ def described(record: Record) -> str:
     return f"{case['key']} (case {case['index']} of its kind; {'+'.join(how) or 'nothing'}): {said}"
 
 
-def _show_kind(console: Console, kind: str, found: Mapping[str, Any]) -> None:
+def _of_kind(kind: str, found: Mapping[str, Any]) -> Iterator[Table]:
     rows = [
         (words, *_share_cells(found[key]), WANTED.get((kind, key), ""))
         for key, words in SCORE_WORDS.items()
@@ -161,12 +120,11 @@ def _show_kind(console: Console, kind: str, found: Mapping[str, Any]) -> None:
     said = ", ".join(f"{word} {count}" for word, count in found["verdicts"].items())
     title = f"{KIND_WORDS.get(kind, kind)}: {found['cases']} cases ({said})"
     headers = columns("", "share", "95 % interval", "cases", "wanted")
-    tables = [Table(title, headers, tuple(rows))]
+    yield Table(title, headers, tuple(rows))
     if groups := found.get("right_by_sensing"):
         measured = tuple((name, *_share_cells(share)) for name, share in groups.items())
         headers = columns("", "right", "95 % interval", "cases")
-        tables.append(Table("the same cases, by how they are measured", headers, measured))
-    show_tables(console, tables)
+        yield Table("the same cases, by how they are measured", headers, measured)
 
 
 def _share_cells(share: Mapping[str, Any]) -> tuple[str, str, str]:
@@ -175,17 +133,17 @@ def _share_cells(share: Mapping[str, Any]) -> tuple[str, str, str]:
     return f"{100 * share['share']:.1f} %", f"{100 * low:.1f} to {100 * high:.1f}", cases
 
 
-def _show_confusion(console: Console, kind: str, table: Mapping[str, Mapping[str, int]]) -> None:
+def _confusion(kind: str, table: Mapping[str, Mapping[str, int]]) -> Table:
     rows = [
         (name, sum(row.values()), ", ".join(f"{key} {count}" for key, count in row.items()))
         for name, row in table.items()
     ]
     title = f"{KIND_WORDS.get(kind, kind)}: planted, and what was said"
     headers = columns("planted", "cases", text("said"))
-    show_tables(console, [Table(title, headers, tuple(rows))])
+    return Table(title, headers, tuple(rows))
 
 
-def _show_detectable(console: Console, factors: Mapping[str, float | None]) -> None:
+def _detectable(factors: Mapping[str, float | None]) -> Table:
     rows = [
         (
             name,
@@ -197,7 +155,7 @@ def _show_detectable(console: Console, factors: Mapping[str, float | None]) -> N
     ]
     title = "smallest size that is found in 85 % of the cases, and so is each larger one tried"
     headers = columns("effect", "times its size", "size", "unit")
-    show_tables(console, [Table(title, headers, tuple(rows))])
+    return Table(title, headers, tuple(rows))
 
 
 def show_sizes(console: Console, table: Mapping[str, Mapping[str, Any]]) -> None:

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import hashlib
 import json
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import asdict, dataclass, field, replace
 from functools import cached_property
 from pathlib import Path
@@ -40,9 +40,13 @@ from youbot_scripts.evaluation.conditions import (
 from youbot_scripts.evaluation.metrics import judge
 from youbot_scripts.evaluation.summary import (
     Result,
+    TimeCourse,
     by_condition,
+    by_plant,
     gather,
+    headline,
     in_words,
+    models_of,
     ratios,
     unscored,
 )
@@ -52,6 +56,8 @@ from youbot_scripts.shared.results_folder import Record, resumed
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
+
+    from youbot_scripts.shared.report_page import Part
 
 Advance = Callable[[], None]
 
@@ -282,6 +288,14 @@ def plan(
     ]
 
 
+def _in_words(n: int, groups: Sequence[Sequence[Result]]) -> str:
+    """Plant, models and loop of a group of results, counted where there are several."""
+    group = groups[n]
+    place = {**group[0].place, "model": ", ".join(models_of(group))}
+    number = f"{n + 1} of {len(groups)}: " if len(groups) > 1 else ""
+    return f"{number}{in_words(place)}; {max(result.runs for result in group)} runs a band"
+
+
 @dataclass(frozen=True)
 class Evaluation:
     """Result of an evaluation.
@@ -363,15 +377,46 @@ class Evaluation:
 
         drawn: dict[str, Figure] = {}
         groups = by_condition(self.results)
-        for n, (group, condition) in enumerate(zip(groups, self.models, strict=True)):
+        for n, (group, course) in enumerate(zip(groups, self._courses, strict=True)):
             drawn[numbered("error_by_frequency", n, groups)] = error_by_frequency(group)
-            chosen = self._drawn_trials(group, condition)
-            stated = f"{in_words(group[0].place)}; {chosen[0].reference}, seed 0"
-            traces = {trial.controller: trial.trace() for trial in chosen}
             drawn[numbered("time_courses", n, groups)] = time_courses(
-                traces, stated, self.settings.controllers
+                course.traces, f"{course.condition}; {course.reference}", self.settings.controllers
             )
         return drawn
+
+    @cached_property
+    def _courses(self) -> list[TimeCourse]:
+        """The closed loops of each condition that are drawn over time, run once more."""
+        found = []
+        for group, condition in zip(by_condition(self.results), self.models, strict=True):
+            chosen = self._drawn_trials(group, condition)
+            traces = {trial.controller: trial.trace() for trial in chosen}
+            reference = f"{chosen[0].reference}, seed 0"
+            found.append(TimeCourse(in_words(group[0].place), reference, traces))
+        return found
+
+    def page(self, brief: bool = False) -> Iterator[Part]:
+        """The parts of the web page: who tracks best, then charts and tables.
+
+        If ``brief``, the errors alone, without time courses.
+        """
+        from youbot_scripts.evaluation import charts
+        from youbot_scripts.shared.report_page import Charts, Words
+
+        groups, plants = by_condition(self.results), by_plant(self.results)
+        yield Words([headline(group, self.settings.against) for group in groups], "verdict")
+        for n, same in enumerate(plants):
+            yield Words([_in_words(n, plants)])
+            yield Charts([charts.frequency_chart(f"frequency_{n}", same)])
+        for n, group in enumerate(groups):
+            yield Words([_in_words(n, groups)])
+            yield Charts([charts.controllers_chart(f"controllers_{n}", group)])
+            if not brief:
+                yield Charts([charts.costs_chart(f"costs_{n}", group)], folded=n > 0)
+                course = self._courses[n]
+                for chart in charts.course_charts(n, course, self.settings.controllers):
+                    yield Charts([chart], folded=n > 0)
+        yield from self.tables(brief)
 
     def _drawn_trials(self, group: Sequence[Result], condition: Condition) -> list[EvaluationTrial]:
         """Trials whose time courses are drawn, in the middle band.

@@ -8,6 +8,7 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import Any
 
+from controllers.loop import Trace
 from youbot_scripts.evaluation.metrics import AXES, interval, mean_nrmse
 from youbot_scripts.shared.results_folder import Record
 
@@ -75,6 +76,15 @@ class Result:
             "diverged": self.diverged,
             "metrics": self.metrics,
         }
+
+
+@dataclass(frozen=True)
+class TimeCourse:
+    """Closed loops of one condition over time, by controller; condition and reference in words."""
+
+    condition: str
+    reference: str
+    traces: dict[str, Trace]
 
 
 def gather(trials: Sequence[Record]) -> list[Result]:
@@ -153,6 +163,38 @@ def by_plant(results: Sequence[Result]) -> list[list[Result]]:
 def models_of(results: Sequence[Result]) -> list[str]:
     """The models that results were found with, in their order."""
     return list(dict.fromkeys(result.place["model"] for result in results))
+
+
+def controllers_of(results: Sequence[Result]) -> list[str]:
+    """The controllers that results are of, in their order."""
+    return list(dict.fromkeys(result.controller for result in results))
+
+
+def bands_of(results: Sequence[Result]) -> list[tuple[float, float]]:
+    """The bands [rad/s] of results, from low to high."""
+    return sorted({result.band for result in results})
+
+
+def headline(group: Sequence[Result], against: str) -> str:
+    """One condition in a sentence: who tracks best, how well, and how far below another one."""
+    means = {
+        name: math.fsum(found) / len(found)
+        for name in controllers_of(group)
+        if (found := [r.mean("nrmse") for r in group if r.controller == name])
+        and all(map(math.isfinite, found))
+    }
+    lost = ", ".join(dict.fromkeys(result.controller for result in group if result.diverged))
+    tail = f"; {lost} diverges" if lost else ""
+    if not means:
+        return f"On the model {group[0].place['model']!r} no controller follows every band{tail}"
+    best = min(means, key=means.__getitem__)
+    other = means.get(against)
+    apart = f" against {100 * other:.3g} % of {against}" if other and best != against else ""
+    model = group[0].place["model"]
+    return (
+        f"Built on the model {model!r}, {best} tracks best: it misses the reference by "
+        f"{100 * means[best]:.3g} % on average{apart}{tail}"
+    )
 
 
 def _alike(results: Sequence[Result], key: Callable[[Result], str]) -> list[list[Result]]:

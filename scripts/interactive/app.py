@@ -66,6 +66,8 @@ class Callbacks:
             Output("drawn", "data"),
             Output("log", "options"),
             Output("log", "value"),
+            Output("plant", "options"),
+            Output("beside", "options"),
             Input("tick", "n_intervals"),
             Input("said", "data"),
             State("revision", "data"),
@@ -76,6 +78,7 @@ class Callbacks:
             Input({"do": ALL, "with": ALL}, "n_clicks"),
             State("plant", "value"),
             State("controllers", "value"),
+            State("beside", "value"),
             prevent_initial_call=True,
         )(self.clicked)
         app.callback(
@@ -146,7 +149,7 @@ class Callbacks:
 
         project = self.project
         if known == project.revision and ctx.triggered_id != "said":
-            return (no_update,) * 7
+            return (no_update,) * 9
         with project.lock:
             drawn = {kind: self._latest(kinds) for kind, kinds in _DRAWS.items()}
             shown = self._open(drawn["model"])
@@ -157,9 +160,13 @@ class Callbacks:
                 views.panel(project), project.revision,
                 [{"label": name, "value": name} for name in project.logs], project.chosen,
                 drawn, choices, chosen,
+                views.models_of(project, {views.ACTIVE: "the model itself"}),
+                views.models_of(project, {"": "the version before it"}),
             )  # fmt: skip
 
-    def clicked(self, counts: list[int | None], plant: str, controllers: list[str]) -> Any:
+    def clicked(
+        self, counts: list[int | None], plant: str, controllers: list[str], beside: str
+    ) -> Any:
         """A button of the page was pressed: what it does becomes a command."""
         from dash import ctx, no_update
 
@@ -167,17 +174,22 @@ class Callbacks:
         # A button that has just been drawn counts as changed, but nobody pressed it.
         if not pressed or not any(counts) or not ctx.triggered[0]["value"]:
             return no_update
-        return self._answer(lambda: self._do(pressed["do"], pressed["with"], plant, controllers))
+        return self._answer(
+            lambda: self._do(pressed["do"], pressed["with"], plant, controllers, beside)
+        )
 
-    def _do(self, what: str, which: str, plant: str, controllers: list[str]) -> None:
+    def _do(self, what: str, which: str, plant: str, controllers: list[str], beside: str) -> None:
         project = self.project
         acts: Mapping[str, Callable[[], Step | None]] = {
             "doctor": project.doctor,
             "identify": project.identify,
-            "compare": project.compare,
+            "compare": lambda: project.compare(beside or ""),
             "diagnose": project.diagnose,
             "add": lambda: project.add(which),
-            "drive": lambda: project.drive(plant or project.model, self._known(controllers)),
+            "drive": lambda: project.drive(
+                project.model if plant in (views.ACTIVE, "", None) else plant,
+                self._known(controllers),
+            ),
             "undo": project.undo,
             "cancel": lambda: self.worker.cancel(int(which)),
         }
@@ -269,7 +281,8 @@ class Callbacks:
         figure.update_layout(uirevision=f"{log}", selectdirection="h")
         if seen:
             figure.update_xaxes(range=list(seen))
-        return views.themed(figure), {"height": f"{height}px"}
+        what = "Velocities in free run" if kind == "velocity" else "Filtered forces"
+        return views.themed(figure, what), {"height": f"{height}px"}
 
     def plan(
         self, drawn: dict[str, int | None] | None, log: int | None, marked: list[list[float]] | None
@@ -281,7 +294,8 @@ class Callbacks:
         figure = shown.plan(log, [(a, b) for a, b in marked or []])
         if figure is None:
             return views.NOTHING, views.HIDDEN
-        return views.themed(figure), {"height": f"{PLAN_HEIGHT}px"}
+        title = "Floor plan: where forces are left unexplained"
+        return views.themed(figure, title), {"height": f"{PLAN_HEIGHT}px"}
 
     def residual(self, drawn: dict[str, int | None] | None) -> tuple[Any, dict[str, str]]:
         """The residual over the variables that it depends on most."""
@@ -289,14 +303,16 @@ class Callbacks:
         if shown is None or not shown.about["residual"]:
             return views.NOTHING, views.HIDDEN
         height = shown.about["heights"][0]
-        return views.themed(shown.about["residual"][0]), {"height": f"{height}px"}
+        title = "Force residual over what it depends on most"
+        return views.themed(shown.about["residual"][0], title), {"height": f"{height}px"}
 
     def drive(self, drawn: dict[str, int | None] | None) -> tuple[Any, dict[str, str]]:
         """Reference and response of the controllers that were driven last."""
         shown = self._open((drawn or {}).get("drive"))
         if shown is None:
             return views.NOTHING, views.HIDDEN
-        return views.themed(shown.drive()), {"height": f"{DRIVE_HEIGHT}px"}
+        figure = views.themed(shown.drive(), "Driven: reference and response")
+        return figure, {"height": f"{DRIVE_HEIGHT}px"}
 
     def zoomed(
         self, moved: dict[str, Any] | None, log: int, drawn: object, span: list[float] | None

@@ -41,6 +41,7 @@ class Step:
     message : of a command that failed, its error line
     share : done so far, 0 to 1
     undone : whether its model was taken back
+    beside : model that its charts show beside, or ""
     """
 
     number: int
@@ -53,6 +54,7 @@ class Step:
     message: str = ""
     share: float = 0.0
     undone: bool = False
+    beside: str = ""
 
     @property
     def command(self) -> str:
@@ -70,7 +72,9 @@ _STEP: Schema = {
     "type": "object",
     "properties": {
         "number": {"type": "integer", "minimum": 1},
-        **dict.fromkeys(("kind", "title", "result", "model", "message"), {"type": "string"}),
+        **dict.fromkeys(
+            ("kind", "title", "result", "model", "message", "beside"), {"type": "string"}
+        ),
         "arguments": _NAMES,
         "state": {"enum": [WAITING, RUNNING, DONE, FAILED, CANCELLED]},
         "share": {"type": "number", "minimum": 0, "maximum": 1},
@@ -242,10 +246,25 @@ class Project:
         """Fit the base model."""
         return self._add("identify", "Identify", ["identify", *self._logs()], makes="identified")
 
-    def compare(self) -> Step:
-        """Errors of the active model."""
+    def compare(self, beside: str = "") -> Step:
+        """Errors of the active model; charts show another one beside it, by default the last.
+
+        Raises
+        ------
+        InputError
+            If the other is no model of this workbench.
+        """
+        if beside and beside not in self._models():
+            raise InputError(f"{beside!r}: is no model of this workbench")
         line = ["compare", self.model, *self._logs()]
-        return self._add("compare", f"Compare {self.model}", line)
+        step = self._add("compare", f"Compare {self.model}", line)
+        other = beside or (self.versions[-2] if len(self.versions) > 1 else "")
+        step.beside = other if other != self.model else ""
+        return step
+
+    def _models(self) -> set[str]:
+        made = {step.model for step in self.steps if step.model and step.state == DONE}
+        return {*self.versions, *made, "paper"}
 
     def diagnose(self) -> Step:
         """What the active model lacks."""
@@ -273,7 +292,7 @@ class Project:
         InputError
             If a name is not one that is offered.
         """
-        if plant not in (*self.versions, "paper"):
+        if plant not in self._models():
             raise InputError(f"{plant!r}: is no model of this workbench")
         line = ["evaluate", "--plant", plant, "--model", self.model]
         line += ["--controllers", ",".join(controllers), "--bands", "0.5-3", "--seeds", "1"]

@@ -52,6 +52,23 @@ def layout(project: Project, refresh: int) -> Any:
     )
 
 
+ACTIVE = "active"
+"""Stands for the model that is active when Drive is pressed."""
+
+
+def models_of(project: Project, first: Mapping[str, str]) -> list[dict[str, str]]:
+    """Models that can be chosen: ``first``, then all that the workbench has made, and the paper's.
+
+    Parameters
+    ----------
+    first : value and label of what stands for no model of its own
+    """
+    made = [step.model for step in project.steps if step.model and step.state == DONE]
+    names = dict.fromkeys([*project.versions, *made, "paper"])
+    labels = {**first, **{name: name.removeprefix("workbench/") for name in names}}
+    return [{"label": label, "value": value} for value, label in labels.items()]
+
+
 def _aside(project: Project, controllers: list[str]) -> list[Any]:
     from dash import dcc, html
 
@@ -71,6 +88,9 @@ def _aside(project: Project, controllers: list[str]) -> list[Any]:
         _button("Check the logs", "doctor"),
         _button("Identify", "identify"),
         _button("Compare", "compare"),
+        html.Label(
+            ["beside", dcc.Dropdown(id="beside", value="", clearable=False)], className="beside"
+        ),
         _button("Diagnose: what is missing?", "diagnose"),
         html.H2("Drive"),
         _group(
@@ -79,8 +99,10 @@ def _aside(project: Project, controllers: list[str]) -> list[Any]:
                 id="controllers", options=controllers, value=["kinematic", "computed_torque"]
             ),
         ),
-        html.Label("on the plant", htmlFor="plant"),
-        dcc.Input(id="plant", value="paper", type="text", debounce=True, className="wide"),
+        html.Label(
+            ["on the plant", dcc.Dropdown(id="plant", value=ACTIVE, clearable=False)],
+            className="beside",
+        ),
         _button("Drive", "drive"),
         html.H2("Take away"),
         *(
@@ -150,6 +172,7 @@ def panel(project: Project) -> list[Any]:
     """What follows the project: the model, the verdict, the candidates, the commands."""
     return [
         *_versions(project),
+        *_running(project),
         *_verdict(project),
         *_errors(project),
         *_cards(project),
@@ -169,6 +192,18 @@ def _versions(project: Project) -> list[Any]:
     return [html.Div([html.Strong("Model: "), *between, undo], className="versions")]
 
 
+def _running(project: Project) -> list[Any]:
+    """What is being done now: the list of commands stands further down."""
+    from dash import html
+
+    step = next((step for step in project.steps if step.is_open), None)
+    if step is None:
+        return []
+    label: dict[str, Any] = {"aria-label": f"Now: {step.title}"}
+    bar = html.Progress(value=str(step.share), max="1", **label)
+    return [html.P([html.Strong(f"{step.title} ..."), bar], className="now", role="status")]
+
+
 def _verdict(project: Project) -> list[Any]:
     """The last sentence on the active model, and what to do next."""
     from dash import html
@@ -186,18 +221,26 @@ def _verdict(project: Project) -> list[Any]:
 
 def _first_hint(project: Project) -> str:
     if not project.chosen:
-        return "Choose logs on the left, or drop them there."
-    return "Next: check the logs, then identify."
+        return "Choose logs under Logs, or drop them there."
+    checked = project.result(project.last("doctor"))
+    if checked is None:
+        return "Next: check the logs, then identify."
+    unusable = [name for name, report in checked["logs"].items() if not report["usable"]]
+    if unusable:
+        return f"{', '.join(unusable)} cannot be used: see the checks, or leave it out."
+    return "The logs can be used. Next: identify."
 
 
 def _sentences(step: Step, found: Mapping[str, Any]) -> list[str]:
     if step.kind == "diagnose":
-        return [found["headline"], *found["words"]]
+        return [found["headline"], *found["words"], *_after_diagnosis(found)]
     if step.kind == "add":
         before, after = (percent(found[name]["force_error"]) for name in ("before", "after"))
         worth = "worth it" if found["worthwhile"] else "not worth it"
         reasons = [f"Not worth it: {reason}." for reason in found["reasons"]]
-        return [f"Force error {before} → {after}: {worth}.", found["words"], *reasons]
+        onwards = "Next: compare it on a log that the fit has not seen, or drive controllers on it."
+        told = [f"Force error {before} → {after}: {worth}.", found["words"], *reasons]
+        return [*told, onwards if found["worthwhile"] else "Undo takes it away again."]
     errors = found["total"] if step.kind == "compare" else found["errors"]
     floor = found["noise_floor"] if step.kind == "compare" else errors["noise_floor"]
     error, noise = percent(errors["force_error"]), percent(floor["force_error"])
@@ -205,6 +248,16 @@ def _sentences(step: Step, found: Mapping[str, Any]) -> list[str]:
     if found.get("misfit"):
         return [line, "The model lacks something: press Diagnose to learn what."]
     return [line, "It fits."]
+
+
+def _after_diagnosis(found: Mapping[str, Any]) -> list[str]:
+    """What to press after a diagnosis."""
+    if found["missing"]:
+        name = found["missing"][0].replace("_", " ")
+        return [f'Next: "Add to the model" on the card "{name}", and watch the error fall.']
+    if found["verdict"] == "adequate":
+        return ["Next: drive controllers on the model, or take it away."]
+    return []
 
 
 def _errors(project: Project) -> list[Any]:
@@ -259,9 +312,10 @@ def _card(item: Mapping[str, Any], base: float, found: Mapping[str, Any], there:
     from dash import html
 
     name = item["effect"]
-    share = 1.0 - (item["force_error"] / base) ** 2 if base else 0.0
+    share = max(0.0, 1.0 - (item["force_error"] / base) ** 2) if base else 0.0
     sizes = [
-        f"{key} = {entry['value']:.4g} {entry['unit']}" for key, entry in item["parameters"].items()
+        f"{key} = {entry['value']:.4g} {'' if entry['unit'] == '1' else entry['unit']}".strip()
+        for key, entry in item["parameters"].items()
     ]
     marks = [
         *(["named by the diagnosis"] if name in found["missing"] else []),
@@ -271,7 +325,9 @@ def _card(item: Mapping[str, Any], base: float, found: Mapping[str, Any], there:
     return html.Div(
         [
             html.H3(name.replace("_", " ")),
-            html.P(f"takes away {max(share, 0.0):.0%} of the squares; p = {item['p_value']:.2g}"),
+            html.P(
+                f"takes away {max(share, 0.0):.0%} of the squared error; p = {item['p_value']:.2g}"
+            ),
             html.P("; ".join(sizes), className="note"),
             *(html.P(mark, className="mark") for mark in marks),
             _button("Add to the model", "add", name, disabled=there),
@@ -301,10 +357,11 @@ def _findings(project: Project) -> list[Any]:
     found = project.result(project.last("doctor"))
     rows = []
     for path, report in (found or {}).get("logs", {}).items():
-        for item in report["findings"]:
+        told = [item for item in report["findings"] if item["level"] != "info"]
+        for item in told:
             cure = f" {item['cure']}" if item.get("cure") else ""
             rows.append(html.Li([html.Code(path), f" {item['level']}: {item['message']}.{cure}"]))
-        if report["usable"] and not report["findings"]:
+        if report["usable"] and not told:
             rows.append(html.Li([html.Code(path), " nothing wrong"]))
     if not rows:
         return []
@@ -319,12 +376,16 @@ def _driven(project: Project) -> list[Any]:
     if found is None:
         return []
     rows = [
-        html.Tr([html.Td(row["controller"]), html.Td(percent(float(row["nrmse"])))])
+        html.Tr([html.Td(row["controller"]), html.Td(_tracking(row))])
         for row in found.get("results", [])
-        if row.get("nrmse") is not None
     ]
-    head = html.Thead(html.Tr([html.Th("controller"), html.Th("velocity error")]))
+    head = html.Thead(html.Tr([html.Th("controller"), html.Th("misses the reference by")]))
     return [html.H2("Driven"), html.Table([head, html.Tbody(rows)])] if rows else []
+
+
+def _tracking(row: Mapping[str, Any]) -> str:
+    error = row["metrics"]["nrmse"]["mean"]
+    return "diverges" if row["diverged"] or error is None else percent(float(error))
 
 
 def _steps(project: Project) -> list[Any]:
@@ -355,11 +416,14 @@ def _cancel(step: Step) -> Any:
     return html.Button("Cancel", id={"do": "cancel", "with": str(step.number)})
 
 
-def themed(figure: Any) -> Any:
-    """A figure for light and dark: mid-grey text and lines stand on both."""
+def themed(figure: Any, title: str = "") -> Any:
+    """A figure for light and dark: mid-grey lines stand on both; its title above the legend."""
+    heading = {"text": f"<b>{title}</b>", "x": 0.0, "xanchor": "left", "y": 1.0, "yanchor": "top",
+               "yref": "container", "pad": {"t": 4, "l": 4}, "font": {"size": 15}}  # fmt: skip
     if isinstance(figure, dict):
-        figure.setdefault("layout", {}).update(_PLAIN)
+        figure.setdefault("layout", {}).update({**_PLAIN, "title": heading})
         return figure
+    figure.update_layout(title=heading)
     figure.update_layout(**_PLAIN)
     figure.update_xaxes(gridcolor=_GRID, zerolinecolor=_ZERO)
     figure.update_yaxes(gridcolor=_GRID, zerolinecolor=_ZERO)

@@ -134,6 +134,4 @@ _DRAW = [sys.executable, "-m", "youbot_scripts.interactive.drawing"]
 
 def _before(project: Project, step: Step) -> str:
     """The model that a step started from, for a chart of before and after; "" if there is none."""
-    if step.kind != "add":
-        return ""
-    return step.arguments[1]
+    return step.arguments[1] if step.kind == "add" else step.beside

@@ -6,6 +6,7 @@ import json
 import math
 import os
 import platform
+import re
 import sys
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager, suppress
@@ -254,9 +255,14 @@ def _input_error(message: str) -> ValueError:
 # --- the terminal ----------------------------------------------------------------------------
 
 
+NO_BREAK = "\ue000"
+"""Stands for a space at which no line may end: a sign of nobody's, as wide as a space."""
+
+
 def console(json: Path | None = None) -> Console:
     """Where a command prints: standard output, or standard error if that is for the JSON."""
     from rich.console import Console
+    from rich.segment import Segment
     from rich.text import Text
 
     from youbot_env.errors import visible  # as in `_input_error`
@@ -266,6 +272,16 @@ def console(json: Path | None = None) -> Console:
             # Names of files and models, and messages of libraries, may hold a terminal's commands.
             lines = (visible(line.replace("\t", "    ")) for line in text.split("\n"))
             return super().render_str("\n".join(lines), **options)
+
+        def render(self, renderable: Any, options: Any = None) -> Iterator[Segment]:
+            if not isinstance(renderable, Text) or " %" not in renderable.plain:
+                yield from super().render(renderable, options)
+                return
+            # Rich ends a line at any kind of space; a per cent sign must not begin one.
+            kept = renderable.copy()
+            kept.plain = re.sub(r"(?<=\d) (?=%)", NO_BREAK, kept.plain)
+            for segment in super().render(kept, options):
+                yield segment._replace(text=segment.text.replace(NO_BREAK, " "))
 
         def on_broken_pipe(self) -> None:
             raise BrokenPipeError  # Rich would exit with status 1; `cli.main` returns 141

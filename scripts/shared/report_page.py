@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-import base64
+import re
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cache
@@ -16,7 +16,6 @@ from youbot_scripts.shared.tables import Table
 
 if TYPE_CHECKING:
     from jinja2 import Template
-    from matplotlib.figure import Figure
 
     from identification.figures.chart_style import Chart
 
@@ -28,14 +27,6 @@ class Words:
     sentences: Sequence[str]
     kind: str = "note"
     heading: str = ""
-
-
-@dataclass(frozen=True)
-class Picture:
-    """A figure's PNG file; name: what it shows."""
-
-    name: str
-    content: bytes
 
 
 @dataclass(frozen=True)
@@ -60,15 +51,7 @@ class Formulas:
     notes: Sequence[str]
 
 
-Part = Words | Table | Picture | Charts | Formulas
-
-
-def pictures(figures: Iterable[tuple[str, Figure]]) -> Iterator[Picture]:
-    """Named figures as pictures, one at a time, so that memory holds one figure."""
-    from identification.figures.style import png
-
-    for name, figure in figures:
-        yield Picture(name, png(figure))
+Part = Words | Table | Charts | Formulas
 
 
 def groups_of(charts: Mapping[str, Chart]) -> Iterator[Charts]:
@@ -136,7 +119,14 @@ def _template() -> Template:
     text = resources.files("youbot_scripts.shared").joinpath("page.html").read_text("utf-8")
     # Autoescape: names of logs and models are a user's, and must never be markup.
     made = jinja2.Environment(autoescape=True, trim_blocks=True, lstrip_blocks=True)
+    made.filters["unbroken"] = unbroken
     return made.from_string(text)
+
+
+def unbroken(words: str) -> str:
+    """Words whose numbers keep their per cent signs and deviations on their line."""
+    words = words.replace(" +- ", " ± ")  # a terminal may not have the sign, a page does
+    return re.sub(r"(?<=\d) (?=%)|(?<=\d) (?=±)|(?<=±) (?=[\d.])", "\u00a0", words)
 
 
 def _plotly() -> Any:
@@ -151,10 +141,6 @@ def _shown(part: Part) -> dict[str, Any]:
     """A part as the template takes it."""
     if isinstance(part, Table):
         return _table(part)
-    if isinstance(part, Picture):
-        # Pictures are part of the file, so that it can be sent alone.
-        data = base64.b64encode(part.content).decode()
-        return {"kind": "picture", "name": part.name, "data": data}
     if isinstance(part, Charts):
         charts = [_chart(chart) for chart in part.charts]
         return {

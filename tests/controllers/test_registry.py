@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import os
 import re
+import subprocess
 import sys
 from pathlib import Path
 
@@ -28,7 +30,7 @@ def at_rest() -> Observation:
 
 @pytest.mark.parametrize("name", registry.CONTROLLERS)
 def test_every_name_stands_for_a_controller(name: str):
-    """It accelerates a platform at rest towards the reference, within the limit, and forgets."""
+    """It pushes a platform at rest towards the reference, within the limit, and can forget."""
     model, loop = load_model("paper"), Loop(torque_limit=1.5)
     controller = registry.build(name, model, loop, **DESIGNED.get(name, {}))
     assert isinstance(controller, Controller)
@@ -41,6 +43,40 @@ def test_every_name_stands_for_a_controller(name: str):
     controller(at_rest(), REFERENCE)
     controller.reset()
     np.testing.assert_array_equal(controller(at_rest(), REFERENCE), first)
+    # A lost measurement, of a wheel and so of the twist, must reach no drive, then or later.
+    speed, twist = np.array([0.0, np.nan, 0.0, 0.0]), np.full(3, np.nan)
+    for observation in (Observation(0.0, speed, twist, None, np.zeros(4)), at_rest(), at_rest()):
+        assert np.isfinite(controller(observation, REFERENCE)).all()
+
+
+FIRST_STEPS = """
+import time
+import numpy as np
+from controllers import registry
+from controllers.interface import Loop, Observation, Reference
+from youbot_env.model.model_file import load_model
+
+model = load_model("paper").with_effect("cable_drag", force=1.0)
+adaptive = registry.build("adaptive", model, Loop(torque_limit=1.5))
+rng, longest = np.random.default_rng(0), 0.0
+for k in range(300):
+    ahead = rng.uniform(-0.3, 0.3, (41, 3))
+    reference = Reference(ahead[0], np.zeros(3), ahead[1:], np.zeros((40, 3)))
+    observation = Observation(0.001 * k, rng.standard_normal(4), rng.uniform(-0.3, 0.3, 3))
+    start = time.process_time()
+    adaptive(observation, reference)
+    longest = max(longest, time.process_time() - start)
+print(longest)
+"""
+
+
+@pytest.mark.slow
+def test_adaptive_has_compiled_all_that_it_needs_when_it_is_built(tmp_path: Path):
+    """With no compiled code at hand no step takes long: compiling takes more than a second."""
+    environment = {**os.environ, "YOUBOT_CACHE_DIR": str(tmp_path)}
+    line = [sys.executable, "-c", FIRST_STEPS]
+    done = subprocess.run(line, env=environment, capture_output=True, text=True, check=True)
+    assert float(done.stdout) < 0.05
 
 
 @pytest.mark.parametrize("name", ["kinematik", "kinematic "])

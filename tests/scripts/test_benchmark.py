@@ -6,13 +6,18 @@ import json
 
 import pytest
 
+from tests.scripts.test_reports import charts, stands_alone, visible
 from youbot_scripts.cli import main
 
 
 def test_measures_and_writes_what_it_measured(tmp_path, capsys):
     path = tmp_path / "speed.json"
     asked = ["benchmark", "--quick", "--copies", "2,64", "--threads", "1", "--effects", "1"]
-    assert main([*asked, "--json", str(path)]) == 0
+    report = tmp_path / "speed.html"
+    assert main([*asked, "--json", str(path), "--report", str(report)]) == 0
+    page = report.read_text()
+    assert stands_alone(page) and charts(page) == {"rates", "ratios"}
+    assert "One environment:" in visible(page) and "64 at once, 1 effect" in page
     found = json.loads(path.read_text())
     rows = [(row["case"], row["copies"], row["effects"]) for row in found["speeds"]]
     assert rows == [("one environment", 1, 0), ("batch", 2, 0), ("batch", 64, 0), ("batch", 64, 1)]

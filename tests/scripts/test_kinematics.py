@@ -11,6 +11,7 @@ import pytest
 from identification.logs.writing import write_table
 from tests.identification.kinematics.made_platforms import Made, made
 from tests.identification.shared_data import DATA
+from tests.scripts.test_reports import charts, stands_alone, visible
 from youbot_env.model.model_file import load_geometry
 from youbot_env.physics.geometry import WHEELS, Geometry
 from youbot_scripts.cli import main
@@ -29,7 +30,12 @@ def write_motion(path: Path, factor: float = 1.0, **what: float) -> None:
 def test_finds_writes_and_its_geometry_is_taken(tmp_path: Path, capsys: pytest.CaptureFixture):
     log, out, target = (tmp_path / name for name in ("run.csv", "f.json", "g.json"))
     write_motion(log, delay=0.03)
-    assert main(["kinematics", str(log), "-o", str(target), "--json", str(out)]) == 0
+    report = tmp_path / "page.html"
+    line = ["kinematics", str(log), "-o", str(target), "--json", str(out)]
+    assert main([*line, "--report", str(report)]) == 0
+    page = report.read_text()
+    assert stands_alone(page) and charts(page) == {"lengths", "wheels", "way", "speeds"}
+    assert "R 49.9" in visible(page) and " mm" in visible(page) and "delay [ms]" in page
     found = json.loads(out.read_text())
     assert set(found["parameters"]) >= {"R", "L", "delay", "frame_yaw"}
     assert found["parameters"]["R"]["value"] == pytest.approx(PLATFORM.R, rel=0.005)

@@ -51,7 +51,7 @@ def run(folder: Path, command: str, *arguments: object) -> tuple[str, dict[str, 
 def visible(page: str) -> str:
     """A page's text without tags, pictures and scripts."""
     body = re.sub(r"(?s)<script.*?</script>", "", page[page.index("<body>") :])
-    return html.unescape(re.sub(r"<[^>]*>", " ", body))
+    return html.unescape(re.sub(r"<[^>]*>", " ", body)).replace("\u00a0", " ")
 
 
 def stands_alone(page: str) -> bool:

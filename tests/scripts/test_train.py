@@ -256,7 +256,7 @@ def test_the_best_policy_is_kept(tmp_path, monkeypatch):
 
 def test_the_command_trains_tests_and_resumes(tmp_path, capsys, monkeypatch):
     monkeypatch.chdir(tmp_path)
-    arguments = command("ppo", "--seed", "5", "--output", "run", "--json", "r.json")
+    arguments = command("ppo", "--seed", "5", "-o", "run", "--json", "r.json")
     assert main([*arguments, "--tensorboard"]) == 0
     printed = capsys.readouterr().out
     assert "kinematic" in printed and "run/policy.json" in printed

@@ -96,6 +96,8 @@ DEFAULTS = {
     "seed": "of random numbers: any is as good",
     "cycles": "one curve over a whole turn",
     "dt": "sample time of ideal motions",
+    **dict.fromkeys(("panels", "series"), "of a chart: one"),
+    "beside": "of a mark: not moved",
     "cutoff": "of words that describe a direction",
 }
 """Arguments whose default may be a number, and why."""

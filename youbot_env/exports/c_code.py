@@ -211,9 +211,19 @@ def c_function(head: str, formulas: Formulas, places: Mapping[str, str], out: Se
     places : where each argument of the formulas stands, ``p->m0`` or ``state[YOUBOT_STATE_YAW]``
     out : where the results go; () returns the one that there is
     """
+    return c_lines(head, *_shared(formulas), places, out)
+
+
+def c_lines(
+    head: str,
+    parts: Sequence[tuple[Any, Any]],
+    values: Sequence[Any],
+    places: Mapping[str, str],
+    out: Sequence[str],
+) -> str:
+    """:func:`c_function` of values in terms of parts that are computed first, in their order."""
     import sympy
 
-    parts, values = replace(formulas, results=_whole(formulas.results)).shared("e")
     expressions = [*(expression for _, expression in parts), *values]
     read = {symbol for expression in expressions for symbol in expression.free_symbols}
     # Parameters are read where they stand; of the rest a local name reads better than an index.
@@ -234,6 +244,54 @@ def c_function(head: str, formulas: Formulas, places: Mapping[str, str], out: Se
     silenced = [f"(void){name};" for name in arguments if not re.search(rf"\b{name}\b", written)]
     inside = [f"    {line}" for line in (*lines, *silenced, *body)]
     return "\n".join([head, "{", *inside, "}"])
+
+
+def _shared(formulas: Formulas) -> tuple[list[tuple[Any, Any]], list[Any]]:
+    """Common subexpressions and results of formulas."""
+    return replace(formulas, results=_whole(formulas.results)).shared("e")
+
+
+def split(
+    formulas: Formulas, names: Sequence[str]
+) -> tuple[list[tuple[Any, Any]], list[tuple[Any, Any]], list[Any]]:
+    """What of formulas stays when some arguments change: fixed parts, moving parts, results.
+
+    Moving parts and results name fixed ones, and nothing but sums and products of them with what
+    follows from the changing arguments is left to be computed again.
+    """
+    import sympy
+
+    parts, values = _shared(formulas)
+    moving = {sympy.Symbol(name, real=True) for name in names}
+    fixed: list[tuple[Any, Any]] = []
+    left: list[tuple[Any, Any]] = []
+    computed: set[Any] = set()
+    symbols_ = sympy.numbered_symbols("f", real=True)
+
+    def moves(expression: Any) -> bool:
+        return bool(expression.free_symbols & moving)
+
+    def kept(expression: Any) -> Any:
+        if not moves(expression):
+            if expression.is_number or expression in computed:
+                return expression
+            fixed.append((next(symbols_), expression))
+            computed.add(fixed[-1][0])
+            return fixed[-1][0]
+        if not (expression.is_Add or expression.is_Mul):
+            return expression.func(*map(kept, expression.args)) if expression.args else expression
+        still = [part for part in expression.args if not moves(part)]
+        others = [kept(part) for part in expression.args if moves(part)]
+        return expression.func(*([kept(expression.func(*still))] if still else []), *others)
+
+    for symbol, expression in parts:
+        if moves(expression):
+            left.append((symbol, kept(expression)))
+            moving.add(symbol)
+        else:
+            fixed.append((symbol, expression))
+            computed.add(symbol)
+    return fixed, left, [kept(value) for value in values]
 
 
 def _whole(results: Sequence[object]) -> tuple[object, ...]:
@@ -386,12 +444,24 @@ class _Parts:
         formulas = demand_formulas(
             self.structure, dynamics, self._lengths(), self._theta(), motion, torques
         )
-        head = (
-            "static void demanded_torque(const youbot_parameters *p, const youbot_motion *motion,\n"
+        fixed, left, values = split(formulas, torques)
+        expressions = [*(expression for _, expression in left), *values]
+        own = {symbol for symbol, _ in left} | set(real_symbols(torques))
+        read = {symbol for expression in expressions for symbol in expression.free_symbols}
+        kept = sorted(read - own, key=str)
+        at = {str(symbol): f"fixed[{k}]" for k, symbol in enumerate(kept)}
+        preparing = c_lines(
+            "static void fixed_demand(const youbot_parameters *p, const youbot_motion *motion,\n"
+            "                         double fixed[FIXED])",
+            fixed, kept, places, [*at.values()],
+        )  # fmt: skip
+        demanding = c_lines(
+            "static void demanded_torque(const double fixed[FIXED],\n"
             "                            const double torque[YOUBOT_JOINTS],\n"
-            "                            double demanded[YOUBOT_JOINTS])"
-        )
-        return c_function(head, formulas, places, _array("demanded", torques))
+            "                            double demanded[YOUBOT_JOINTS])",
+            left, values, {**places, **at}, _array("demanded", torques),
+        )  # fmt: skip
+        return f"enum {{ FIXED = {max(len(kept), 1)} }};\n\n{preparing}\n\n{demanding}"
 
     def _motion(self) -> tuple[list[str], dict[str, str]]:
         """Names of what a motion is at one instant, in order, and where each stands in C."""

@@ -29,6 +29,9 @@ LANES = 64
 TORQUE, DURATION, COEFFICIENTS = 0, 4, 5
 """Fields of the workspace ``w``: torques at the interface, length of a step [s], coefficients."""
 
+DRAWS = ("internal", "admissible")
+"""Generated functions that serve the draw of an episode's model: always in double precision."""
+
 STAGES = ("ka", "kb", "kc", "kd")
 """Names of the four slopes of a step in generated code."""
 

@@ -17,6 +17,7 @@ from typing import Any
 import numpy as np
 from numba.core import types
 from numba.extending import intrinsic
+from numba.np.arrayobj import make_array
 
 from youbot_env.caching import njit
 
@@ -61,12 +62,76 @@ def _pointer(typing, address):
     return types.voidptr(types.intp), generate
 
 
+def _taken_before(typing, taken, more):
+    """What stood in an array's first number before ``more`` was added, at once for all threads."""
+
+    def generate(context, builder, signature, arguments):
+        array = make_array(signature.args[0])(context, builder, arguments[0])
+        return builder.atomic_rmw("add", array.data, arguments[1], "seq_cst")
+
+    return types.int64(taken, types.int64), generate
+
+
+def _apart(builder, instruction, own, other):
+    """Say of a load or store that it never touches what the other kind touches."""
+    module = builder.module
+    domain = module.add_metadata(["youbot"])
+    scopes = {name: module.add_metadata([name, domain]) for name in ("youbot in", "youbot out")}
+    instruction.set_metadata("alias.scope", module.add_metadata([scopes[own]]))
+    instruction.set_metadata("noalias", module.add_metadata([scopes[other]]))
+
+
+def _given(typing, array, i):
+    """Number i of an array, i at least 0, that no ``put`` of the same loop writes elsewhere."""
+
+    def generate(context, builder, signature, arguments):
+        kind = signature.args[0]
+        data = make_array(kind)(context, builder, arguments[0]).data
+        place = builder.gep(data, [arguments[1]], inbounds=True)
+        found = context.unpack_value(builder, kind.dtype, place)
+        _apart(builder, found, "youbot in", "youbot out")
+        return found
+
+    return array.dtype(array, types.intp), generate
+
+
+def _put(typing, array, i, value):
+    """Write number i of an array, i at least 0, that no ``given`` of the same loop reads."""
+
+    def generate(context, builder, signature, arguments):
+        kind = signature.args[0]
+        data = make_array(kind)(context, builder, arguments[0]).data
+        place = builder.gep(data, [arguments[1]], inbounds=True)
+        written = builder.store(context.get_value_as_data(builder, kind.dtype, arguments[2]), place)
+        _apart(builder, written, "youbot out", "youbot in")
+
+    return types.void(array, types.intp, array.dtype), generate
+
+
 Compiled = Callable[..., Any]
 
 fma: Compiled = intrinsic(_fma)  # pyright: ignore[reportAssignmentType, reportCallIssue]
+taken_before: Compiled = intrinsic(_taken_before)  # pyright: ignore[reportAssignmentType, reportCallIssue]
+given: Compiled = intrinsic(_given)  # pyright: ignore[reportAssignmentType, reportCallIssue]
+put: Compiled = intrinsic(_put)  # pyright: ignore[reportAssignmentType, reportCallIssue]
 pointer: Compiled = intrinsic(_pointer)  # pyright: ignore[reportAssignmentType, reportCallIssue]
 bits_of: Compiled = intrinsic(_bits_of)  # pyright: ignore[reportAssignmentType, reportCallIssue]
 number_of: Compiled = intrinsic(_number_of)  # pyright: ignore[reportAssignmentType, reportCallIssue]
+
+
+@njit(cache=True, error_model="numpy", forceinline=True)
+def ticks(n, turn, bits):
+    """Turns of a clock that makes ``turn`` of a turn a tick, after n ticks.
+
+    ``bits``: the same in units of 2^-64, for single precision.
+    """
+    return real(n) * turn
+
+
+@njit(cache=True, error_model="numpy", forceinline=True)
+def turns_of_tone(phase, harmonic, clock):
+    """Turns of a tone from its phase [turns / 65536], its harmonic and ``ticks``."""
+    return fma(real(harmonic), clock, real(phase) * 1.52587890625e-05)
 
 
 @njit(cache=True, error_model="numpy", forceinline=True)

@@ -234,7 +234,7 @@ def _hold_weights(lags: Array, duration: float) -> tuple[Array, Array, Array]:
     return decay, (1.0 - decay) - end, end
 
 
-def plant_substeps(model: Model, duration: float) -> int:
+def plant_substeps(model: Model, duration: float, fineness: float = SMOOTH_FINENESS) -> int:
     """Runge-Kutta steps per ``duration`` [s] that keep what ``Plant`` promises."""
     drives = {
         name: values
@@ -243,4 +243,4 @@ def plant_substeps(model: Model, duration: float) -> int:
     }
     # The whole model at the usual fineness; what is smooth SMOOTH_FINENESS times finer.
     smooth = replace(model, effects=drives, covariance=None, covariance_names=())
-    return max(substeps(smooth, SMOOTH_FINENESS * duration), substeps(model, duration))
+    return max(substeps(smooth, fineness * duration), substeps(model, duration))

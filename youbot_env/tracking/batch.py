@@ -38,6 +38,8 @@ from youbot_env.tracking.task import REWARD_TERMS, reference_table
 from youbot_env.tracking.workers import WORKERS
 
 Array = NDArray[np.float64]
+Numbers = NDArray[np.floating[Any]]
+"""Of a setup's precision."""
 
 ROWS_A_THREAD = 2048
 """Fewer rows than this do not pay for a thread: handing over takes 10 us and, where the cores are
@@ -159,13 +161,13 @@ class Batch:
         self._own: dict[int, int] = {}
         if setup.reference is not None:
             self._add_table(setup.reference)
-        self._kernel: Any = period_kernel(self.structure)
+        self._kernel: Any = period_kernel(self.structure, setup.single)
         self._place()
 
     def _settings(self, model: Model, autoreset: int) -> None:
         """The numbers that compiled code reads, in the order of ``period_lanes``."""
         setup, task, sensors = self.setup, self.setup.task, self.setup.sensors
-        numbers = np.zeros(lanes.NUMBERS)
+        numbers = np.zeros(lanes.NUMBERS, setup.real)
         numbers[lanes.PERIOD] = setup.period
         numbers[lanes.TURN] = setup.period / self._reference.period
         numbers[lanes.RAMP] = task.ramp
@@ -190,7 +192,9 @@ class Batch:
         whole[lanes.ANGLES] = len(mechanism.velocity_state) + len(mechanism.pose_state)
         whole[lanes.KIND] = self._draws.kind
         whole[lanes.FIRST], whole[lanes.LAST] = self._reference.first, self._reference.last
-        self._numbers, self._whole, self._lengths = numbers, whole, model.lengths
+        whole[lanes.TURN_BITS] = int(setup.period / self._reference.period * 2**64) & MASK >> 1
+        self._numbers, self._whole = numbers, whole
+        self._lengths = np.asarray(model.lengths, setup.real)
 
     def _periods_late(self) -> int:
         """Control periods by which the model may delay torques, at most; 0 without such effects."""
@@ -208,19 +212,19 @@ class Batch:
         fields = int(whole[lanes.STATES]) + len(self.structure.parameter_names)
         task = 3 + 3 * int(whole[lanes.PREVIEW] + 1) + 4 * int(whole[lanes.ACTIONS])
         task += 4 * int(whole[lanes.WINDOW]) if self.setup.sensors.resolution else 0
-        self._x = np.zeros((blocks, fields * LANES))
-        self._y = np.zeros((blocks, task * LANES))
+        self._x = np.zeros((blocks, fields * LANES), self.setup.real)
+        self._y = np.zeros((blocks, task * LANES), self.setup.real)
         self._z = np.zeros((blocks, 6 * int(whole[lanes.TONES]) * LANES), np.uint16)
         self._k = np.zeros((blocks, lanes.COUNTERS * LANES), np.int64)
         self._k.reshape(blocks, lanes.COUNTERS, LANES)[:, lanes.PENDING] = 1
         self._k.reshape(blocks, lanes.COUNTERS, LANES)[:, lanes.TABLE] = -1
         wanted = usual_threads() if threads is None else threads
         self._threads = max(1, min(wanted, self.platforms // ROWS_A_THREAD, blocks))
-        edges = np.linspace(0, blocks, self._threads + 1).astype(int) * LANES
-        edges[-1] = self.platforms
-        self._parts = [(int(a), int(b)) for a, b in zip(edges[:-1], edges[1:], strict=True)]
-        self._tick = 0
-        self._ended = np.zeros(self.platforms)
+        # Twice as many parts as threads: one that comes late leaves the others enough to do.
+        count = min(2 * self._threads, blocks) if self._threads > 1 else 1
+        edges = [blocks * part // count * LANES for part in range(count)]
+        self._parts = list(zip(edges, [*edges[1:], self.platforms], strict=True))
+        self._tick, self._taken = 0, np.zeros((1, 1), np.int64)
         self._places: list[NDArray[np.int64]] = []
         self._pool = [self._new_results()]
         self.results = self._pool[0]
@@ -229,7 +233,7 @@ class Batch:
         if whole[lanes.RESETS] == lanes.SAME_STEP:
             self._final = np.zeros(self.results.observation.shape, np.float32)
             self._final_report = np.zeros_like(self.results.report)
-        self._work: list[tuple[Array, Array]] = []
+        self._work: list[tuple[Numbers, Numbers]] = []
 
     def _new_results(self) -> Results:
         return Results.empty(self.platforms, self.setup.task.observation_size, self.reports)
@@ -245,7 +249,7 @@ class Batch:
         self._reference_draws = (
             *(reference.peaks, reference.limits),
             np.ascontiguousarray(self.geometry.wheel_jacobian),
-            reference.sines,
+            reference.steps,
         )
 
     @property
@@ -299,11 +303,21 @@ class Batch:
         counters[at[0], lanes.PENDING, at[1]] = lanes.BEGIN
         self.results = self._renewed()
         self.results.reward[rows] = 0.0
-        self._begin_part(self.results, 0, (0, self.platforms), state)
+        self._begin_rows(self.results, state)
         self.results.over[:, rows] = False
 
-    def _begin_part(self, shown: Results, number: int, rows: tuple[int, int], state: Array) -> None:
+    def _begin_rows(self, shown: Results, state: Array) -> None:
         """Begin the episodes of the rows whose counters ask for it."""
+        # A part is taken by whoever comes first: the next one of an iterator is one operation.
+        parts = iter(self._parts)
+
+        def begin(number: int) -> None:
+            for rows in parts:
+                self._begin_part(shown, state, number, rows)
+
+        WORKERS.share([lambda n=n: begin(n) for n in range(self._threads)])
+
+    def _begin_part(self, shown: Results, state: Array, number: int, rows: tuple[int, int]) -> None:
         w, v = self._workspace(number)
         lanes.draw_references(self._y, self._z, self._k, self._whole, *self._reference_draws, *rows)
         self._kernel.begin_rows(
@@ -311,7 +325,7 @@ class Batch:
             self._whole, self._lengths, self._model_draws, state, shown.columns, shown.report,
             self._final, self._final_report, *rows,
         )  # fmt: skip
-        self._period(NO_ACTION, shown, number, rows, 0)
+        self._period(NO_ACTION, shown, 0, number, rows)
 
     def begin_alone(
         self,
@@ -378,11 +392,10 @@ class Batch:
             self._pool.append(results)
         return results
 
-    def _workspace(self, number: int) -> tuple[Array, Array]:
+    def _workspace(self, number: int) -> tuple[Numbers, Numbers]:
         while len(self._work) <= number:
-            self._work.append(
-                (np.zeros(self._kernel.workspace * LANES), np.zeros(lanes.WORK * LANES))
-            )
+            sizes, real = (self._kernel.workspace * LANES, lanes.WORK * LANES), self.setup.real
+            self._work.append((np.zeros(sizes[0], real), np.zeros(sizes[1], real)))
         return self._work[number]
 
     # Stepping -----------------------------------------------------------------------------------
@@ -403,15 +416,15 @@ class Batch:
             if bad >= 0:
                 raise reject(action, bad)
             action = action.astype(np.float32)
-        shown, parts = self._free_results(), self._parts
+        shown = self._free_results()
         self._tick += 1
-        if len(parts) == 1:
-            begins = self._period(action, shown, 0, parts[0], 1)
+        if self._threads == 1:
+            begins = self._period(action, shown, 1)
             if begins < 0:
                 self._tick -= 1
                 raise reject(action, -1 - begins)
             if begins:
-                self._begin_part(shown, 0, parts[0], self._start)
+                self._begin_rows(shown, self._start)
         else:
             self._step_parts(action, shown)
         self.results = shown
@@ -422,29 +435,36 @@ class Batch:
         if bad >= 0:
             self._tick -= 1
             raise reject(action.astype(float), bad)
+        self._taken[0] = 0
+        begins = [0] * self._threads
 
         def step(number: int) -> None:
-            rows = self._parts[number]
-            if self._period(action, shown, number, rows, 2):
-                self._begin_part(shown, number, rows, self._start)
+            begins[number] = self._period(action, shown, lanes.SHARED, number)
 
-        WORKERS.run([lambda n=n: step(n) for n in range(len(self._parts))])
+        WORKERS.share([lambda n=n: step(n) for n in range(self._threads)])
+        if any(begins):
+            self._begin_rows(shown, self._start)
 
     def _period(
-        self, action: NDArray[Any], shown: Results, number: int, rows: tuple[int, int], moves: int
+        self,
+        action: NDArray[Any],
+        shown: Results,
+        moves: int,
+        number: int = 0,
+        rows: tuple[int, int] | None = None,
     ) -> int:
         return self._kernel.period(
             *(action, self._places[number], self._tick, moves, shown.columns, shown.reward),
-            *(shown.over, shown.report, rows[0], rows[1]),
+            *(shown.over, shown.report, *(rows or (0, self.platforms))),
         )
 
     def _place(self) -> None:
         """List the addresses of the arrays anew: after one was replaced, and in a copy."""
         self._places = []
-        for number in range(len(self._parts)):
+        for number in range(self._threads):
             w, v = self._workspace(number)
             arrays = (self._x, self._y, self._z, self._k, self._table, self._numbers)
-            more = (self._lengths, w, v, self._ended, self._whole.reshape(1, -1))
+            more = (self._lengths, w, v, self._whole.reshape(1, -1), self._taken)
             listed = np.zeros((11, lanes.PLACE), np.int64)
             for place, array in zip(listed, (*arrays, *more), strict=True):
                 assert array.flags.c_contiguous
@@ -539,7 +559,7 @@ class Batch:
 
     def __setstate__(self, state: dict[str, Any]) -> None:
         self.__dict__.update(state)
-        self._kernel = period_kernel(self.structure)
+        self._kernel = period_kernel(self.structure, self.setup.single)
         self._place()
 
 

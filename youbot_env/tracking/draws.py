@@ -128,7 +128,7 @@ class ReferenceDraws:
     period : of the lowest harmonic [s]
     first, last : harmonics of the band
     peaks (3,), limits (2,) : see ``episode_draws.draw_reference``
-    sines : its table
+    steps : points on which its peak is sought
     duration, ramp : of the motion [s]
     """
 
@@ -138,7 +138,7 @@ class ReferenceDraws:
     last: int
     peaks: Array
     limits: Array
-    sines: Array
+    steps: int
     duration: float
     ramp: float
 
@@ -164,7 +164,7 @@ def reference_draws(task: TrackingTask, duration: float, geometry: Geometry) -> 
         last=last,
         peaks=np.array(task.amplitude, float),
         limits=np.array([limits.wheel_speed, limits.body_speed]),
-        sines=np.sin(2 * np.pi * np.arange(steps + steps // 4) / steps),
+        steps=steps,
         duration=duration + 2 * task.ramp,
         ramp=task.ramp,
     )

@@ -10,7 +10,7 @@ import gymnasium as gym
 import numpy as np
 from gymnasium import spaces
 from gymnasium.error import ResetNeeded
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike, DTypeLike, NDArray
 
 from youbot_env.contact.settings import Contact
 from youbot_env.errors import InputError
@@ -83,8 +83,9 @@ class YouBotTrackingEnv(gym.Env[NDArray[np.float32], NDArray[np.float32]]):
     rest over `ramp` seconds. A delayed actuator's queue holds zero torque.
 
     ## Episode End
-    Truncation: after `episode_length` seconds (10 s, 1000 steps). Termination: only when the twist
-    is not finite or beyond 5 times its scale (4 m/s, 13 rad/s), where no platform can be.
+    Truncation: after `episode_length` seconds (10 s, 1000 steps); `max_episode_steps` of
+    `gym.make` can end it before that, not after. Termination: only when the twist is not finite or
+    beyond 5 times its scale (4 m/s, 13 rad/s), where no platform can be.
 
     ## Information
     | Key                                         | Shape   | Meaning                              |
@@ -134,6 +135,7 @@ class YouBotTrackingEnv(gym.Env[NDArray[np.float32], NDArray[np.float32]]):
     | `control_rate`       | 100.0            | Hz                                                 |
     | `reward_weights`     | None             | weights by term, others keep their default         |
     | `reward_margins`     | None             | margins by term, others keep their default         |
+    | `dtype`              | "float64"        | "float32": half the memory, docs/environment.md    |
     | `render_mode`        | None             | "rgb_array" or "human" (needs the extra `render`)  |
 
     A bound of `randomise` is a number in SI units or a share of the model's own value: `{"aX":
@@ -176,6 +178,7 @@ class YouBotTrackingEnv(gym.Env[NDArray[np.float32], NDArray[np.float32]]):
         control_rate: float = 100.0,
         reward_weights: Mapping[str, float] | None = None,
         reward_margins: Mapping[str, float] | None = None,
+        dtype: DTypeLike = "float64",
         render_mode: str | None = None,
         **unknown: Any,
     ) -> None:
@@ -204,6 +207,7 @@ class YouBotTrackingEnv(gym.Env[NDArray[np.float32], NDArray[np.float32]]):
             control_rate=control_rate,
             reward_weights=reward_weights,
             reward_margins=reward_margins,
+            dtype=dtype,
         )
         self._rows = Batch(setup) if setup.contact is None else ContactRow(setup)
         self._steps_left = 0

@@ -12,7 +12,8 @@ import numpy as np
 
 from youbot_env.caching import njit
 from youbot_env.motions.multisine import PEAK_BOUND
-from youbot_env.simulation.lane_math import bits_of, fma, number_of, sine_of_turns
+from youbot_env.simulation import lane_math_single as single
+from youbot_env.simulation.lane_math import bits_of, fma, given, number_of, put, sine_of_turns
 from youbot_env.tracking.random_numbers import MODEL, REFERENCE, words
 
 FIXED, UNIFORM, NORMAL = 0, 1, 2
@@ -95,39 +96,53 @@ def _harmonics(tones, first, last, key, episode, out):
 
 @njit(cache=True, error_model="numpy", nogil=True)
 def _largest(values):
-    """The largest of numbers that are not negative."""
-    # Such numbers are in the order of their bits, and a search among whole numbers vectorises.
-    best = np.int64(0)
+    """The largest size of numbers, of single or double precision."""
+    # Numbers that are not negative are in the order of their bits, and a search among whole numbers
+    # vectorises.
+    best = bits_of(abs(values[0]))
     for m in range(len(values)):
-        bits = bits_of(values[m])
+        bits = bits_of(abs(values[m]))
         best = bits if bits > best else best
     return number_of(best)
 
 
 @njit(cache=True, error_model="numpy", nogil=True)
-def _flattest(tried, sines, harmonic, row, sine, cosine):
-    """Number of the phases (draws, tones) [turns] that make the flattest sum of unit tones."""
-    steps = (len(sines) * 4) // 5
-    quarter, points, tones = steps // 4, steps // COARSE, len(harmonic)
+def _padded(length):
+    """A length at which loops that take many numbers at a time leave no rest."""
+    return -(-length // 64) * 64
+
+
+@njit(cache=True, error_model="numpy", nogil=True)
+def _flattest(tried, points, harmonic, work):
+    """Number of the phases (draws, tones) [turns] that make the flattest sum of unit tones.
+
+    Sums are in single precision, at ``points`` of a period, and phases count to a step of the finer
+    grid: enough to choose. ``work``: see ``draw_reference``.
+    """
+    sine, cosine, row, a, b = work
+    draws, tones = tried.shape
     for tone in range(tones):
-        at, step = 0, (np.int64(harmonic[tone]) * COARSE) % steps
-        for m in range(points):
-            sine[tone, m], cosine[tone, m] = sines[at], sines[at + quarter]
-            at += step
-            at = at - steps if at >= steps else at
-    best, lowest = 0, np.inf
-    for d in range(len(tried)):
-        for m in range(points):
-            row[m] = 0.0
-        for tone in range(tones):
-            at = np.int64(tried[d, tone] * steps)  # to a step: enough to choose the flattest
-            a, b = sines[at + quarter], sines[at]
-            s, c = sine[tone], cosine[tone]
-            for m in range(points):
-                row[m] = fma(a, s[m], fma(b, c[m], row[m]))
-        for m in range(points):
-            row[m] = abs(row[m])
-        highest = _largest(row[:points])
+        step, s, c = harmonic[tone] / points, sine[tone], cosine[tone]
+        for m in range(len(s)):
+            turns = step * np.float64(m)
+            turns = turns - np.rint(turns)
+            put(s, m, single.sine_of_turns(np.float32(turns)))
+            put(c, m, single.sine_of_turns(np.float32(turns + 0.25)))
+        for d in range(draws):
+            turns = np.floor(tried[d, tone] * points * COARSE) / (points * COARSE)
+            a[tone, d] = single.sine_of_turns(np.float32(turns + 0.25))
+            b[tone, d] = single.sine_of_turns(np.float32(turns))
+    best, lowest = 0, np.float32(np.inf)
+    for d in range(draws):
+        row[:] = 0.0
+        # Two tones at a time: half the passes over the row. Those beyond the last are zero.
+        for tone in range(0, len(sine), 2):
+            p, q, r, t = a[tone, d], b[tone, d], a[tone + 1, d], b[tone + 1, d]
+            s, c, z, w = sine[tone], cosine[tone], sine[tone + 1], cosine[tone + 1]
+            for m in range(len(row)):
+                sums = fma(p, given(s, m), fma(q, given(c, m), given(row, m)))
+                put(row, m, fma(r, given(z, m), fma(t, given(w, m), sums)))
+        highest = _largest(row)
         if highest < lowest:
             best, lowest = d, highest
     return best
@@ -135,7 +150,7 @@ def _flattest(tried, sines, harmonic, row, sine, cosine):
 
 @njit(cache=True, error_model="numpy", nogil=True)
 def draw_reference(
-    tones, first, last, peaks, limits, jacobian, sines, key, episode, phase, harmonic, gain
+    tones, first, last, peaks, limits, jacobian, steps, key, episode, phase, harmonic, gain
 ):
     """Random multisine of three axes, as ``motions.multisine``: see there.
 
@@ -144,14 +159,22 @@ def draw_reference(
     tones, first, last : tones an axis, and the band's lowest and highest harmonic
     peaks (3,), limits (2,) : wanted peaks [m/s, m/s, rad/s]; of wheel speed [rad/s] and speed [m/s]
     jacobian (4, 3) : wheel rates per twist
-    sines (N + N / 4,) : of a turn in N steps, and a quarter more for cosines; N is a multiple of 4
+    steps : points on which a peak is sought, a multiple of ``COARSE``
     phase, harmonic (3 tones,), gain (3,) : filled; phases in turns, multiples of 1 / PHASES
     """
-    steps = (len(sines) * 4) // 5
     drawn = _harmonics(tones, first, last, key, episode, harmonic)
-    values, row = np.empty((3, steps)), np.empty(steps)
-    sine, cosine = np.empty((tones, steps // COARSE)), np.empty((tones, steps // COARSE))
+    # Points beyond the period's end are those of its beginning again.
+    length, coarse = _padded(steps), _padded(steps // COARSE)
+    values, row = np.empty((3, length)), np.empty(length)
     tried = np.empty((PHASE_DRAWS, tones))
+    even = tones + tones % 2
+    work = (
+        np.zeros((even, coarse), np.float32),
+        np.zeros((even, coarse), np.float32),
+        np.empty(coarse, np.float32),
+        np.zeros((even, PHASE_DRAWS), np.float32),
+        np.zeros((even, PHASE_DRAWS), np.float32),
+    )
     for axis in range(3):
         for tone in range(tones):
             for d in range(0, PHASE_DRAWS, 4):
@@ -160,29 +183,27 @@ def draw_reference(
                 for k in range(4):
                     tried[d + k, tone] = np.float64(four[k] >> np.uint64(16)) / PHASES
         own = harmonic[axis * tones : (axis + 1) * tones]
-        best = _flattest(tried, sines, own, row, sine, cosine)
+        best = _flattest(tried, steps // COARSE, own, work)
         found = values[axis]
-        for m in range(steps):
+        for m in range(length):
             found[m] = 0.0
         for tone in range(tones):
             turns, step = tried[best, tone], own[tone] / steps
             phase[axis * tones + tone] = turns
-            for m in range(steps):
+            for m in range(length):
                 found[m] += sine_of_turns(fma(step, np.float64(m), turns))
-        for m in range(steps):
-            row[m] = abs(found[m])
-        gain[axis] = peaks[axis] / (PEAK_BOUND * _largest(row))
+        gain[axis] = peaks[axis] / (PEAK_BOUND * _largest(found))
     # One factor for all axes keeps their proportions.
     x, y, z = PEAK_BOUND * gain[0], PEAK_BOUND * gain[1], PEAK_BOUND * gain[2]
     forward, left, turn = values[0], values[1], values[2]
-    for m in range(steps):
+    for m in range(length):
         a, b = x * forward[m], y * left[m]
         row[m] = a * a + b * b
     excess = max(1.0, math.sqrt(_largest(row)) / limits[1])
     for wheel in range(4):
         a, b, c = x * jacobian[wheel, 0], y * jacobian[wheel, 1], z * jacobian[wheel, 2]
-        for m in range(steps):
-            row[m] = abs(a * forward[m] + b * left[m] + c * turn[m])
+        for m in range(length):
+            row[m] = a * forward[m] + b * left[m] + c * turn[m]
         excess = max(excess, _largest(row) / limits[0])
     for axis in range(3):
         gain[axis] /= excess

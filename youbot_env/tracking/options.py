@@ -7,13 +7,15 @@ import os
 from collections.abc import Mapping, Sequence
 from typing import Any
 
-from numpy.typing import ArrayLike
+import numpy as np
+from numpy.typing import ArrayLike, DTypeLike
 
 from youbot_env.contact.settings import Contact, contact_named
 from youbot_env.errors import InputError, finite
 from youbot_env.model.model import Model
 from youbot_env.model.model_file import load_model
 from youbot_env.motions.base import Motion
+from youbot_env.motions.limits import MotionLimits
 from youbot_env.tracking import randomisation
 from youbot_env.tracking.actuation import Actuation
 from youbot_env.tracking.sensors import Sensors
@@ -44,6 +46,7 @@ def tracking_setup(
     control_rate: float = 100.0,
     reward_weights: Mapping[str, float] | None = None,
     reward_margins: Mapping[str, float] | None = None,
+    dtype: DTypeLike = "float64",
 ) -> Setup:
     """The options of ``YouBotTracking-v0``, see there, as a checked ``Setup``.
 
@@ -58,6 +61,10 @@ def tracking_setup(
     if lag is not None:
         added["actuator_lag"] = {"time_constant": finite("lag", lag, positive=True)}
     known = load_model(model)
+    steps, contact = episode_steps(episode_length, 1.0 / rate), contact_named(plant)
+    sensors = Sensors(wheel_speed_noise, encoder_ticks)
+    if single := _is_single(dtype):
+        _refuse_doubles(contact, sensors, MotionLimits.of(known.geometry), steps / rate)
     if torque_limit is None:
         torque_limit = known.geometry.max_wheel_torque
     return Setup(
@@ -73,13 +80,40 @@ def tracking_setup(
             reward_margins=reward_margins or {},
         ),
         actuation=Actuation(torque_limit, delay),
-        sensors=Sensors(wheel_speed_noise, encoder_ticks),
+        sensors=sensors,
         period=1.0 / rate,
-        steps=episode_steps(episode_length, 1.0 / rate),
+        steps=steps,
         start=initial_state or {},
         reference=reference,
-        contact=contact_named(plant),
+        contact=contact,
+        single=single,
     )
+
+
+def _is_single(dtype: DTypeLike) -> bool:
+    """Whether numbers are single; InputError for what is neither single nor double."""
+    try:
+        kind = np.dtype(dtype)
+    except TypeError:
+        kind = None
+    if kind not in (np.float32, np.float64):
+        raise InputError(f"dtype: {dtype!r} is neither 'float64' nor 'float32'")
+    return kind == np.float32
+
+
+def _refuse_doubles(
+    contact: Contact | None, sensors: Sensors, limits: MotionLimits, seconds: float
+) -> None:
+    """InputError for what needs double precision."""
+    if contact is not None:
+        raise InputError("dtype: a plant with real contacts is in float64")
+    known = float(np.spacing(np.float32(limits.wheel_speed * seconds)))
+    if sensors.resolution and known > sensors.resolution / 4:
+        raise InputError(
+            f"dtype: after {seconds:g} s at full speed float32 holds a wheel's angle to "
+            f"{known:.1g} rad, too coarse for counts of {sensors.resolution:.1g} rad; take "
+            "float64, a shorter episode or fewer ticks"
+        )
 
 
 def check_motion(reference: object) -> None:
@@ -99,6 +133,8 @@ def refuse_unknown(options: Mapping[str, Any]) -> None:
     for name in options:
         if name in OPTIONS:
             continue
+        if name == "max_episode_steps":  # Gymnasium's own; vector environments are handed it
+            raise InputError(f"YouBotTracking-v0: {name}: give episode_length, in seconds, instead")
         close = difflib.get_close_matches(name, OPTIONS, 1)
         hint = f"did you mean {close[0]!r}?" if close else f"known are {', '.join(OPTIONS)}"
         raise InputError(f"YouBotTracking-v0: unknown option {name!r}; {hint}")

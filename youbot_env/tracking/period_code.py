@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import inspect
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
@@ -13,7 +14,8 @@ from youbot_env.physics.effect import CLOCK
 from youbot_env.simulation import lane_math
 from youbot_env.simulation.compiled import built, load
 from youbot_env.simulation.generated_code import Dynamics, Structure
-from youbot_env.simulation.lane_code import lane_source
+from youbot_env.simulation.lane_code import DRAWS, lane_source
+from youbot_env.simulation.single_precision import in_single
 from youbot_env.tracking import period_lanes
 
 HEADER = '''"""Generated from the effects' own functions; written again when they change."""
@@ -30,7 +32,7 @@ from youbot_env.tracking import episode_draws as draw
 DRIVER = '''
 @njit(cache=True, error_model="numpy", nogil=True)
 def finish(row, x, y, z, k, w, v, table, lanes, tick, numbers, whole, lengths,
-           seen, reward, ended, report):
+           seen, reward, report):
     """What follows the plant's motion: reference, sensors, reward and observation."""
     kept, preview = whole[ACTIONS], whole[PREVIEW]
     actions = 3 + 3 * (preview + 1)
@@ -45,13 +47,13 @@ def finish(row, x, y, z, k, w, v, table, lanes, tick, numbers, whole, lengths,
         noise(k, v, lanes, numbers[DEVIATION])
     measure(v, lanes, numbers, noisy)
     ring = 3 + 3 * (tick % (preview + 1))
-    judge(x, y, lanes, row, ring, actions, slot, past, numbers, reward, ended)
+    judge(x, y, v, lanes, row, ring, actions, slot, past, numbers, reward)
     observe(y, v, lanes, row, tick, actions, numbers, whole, seen)
     if report.shape[0]:
         acting(x, w, lanes, lengths, v[APPLIED * LANES :])
         for i in range(lanes):
             describe(x, y, v, i, row + i, tick, actions, k[CLOCK * LANES + i], numbers, whole,
-                     reward, ended, report)
+                     reward, report)
             wanted_rate(y, z, k, v, table, i, row + i, numbers, whole, report)
 
 
@@ -62,42 +64,46 @@ def period(action, places, tick, moves, seen, reward, over, report, first, last)
     ``places``: addresses of the arrays, as ``Batch`` lists them; a call with all of them would take
     longer than the period of a row. Returns how many of the rows must begin an episode now; or -1
     less the flat index of the first action that is out of bounds, and nothing has moved then.
-    ``moves``: 0 shows the start of those rows that ``begin_rows`` has prepared; 2 checks no bound.
+    ``moves``: 0 shows the start of those rows that ``begin_rows`` has prepared; 2 checks no bound
+    and takes pieces of the rows, of ``PIECE`` each, in turn with other threads that do so.
     """
     X, Y = numbers_at(places, 0), numbers_at(places, 1)
     K, table = whole_at(places, 3), cube_at(places, 4)
     Z, numbers = small_at(places, 2), row_at(places, 5)
-    lengths, w, v, ended = (
-        row_at(places, 6), row_at(places, 7), row_at(places, 8), row_at(places, 9)
-    )
-    whole = whole_at(places, 10)[0]
+    lengths, w, v = row_at(places, 6), row_at(places, 7), row_at(places, 8)
+    whole, taken = whole_at(places, 9)[0], whole_at(places, 10)
     if moves == 1:
         bad = refused(action, first, last)
         if bad >= 0:
             return -1 - bad
     preview, kept, new = whole[PREVIEW], whole[ACTIONS], 0
     actions, step = 3 + 3 * (preview + 1), LANES if moves else 1
-    for row in range(first, last, step):
-        b, i, lanes = row // LANES, row % LANES, last - row
-        lanes = step if lanes > step else lanes
-        x, y, z, k = X[b, i:], Y[b, i:], Z[b, i:], K[b, i:]
-        if moves:
-            take(action, row, y, lanes, actions, tick % kept)
-            move(x, y, w, lanes, tick, actions, numbers, whole, lengths)
-            for lane in range(lanes):
-                k[CLOCK * LANES + lane] += 1
-        elif k[PENDING * LANES] != BEGIN:
-            continue
-        earned = reward[row]
-        finish(row, x, y, z, k, w, v, table, lanes, tick, numbers, whole, lengths,
-               seen, reward, ended, report)
-        if moves:
-            new += ends(row, k, lanes, whole, ended, over)
-        else:
-            # The start of an episode earns nothing: with SAME_STEP the reward is the last one's.
-            reward[row] = earned if whole[RESETS] == SAME_STEP else 0.0
-            ended[row] = 0.0
-            k[PENDING * LANES] = 0
+    stop = last
+    while first < last:
+        if moves == SHARED:
+            first = taken_before(taken, PIECE)
+            stop = min(first + PIECE, last)
+        for row in range(first, stop, step):
+            b, i, lanes = row // LANES, row % LANES, last - row
+            lanes = step if lanes > step else lanes
+            x, y, z, k = X[b, i:], Y[b, i:], Z[b, i:], K[b, i:]
+            if moves:
+                take(action, row, y, lanes, actions, tick % kept)
+                move(x, y, w, lanes, tick, actions, numbers, whole, lengths)
+                for lane in range(lanes):
+                    k[CLOCK * LANES + lane] += 1
+            elif k[PENDING * LANES] != BEGIN:
+                continue
+            earned = reward[row]
+            finish(row, x, y, z, k, w, v, table, lanes, tick, numbers, whole, lengths,
+                   seen, reward, report)
+            if moves:
+                new += ends(row, k, v, lanes, whole, over)
+            else:
+                # A start earns nothing: with SAME_STEP the reward is the last step's.
+                reward[row] = earned if whole[RESETS] == SAME_STEP else 0.0
+                k[PENDING * LANES] = 0
+        first = stop if moves == SHARED else last
     return new
 
 
@@ -155,20 +161,21 @@ def begin_rows(X, Y, Z, K, w, v, table, tick, numbers, whole, lengths, draws, st
 
 
 @njit(cache=True, error_model="numpy", nogil=True)
-def ends(row, k, lanes, whole, ended, over):
+def ends(row, k, v, lanes, whole, over):
     """Which episodes are over: by divergence, and else by their length; how many begin now."""
-    new, resets = 0, whole[RESETS]
+    new, resets, steps = 0, whole[RESETS], whole[STEPS]
+    ended, terminated, truncated = v[ENDED * LANES :], over[0, row:], over[1, row:]
+    clock, pending, episode = k[CLOCK * LANES :], k[PENDING * LANES :], k[EPISODE * LANES :]
     for i in range(lanes):
-        diverged = ended[row + i] != 0.0
-        late = k[CLOCK * LANES + i] >= whole[STEPS]
+        diverged, late = ended[i] != 0.0, clock[i] >= steps
         # With NEXT_STEP an episode that was over before this period begins in it.
-        begins = resets == NEXT_STEP and k[PENDING * LANES + i] == OVER
-        over[0, row + i] = diverged and not begins
-        over[1, row + i] = late and not begins
-        is_over = diverged or late
-        begins = begins or (resets == SAME_STEP and is_over)
-        k[PENDING * LANES + i] = BEGIN if begins else OVER if is_over else 0
-        k[EPISODE * LANES + i] += 1 if begins else 0
+        begins = (resets == NEXT_STEP) & (pending[i] == OVER)
+        terminated[i] = diverged & (not begins)
+        truncated[i] = late & (not begins)
+        is_over = diverged | late
+        begins = begins | ((resets == SAME_STEP) & is_over)
+        pending[i] = BEGIN if begins else OVER if is_over else 0
+        episode[i] += 1 if begins else 0
         new += 1 if begins else 0
     return new
 '''
@@ -216,6 +223,7 @@ class Period:
     prefix: ClassVar[str] = "period"
     sources: ClassVar[tuple[str, ...]] = (
         *("youbot_env.simulation.lane_code", "youbot_env.simulation.lane_math"),
+        *("youbot_env.simulation.lane_math_single", "youbot_env.simulation.single_precision"),
         *("youbot_env.tracking.period_lanes", "youbot_env.tracking.period_code"),
         *("youbot_env.tracking.random_numbers", "youbot_env.tracking.episode_draws"),
         "youbot_env.physics.stated_parameters",
@@ -232,10 +240,13 @@ class Period:
     def source(self, structure: Structure) -> str:
         """The whole module."""
         move = MOVE_LATE if structure.at(CLOCK) else MOVE
-        generated = [lane_source(structure, self.dynamics), move, DRIVER]
-        imports = _imports("youbot_env.simulation.lane_math", lane_math)
-        imports += _imports("youbot_env.tracking.period_lanes", period_lanes)
-        return "\n".join([HEADER + imports, *generated])
+        generated = "\n".join([lane_source(structure, self.dynamics), move, DRIVER])
+        shared = _imports("youbot_env.simulation.lane_math", lane_math)
+        if not self.single:
+            lanes = _imports("youbot_env.tracking.period_lanes", period_lanes)
+            return "\n".join([HEADER, shared, lanes, generated])
+        lanes = inspect.getsource(period_lanes)
+        return "\n".join([HEADER, in_single(lanes + generated, DRAWS)])
 
 
 def _imports(module: str, found: ModuleType) -> str:

@@ -23,7 +23,17 @@ import numpy as np
 
 from youbot_env.caching import njit
 from youbot_env.simulation.lane_code import LANES
-from youbot_env.simulation.lane_math import fma, log_of_share, pointer, real, sine_of_turns
+from youbot_env.simulation.lane_math import (
+    fma,
+    given,
+    log_of_share,
+    pointer,
+    put,
+    real,
+    sine_of_turns,
+    ticks,
+    turns_of_tone,
+)
 from youbot_env.tracking.actuation import AT_LIMIT, BOUND_TOLERANCE
 from youbot_env.tracking.episode_draws import PHASES, draw_reference
 from youbot_env.tracking.random_numbers import NOISE, words
@@ -41,10 +51,11 @@ OVER, BEGIN = 1, 2
 
 # Fields of v.
 TAU, RISE, SUM, SPEED, MEASURED, NORMALS, COMMAND, APPLIED, SLOPE = 0, 1, 2, 5, 9, 12, 16, 20, 24
-WORK = 28
+ENDED, WORK = 28, 29
 """Fields of the workspace: time of the reference in periods of its lowest harmonic, its window,
 sums of its tones (3); measured wheel speeds (4) and twist (3), normal numbers (4), torques at the
-interface (4) and at the wheels (4), slopes of the tones' sums (3) and of the window."""
+interface (4) and at the wheels (4), slopes of the tones' sums (3) and of the window; 1 where an
+episode has diverged."""
 
 # Whole numbers of a setup.
 (
@@ -63,13 +74,16 @@ interface (4) and at the wheels (4), slopes of the tones' sums (3) and of the wi
     KIND,
     FIRST,
     LAST,
-    SHIFTS,
+    TURN_BITS,
 ) = range(16)
 WHOLE = 16
 """Coming samples and past actions observed, actions kept, periods of delay, tones an axis, periods
 of the encoders' window, periods in an episode, integration steps, what follows an episode
 (``NEVER``, ``NEXT_STEP``, ``SAME_STEP``), whether a row follows a table, size of the state, its
-first wheel angle, how models are drawn, harmonics of the band, whether the model shifts torques."""
+first wheel angle, how models are drawn, harmonics of the band, and ``TURN`` in units of 2^-64."""
+
+SHARED = 2
+"""How ``period`` moves rows that several threads share."""
 
 NEVER, NEXT_STEP, SAME_STEP = 0, 1, 2
 
@@ -89,9 +103,8 @@ margins (5) of the reward."""
 MEASURED_AT, SPEED_AT, COMMANDED_AT, APPLIED_AT, SATURATED_AT, TIME_AT = 26, 29, 33, 37, 41, 45
 REPORT_COLUMNS = 46
 
-
-PHASE_STEP = 1.0 / PHASES
-"""Turns of a step of a phase."""
+PIECE = 4 * LANES
+"""Rows that a thread takes at a time: some 10 us, so that none waits long for another."""
 
 PLACE = 4
 """Numbers for each array in a list of places: its address and up to three lengths."""
@@ -101,7 +114,7 @@ PLACE = 4
 def numbers_at(places, at):
     """A matrix of numbers from a list of places."""
     shape = (places[PLACE * at + 1], places[PLACE * at + 2])
-    return carray(pointer(places[PLACE * at]), shape, np.float64)
+    return carray(pointer(places[PLACE * at]), shape, real)
 
 
 @njit(cache=True, error_model="numpy", nogil=True)
@@ -128,35 +141,42 @@ def cube_at(places, at):
 @njit(cache=True, error_model="numpy", nogil=True)
 def row_at(places, at):
     """Numbers in a row."""
-    return carray(pointer(places[PLACE * at]), (places[PLACE * at + 1],), np.float64)
+    return carray(pointer(places[PLACE * at]), (places[PLACE * at + 1],), real)
 
 
 @njit(cache=True, error_model="numpy", nogil=True)
 def refused(action, first, last):
     """Flat index of the first action of rows first to last - 1 that is out of bounds; -1."""
-    bad = 0
-    for row in range(first, last):
-        for wheel in range(4):
-            # Written so that NaN fails too.
-            bad += 0 if abs(action[row, wheel]) <= 1.0 + BOUND_TOLERANCE else 1
+    limit, bad = action.dtype.type(1.0 + BOUND_TOLERANCE), np.int32(0)
+    flat = action[first:last].reshape(-1)
+    for at in range(len(flat)):
+        # Written so that NaN fails too.
+        bad |= np.int32(0 if abs(flat[at]) <= limit else 1)
     if bad == 0:
         return -1
     for row in range(first, last):
         for wheel in range(4):
-            if not abs(action[row, wheel]) <= 1.0 + BOUND_TOLERANCE:
+            if not abs(action[row, wheel]) <= limit:
                 return 4 * row + wheel
     return -1
+
+
+@njit(cache=True, error_model="numpy", forceinline=True)
+def within_one(action):
+    """An action cut to +-1."""
+    value = real(action)
+    value = 1.0 if value > 1.0 else value
+    return -1.0 if value < -1.0 else value
 
 
 @njit(cache=True, error_model="numpy", nogil=True)
 def take(action, row, y, lanes, at, slot):
     """Put actions from ``row`` on, cut to +-1, into the ring of past ones (from field ``at``)."""
-    for wheel in range(4):
-        kept, given = y[(at + 4 * slot + wheel) * LANES :], action[row:, wheel]
-        for i in range(lanes):
-            value = real(given[i])
-            value = 1.0 if value > 1.0 else value
-            kept[i] = -1.0 if value < -1.0 else value
+    # All four in one loop: what stands side by side is then read side by side.
+    flat, kept = action[row:].reshape(-1), y[(at + 4 * slot) * LANES :]
+    for i in range(lanes):
+        for wheel in range(4):
+            put(kept, wheel * LANES + i, within_one(given(flat, 4 * i + wheel)))
 
 
 @njit(cache=True, error_model="numpy", nogil=True)
@@ -173,11 +193,11 @@ def reference(y, z, k, v, table, lanes, slot, ahead, numbers, whole):
     """The reference's twist ``ahead`` samples after the clock, into a slot of the ring."""
     tones = whole[TONES]
     turn, step = numbers[TURN], numbers[PERIOD] / numbers[RAMP]
-    shift = np.int64(ahead)
+    shift, bits = np.int64(ahead), whole[TURN_BITS]
     for i in range(lanes):
-        n = real(k[CLOCK * LANES + i] + shift)
-        v[TAU * LANES + i] = n * turn
-        u = n * step
+        n = k[CLOCK * LANES + i] + shift
+        v[TAU * LANES + i] = ticks(n, turn, bits)
+        u = real(n) * step
         u = 1.0 if u > 1.0 else u
         v[RISE * LANES + i] = u * u * u * fma(u, fma(6.0, u, -15.0), 10.0)
     # Views of fields, not their numbers: only so are they known not to overlap.
@@ -189,8 +209,7 @@ def reference(y, z, k, v, table, lanes, slot, ahead, numbers, whole):
         for tone in range(axis * tones, (axis + 1) * tones):
             pair = z[2 * tone * LANES :]
             for i in range(lanes):
-                turns = fma(real(pair[LANES + i]), tau[i], real(pair[i]) * PHASE_STEP)
-                total[i] += sine_of_turns(turns)
+                total[i] += sine_of_turns(turns_of_tone(pair[i], pair[LANES + i], tau[i]))
         wanted, gain = y[(3 + 3 * slot + axis) * LANES :], y[axis * LANES :]
         for i in range(lanes):
             wanted[i] = rise[i] * (gain[i] * total[i])
@@ -214,13 +233,14 @@ def slopes(z, k, v, i, numbers, whole):
     rest = 1.0 - u
     v[(SLOPE + 3) * LANES + i] = 30.0 * u * u * rest * rest / ramp if inside else 0.0
     speed = 6.283185307179586 * turn / numbers[PERIOD]
+    clock = ticks(k[CLOCK * LANES + i], turn, whole[TURN_BITS])
     for axis in range(3):
         value, slope = 0.0 * turn, 0.0 * turn
         for tone in range(axis * tones, (axis + 1) * tones):
-            harmonic = real(z[(2 * tone + 1) * LANES + i])
-            turns = fma(harmonic, now * turn, real(z[2 * tone * LANES + i]) * PHASE_STEP)
+            phase, harmonic = z[2 * tone * LANES + i], z[(2 * tone + 1) * LANES + i]
+            turns = turns_of_tone(phase, harmonic, clock)
             value += sine_of_turns(turns)
-            slope += harmonic * speed * sine_of_turns(turns + 0.25)
+            slope += real(harmonic) * speed * sine_of_turns(turns + 0.25)
         v[(SUM + axis) * LANES + i] = value
         v[(SLOPE + axis) * LANES + i] = slope
 
@@ -294,8 +314,8 @@ def tolerance_of(square, margin):
 
 
 @njit(cache=True, error_model="numpy", nogil=True)
-def judge(x, y, lanes, row, ring, at, slot, past, numbers, reward, ended):
-    """Rewards and ends of episodes, into ``reward`` and ``ended`` (1.0: diverged) from ``row`` on.
+def judge(x, y, v, lanes, row, ring, at, slot, past, numbers, reward):
+    """Rewards into ``reward`` from ``row`` on, and into v which episodes end (1.0: diverged).
 
     ``ring`` is the field of the reference now, ``at`` that of the past actions, ``slot`` and
     ``past`` the last two of them.
@@ -303,24 +323,25 @@ def judge(x, y, lanes, row, ring, at, slot, past, numbers, reward, ended):
     limit = numbers[TWIST_LIMIT]
     wanted, newest = y[ring * LANES :], y[(at + 4 * slot) * LANES :]
     before = y[(at + 4 * past) * LANES :]
+    earned, ended = reward[row:], v[ENDED * LANES :]
     for i in range(lanes):
         found, over = 0.0 * limit, 0.0 * limit
         for axis in range(3):
-            twist = x[axis * LANES + i]
-            error = wanted[axis * LANES + i] - twist
+            twist = given(x, axis * LANES + i)
+            error = given(wanted, axis * LANES + i) - twist
             found += numbers[WEIGHT + axis] * tolerance_of(error * error, numbers[MARGIN + axis])
             # Written so that NaN ends it.
             over = over if abs(twist) <= limit * numbers[SCALE + axis] else 1.0
         effort, change = 0.0 * limit, 0.0 * limit
         for wheel in range(4):
-            now = newest[wheel * LANES + i]
-            moved = now - before[wheel * LANES + i]
+            now = given(newest, wheel * LANES + i)
+            moved = now - given(before, wheel * LANES + i)
             effort += now * now * 0.25
             change += moved * moved * 0.25
         found += numbers[WEIGHT + 3] * tolerance_of(effort, numbers[MARGIN + 3])
         found += numbers[WEIGHT + 4] * tolerance_of(change, numbers[MARGIN + 4])
-        reward[row + i] = found
-        ended[row + i] = over
+        put(earned, i, found)
+        put(ended, i, over)
 
 
 @njit(cache=True, error_model="numpy", forceinline=True)
@@ -338,25 +359,28 @@ def observe(y, v, lanes, row, tick, at, numbers, whole, seen):
     limit = numbers[TWIST_LIMIT]
     for axis in range(3):
         share = 1.0 / numbers[SCALE + axis]
-        measured, column = v[(MEASURED + axis) * LANES :], seen[axis, row:]
-        for i in range(lanes):
-            column[i] = within(measured[i] * share, limit)
+        scaled(v[(MEASURED + axis) * LANES :], lanes, share, limit, seen[axis, row:])
         for ahead in range(1 + preview):
             wanted = y[(3 + 3 * ((tick + ahead) % (preview + 1)) + axis) * LANES :]
-            column = seen[3 + 3 * ahead + axis, row:]
-            for i in range(lanes):
-                column[i] = within(wanted[i] * share, limit)
+            scaled(wanted, lanes, share, limit, seen[3 + 3 * ahead + axis, row:])
     for age in range(history):
         slot = (tick - age) % whole[ACTIONS]
         for wheel in range(4):
             action = y[(at + 4 * slot + wheel) * LANES :]
             column = seen[6 + 3 * preview + 4 * age + wheel, row:]
             for i in range(lanes):
-                column[i] = action[i]
+                put(column, i, np.float32(given(action, i)))
+
+
+@njit(cache=True, error_model="numpy", forceinline=True)
+def scaled(twist, lanes, share, limit, column):
+    """A field over its scale, into a column of observations."""
+    for i in range(lanes):
+        put(column, i, np.float32(within(given(twist, i) * share, limit)))
 
 
 @njit(cache=True, error_model="numpy", nogil=True)
-def describe(x, y, v, i, row, tick, at, clock, numbers, whole, reward, ended, report):
+def describe(x, y, v, i, row, tick, at, clock, numbers, whole, reward, report):
     """A report's row of row ``i`` of a block."""
     line = report[row]
     ring = 3 + 3 * (tick % (whole[PREVIEW] + 1))
@@ -384,7 +408,7 @@ def describe(x, y, v, i, row, tick, at, clock, numbers, whole, reward, ended, re
     line[TERMS_AT + 4] = tolerance_of(change, numbers[MARGIN + 4])
     line[TIME_AT] = numbers[PERIOD] * clock
     line[REWARD_AT] = reward[row]
-    line[ENDED_AT] = ended[row]
+    line[ENDED_AT] = v[ENDED * LANES + i]
 
 
 @njit(cache=True, error_model="numpy", nogil=True)
@@ -407,7 +431,7 @@ def wanted_rate(y, z, k, v, table, i, row, numbers, whole, report):
 
 
 @njit(cache=True, error_model="numpy", nogil=True)
-def draw_references(Y, Z, K, whole, peaks, limits, jacobian, sines, first, last):
+def draw_references(Y, Z, K, whole, peaks, limits, jacobian, steps, first, last):
     """References of those rows first to last - 1 that begin an episode and follow no table."""
     tones = whole[TONES]
     phase, harmonic, gain = np.empty(3 * tones), np.empty(3 * tones), np.empty(3)
@@ -418,7 +442,7 @@ def draw_references(Y, Z, K, whole, peaks, limits, jacobian, sines, first, last)
             continue
         key, episode = np.uint64(k[KEY * LANES]), k[EPISODE * LANES]
         draw_reference(
-            *(tones, whole[FIRST], whole[LAST], peaks, limits, jacobian, sines, key, episode),
+            *(tones, whole[FIRST], whole[LAST], peaks, limits, jacobian, steps, key, episode),
             *(phase, harmonic, gain),
         )
         for tone in range(3 * tones):

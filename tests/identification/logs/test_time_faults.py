@@ -120,3 +120,13 @@ def test_ordinals():
     numbers = (1, 2, 3, 4, 11, 12, 13, 21, 22, 103, 111)
     words = "1st 2nd 3rd 4th 11th 12th 13th 21st 22nd 103rd 111th"
     assert [ordinal(n) for n in numbers] == words.split()
+
+
+@pytest.mark.filterwarnings("error")
+@pytest.mark.parametrize("far", ["1e308", "-1e308", "1e17"])
+def test_a_time_beyond_all_others_is_one_line(tmp_path: Path, far: str):
+    stamps, path = np.arange(1.0, 13.0, 0.04), tmp_path / "log.csv"
+    write_table(path, NAMES, np.column_stack([stamps, values_at(stamps)]))
+    path.write_text(path.read_text().replace(f"{stamps[-1]:.6f},", f"{far},"))
+    with pytest.raises(LogError, match="time"):
+        read_log(path)

@@ -46,6 +46,19 @@ def test_undo_goes_back_and_the_export_forgets_it(project: Project):
     assert project.model == "paper", "there is nothing before the published model"
 
 
+def test_two_models_are_compared_also_one_that_was_taken_back(project: Project):
+    for step in (project.identify(), project.add("floor_tilt")):
+        project.finished(step, DONE)
+        last = step
+    assert project.compare().beside == "workbench/01_identified.json", "the version before"
+    project.undo()
+    assert project.compare(last.model).beside == last.model
+    assert project.compare(project.model).beside == ""
+    assert project.drive(last.model, ["pid"]).arguments[1:3] == ["--plant", last.model]
+    with pytest.raises(InputError, match="is no model of this workbench"):
+        project.compare("../other.json")
+
+
 def test_a_killed_server_loses_nothing(project: Project):
     step = project.identify()
     project.finished(step, DONE)

@@ -2,18 +2,13 @@
 
 from __future__ import annotations
 
-import base64
-import io
 import re
 from html.parser import HTMLParser
 
-import numpy as np
 import pytest
-from PIL import Image
 
-from identification.figures.time_series import motion_figure
 from youbot_scripts.cli import command_line
-from youbot_scripts.shared.report_page import Picture, Words, page, pictures
+from youbot_scripts.shared.report_page import Words, page, unbroken
 from youbot_scripts.shared.tables import Table, columns, text as text_column
 
 EVIL = '<script>alert(1)</script> & "x" <img src=http://evil>'
@@ -40,14 +35,14 @@ class Reader(HTMLParser):
 def everywhere(text: str) -> str:
     """A page on which a text stands in every place that takes one."""
     table = Table(text, columns(text, text_column("b")), ((text, 1),), (text,), text)
-    parts = [Words([text], "verdict", text), table, Picture(text, b"")]
+    parts = [Words([text], "verdict", text), table]
     return page(text, parts, {text: text}, command=text)
 
 
 def test_names_are_text_wherever_they_stand():
     found, plain = Reader(everywhere(EVIL)), Reader(everywhere("name"))
     assert found.tags == plain.tags and "script" not in found.tags
-    assert found.sources == plain.sources == ["data:image/png;base64,"]
+    assert found.sources == plain.sources == []
     assert "".join(found.texts).count(EVIL) == "".join(plain.texts).count("name") >= 9
 
 
@@ -66,12 +61,11 @@ def test_a_table_without_rows_is_its_notes():
     assert "nothing to tell" in text and "<table>" not in text
 
 
-def test_pictures_are_in_the_page():
-    figure = motion_figure(np.arange(9.0), np.ones((9, 3)), None, name="run")
-    text = page("P", pictures([("motion", figure)]), {})
-    (data,) = re.findall(r'src="data:image/png;base64,([^"]+)"', text)
-    with Image.open(io.BytesIO(base64.b64decode(data))) as picture:
-        assert picture.format == "PNG" and picture.width == 1000
+def test_a_number_and_its_sign_stand_on_one_line():
+    told = unbroken("falls from 15.5 % to 1 % (95 %), 4.0 ± 0.2 N; % alone, a % b")
+    assert told.count("\u00a0") == 5
+    assert told.replace("\u00a0", " ").startswith("falls from 15.5 % to 1 % (95 %), 4.0 ± 0.2 N")
+    assert "15.5\u00a0%" in page("P", [Words(["15.5 %"])], {}) and "a % b" in told
 
 
 def test_outside_a_command_the_process_s_own_line_is_told(monkeypatch: pytest.MonkeyPatch):

@@ -7,6 +7,7 @@ import io
 import pytest
 from rich.console import Console
 
+from youbot_scripts.shared.options import console
 from youbot_scripts.shared.tables import Column, Table, columns, percent, show, text, with_std
 
 
@@ -25,6 +26,20 @@ def test_a_table_fits_in_80_columns_and_loses_no_text():
         assert word in out.getvalue()
     first, second = (next(line for line in lines if key in line) for key in ("1.5", "22.25"))
     assert first.index("1.5") + 3 == second.index("22.25") + 5, "numbers are flush right"
+
+
+@pytest.mark.parametrize("width", range(20, 45))
+def test_no_line_begins_with_a_per_cent_sign(width: int, monkeypatch: pytest.MonkeyPatch):
+    out, sentence = io.StringIO(), "base parameters within their 95 % intervals, 12.5 % of all"
+    printing = console()
+    monkeypatch.setattr(printing, "file", out)
+    printing.width = width
+    printing.print(sentence)
+    show(printing, [Table("T", columns("a", "b"), ((sentence, "1"),))])
+    lines = [line.strip() for line in out.getvalue().splitlines()]
+    assert max(map(len, lines)) <= width
+    assert not [line for line in lines if line.startswith("%")]
+    assert " ".join(lines).startswith(sentence)
 
 
 @pytest.mark.parametrize(

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from numba import njit
 
-from youbot_env.simulation import lane_math
+from youbot_env.simulation import lane_math, lane_math_single
 
 RNG = np.random.default_rng(0)
 
@@ -60,6 +60,36 @@ def test_agrees_with_the_c_library_and_with_itself(name):
     for i in range(len(x)):
         loop(x[i : i + 1], alone[i : i + 1])
     assert np.array_equal(out, alone)
+
+
+SINGLE = {
+    "sin": (np.sin, RNG.uniform(-1e3, 1e3, 9999), 2e-7, np.inf),
+    "cos": (np.cos, RNG.uniform(-1e3, 1e3, 9999), 2e-7, np.inf),
+    "sine_of_turns": (lambda u: np.sin(2 * np.pi * u), RNG.uniform(-1, 1, 9999), 4e-7, np.inf),
+    "exp": (np.exp, RNG.uniform(-86, 86, 9999), np.inf, 3e-7),
+    "tanh": (np.tanh, 10.0 ** RNG.uniform(-9, 1.5, 9999), 2e-7, 4e-7),
+    "log_of_share": (np.log, 10.0 ** RNG.uniform(-9, -1e-6, 9999), np.inf, 3e-7),
+}
+
+
+def test_in_single_precision_agrees_to_its_rounding():
+    one, two, three, four, five, six = (getattr(lane_math_single, name) for name in SINGLE)
+
+    @njit(error_model="numpy")
+    def loop(x, out):
+        for i in range(x.shape[1]):
+            out[0, i], out[1, i] = one(x[0, i]), two(x[1, i])
+            out[2, i], out[3, i] = three(x[2, i]), four(x[3, i])
+            out[4, i], out[5, i] = five(x[4, i]), six(x[5, i])
+
+    x = np.array([case[1] for case in SINGLE.values()], np.float32)
+    out = np.empty_like(x)
+    loop(x, out)
+    for name, row, given in zip(SINGLE, out, x.astype(float), strict=True):
+        expected, _, absolute, relative = SINGLE[name]
+        right = expected(given)
+        assert np.abs(row - right).max() <= absolute, name
+        assert np.abs((row - right) / right).max() <= relative, name
 
 
 @pytest.mark.parametrize("name", ["sin", "cos", "exp", "tanh", "sine_of_turns"])

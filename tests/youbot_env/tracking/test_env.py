@@ -474,3 +474,15 @@ def test_every_public_name_is_there():
         assert getattr(youbot_env, name) is not None
     with pytest.raises(AttributeError):
         _ = youbot_env.nonsense  # type: ignore
+
+
+NAME = "youbot_env:YouBotTracking-v0"
+
+
+def test_gymnasium_s_own_limit_ends_an_episode_or_is_told_how():
+    env = gym.make(NAME, max_episode_steps=5)
+    env.reset(seed=0)
+    ends = [env.step(np.zeros(4, np.float32))[3] for _ in range(5)]
+    assert ends == [False] * 4 + [True]
+    with pytest.raises(InputError, match="max_episode_steps: give episode_length, in seconds"):
+        gym.make_vec(NAME, 2, vectorization_mode="vector_entry_point", max_episode_steps=5)

@@ -72,7 +72,7 @@ def test_a_copy_is_the_single_environment_to_the_bit(copy):
 def test_neither_threads_nor_the_number_of_copies_change_a_bit(threads):
     count, first = 6200, 6190
     many, few = vector(count, threads=threads, **NOISY), vector(5, **NOISY)
-    assert len(many.unwrapped._rows._parts) == threads
+    assert many.unwrapped._rows._threads == threads
     many.reset(seed=100)
     few.reset(seed=100 + first)
     part = slice(first, first + 5)

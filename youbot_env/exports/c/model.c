@@ -11,7 +11,7 @@ const youbot_parameters youbot_identified = {
 /*@helpers@*/
 /*@forward_dynamics@*/
 
-/* Torques that the motion demands while given torques act. */
+/* Torques that the motion demands while given torques act: first what does not depend on these. */
 /*@demand@*/
 
 /*@interface_torque@*/
@@ -28,7 +28,7 @@ static const double SANE = /*@sane@*/;
 void youbot_joint_torque(const youbot_parameters *p, const youbot_motion *motion,
                          double tolerance, double torque[YOUBOT_JOINTS])
 {
-    double demanded[YOUBOT_JOINTS];
+    double fixed[FIXED], demanded[YOUBOT_JOINTS];
     double size = 0.0, moved;
     int joint, k;
 
@@ -38,8 +38,9 @@ void youbot_joint_torque(const youbot_parameters *p, const youbot_motion *motion
     if (!(size < SANE))
         for (joint = 0; joint < YOUBOT_JOINTS; joint++)
             torque[joint] = 0.0;
+    fixed_demand(p, motion, fixed);
     for (k = 0; k < ROUNDS; k++) {
-        demanded_torque(p, motion, torque, demanded);
+        demanded_torque(fixed, torque, demanded);
         moved = 0.0;
         for (joint = 0; joint < YOUBOT_JOINTS; joint++) {
             moved += fabs(demanded[joint] - torque[joint]);
