@@ -74,7 +74,7 @@ class SumsOfSquares:
     def of(cls, traces: Traces, residual: Array | None = None) -> SumsOfSquares:
         """Of one log; ``residual`` replaces the traces' own (for a noise floor)."""
         error = traces.residual if residual is None else residual
-        return cls((error**2).sum(axis=0), (traces.measured**2).sum(axis=0))
+        return cls(_squares(error), _squares(traces.measured))
 
     def __add__(self, other: SumsOfSquares) -> SumsOfSquares:
         return SumsOfSquares(self.residual + other.residual, self.measured + other.measured)
@@ -90,6 +90,11 @@ class SumsOfSquares:
         # 0 / 0 gives NaN on purpose: the error of an axis that never moved is not defined.
         with np.errstate(invalid="ignore", divide="ignore"):
             return np.sqrt(self.residual / self.measured)
+
+
+def _squares(signal: Array) -> Array:
+    """(A,) sums of the squares of (n, A), column by column: those of an hour take memory."""
+    return np.array([float(np.square(column).sum()) for column in signal.T])
 
 
 def add_up(parts: Iterable[SumsOfSquares]) -> SumsOfSquares:

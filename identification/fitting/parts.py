@@ -53,5 +53,16 @@ def reduced_by_parts(
         begin, end = max(0, start - margin), start + count * size + margin
         return of_part(begin, end, start - begin)[:count]
 
-    starts = range(reduce.first, len(samples) - size + 1, rows * size)
-    return np.concatenate(side_by_side(rows_from, starts))
+    first, *starts = range(reduce.first, len(samples) - size + 1, rows * size)
+    head = rows_from(first)
+    # Filled part by part: to join all of them at the end would take their memory twice.
+    found = np.empty(((len(samples) - first) // size, *head.shape[1:]))
+    found[: len(head)] = head
+
+    def fill(start: int) -> None:
+        part = rows_from(start)
+        at = (start - first) // size
+        found[at : at + len(part)] = part
+
+    side_by_side(fill, starts)
+    return found

@@ -99,8 +99,9 @@ class Samples:
         """(N, J) slope of the speeds smoothed over some samples; computed once."""
         known, key = self._smoothed, ("slope of wheel_speed", window)
         if key not in known:
-            smooth = _smoothed(self.wheel_speed, window)
-            known[key] = np.asarray(np.gradient(smooth, self.dt, axis=0))
+            known[key] = rates = np.empty_like(self.wheel_speed)
+            for k, column in enumerate(self.wheel_speed.T):
+                rates[:, k] = np.gradient(smoothed(column, window), self.dt)
         return known[key]
 
     @cached_property
@@ -221,7 +222,10 @@ def rolled_speeds(
 
 
 def _smoothed(signal: Array, window: float) -> Array:
-    return np.stack([smoothed(column, window) for column in signal.T], axis=1)
+    found = np.empty_like(signal)
+    for k, column in enumerate(signal.T):
+        found[:, k] = smoothed(column, window)
+    return found
 
 
 LOAD_STEP = 5e-7
