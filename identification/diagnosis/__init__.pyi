@@ -1,4 +1,5 @@
-from .add_effect import Addition as Addition, add_effect as add_effect
+from .add_effect import add_effect as add_effect
+from .addition import Addition as Addition
 from .diagnose import diagnose as diagnose
 from .report import Diagnosis as Diagnosis
 from .settings import DiagnosisSettings as DiagnosisSettings

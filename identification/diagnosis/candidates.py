@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import itertools
 from collections.abc import Collection, Mapping, Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from functools import partial
 from typing import NamedTuple
 
@@ -20,6 +20,7 @@ from identification.diagnosis.restricted import (
 )
 from identification.diagnosis.settings import DiagnosisSettings
 from identification.diagnosis.significance import (
+    Evidence,
     candidate_p_values,
     remainder,
     score_blocks,
@@ -45,8 +46,9 @@ from identification.fitting.regression import (
 )
 from identification.mechanisms.mechanism import Mechanism
 from identification.mechanisms.samples import DemandedForce, Samples
+from identification.residual_map.bootstrap import random_signs
 from identification.threads import side_by_side
-from youbot_env.physics.effect import INSTANCE, Parameter, effect_of
+from youbot_env.physics.effect import ACTUATOR, CHANNEL, INSTANCE, SPEED, Parameter, effect_of
 
 Array = NDArray[np.float64]
 
@@ -209,10 +211,118 @@ def _refined(
     return best
 
 
+def _p_values(
+    data: LoggedData,
+    base: FittedStructure,
+    found: Sequence[Candidate],
+    beside: Sequence[Candidate],
+    rng: np.random.Generator,
+) -> dict[str, float]:
+    """Family-wise p-value of each candidate; ``beside``: others that chance has had."""
+    settings = data.settings
+    scores = {item.name: _evidence(base, item) for item in found}
+    # What was tried and is no candidate counts too: chance has had that many chances.
+    tried = [score for item in (*found, *beside) for score in item.tried]
+    tried += [_scores(base, item.columns) for item in beside]
+    signs = random_signs(rng, settings.bootstrap_draws, len(scores[found[0].name].observed))
+    p_values = candidate_p_values(scores, signs, settings, tried)
+    by_noise = [
+        item
+        for item in found
+        if item.mechanism.catalogue[item.name].acts_at in NOISY_SITES
+        and item.fitted is None
+        and p_values[item.name] <= settings.max_p_value_of_noise
+    ]
+    if by_noise:
+        noise = NoiseOnce.on(data, base)
+        for item in by_noise:
+            scores[item.name] = _beyond_noise(base, item, scores[item.name], noise)
+        p_values = candidate_p_values(scores, signs, settings, tried)
+    # What would help with a sign that cannot be explains nothing, however surely.
+    absurd = [
+        item.name for item in found if item.lost_fall > 0 and item.square >= base.held_out.square
+    ]
+    return {**p_values, **dict.fromkeys(absurd, 1.0)}
+
+
 def _scores(base: FittedStructure, columns: Sequence[Array]) -> Array:
     """Score blocks (blocks, F) of columns on top of a structure."""
     step = base.rows[0].step
     return score_blocks(base.residual, base.columns, columns, step, base.settings)
+
+
+def _evidence(base: FittedStructure, item: Candidate) -> Evidence:
+    """Scores of a candidate, and those that chance is judged by.
+
+    What an effect does in a few moments, as a limit of the torque does, makes a few blocks large,
+    and random signs of these blocks would make scores as large. So chance is judged by what the
+    effect leaves of the rows that its fit has not seen: if the effect does nothing these are the
+    same.
+    """
+    joint = item.fitted
+    if joint is None or item.lost_fall > 0:
+        return Evidence(_scores(base, item.columns))
+    own = np.isin(joint.free, base.free, invert=True)
+    columns = [part[..., own] for part in joint.columns]
+    ends = np.cumsum([len(part) for part in base.residual])[:-1]
+    left = np.split(np.concatenate(item.held_out.residual), ends)
+    step = base.rows[0].step
+    chance = score_blocks(left, base.columns, columns, step, base.settings)
+    return Evidence(_scores(base, columns), chance)
+
+
+NOISY_SITES = (CHANNEL, ACTUATOR, SPEED)
+"""Where an effect's column is made of logged torques: their noise is in the residual too."""
+
+
+@dataclass(frozen=True)
+class NoiseOnce:
+    """Noise put on the logs once more: the samples, and what it adds to the residual (n, A)."""
+
+    samples: tuple[Samples, ...]
+    residual: tuple[Array, ...]
+
+    @classmethod
+    def on(cls, data: LoggedData, base: FittedStructure) -> NoiseOnce:
+        """White noise as large as the logs' own."""
+        rng, rows = np.random.default_rng(data.seed), base.settings.rows
+        samples, added = [], []
+        for item, level, row in zip(base.samples, data.noise, base.rows, strict=True):
+            noisy = base.mechanism.noisy(item, level.speed, level.torque, rng)
+            again = filtered_residual(base.mechanism, base.theta, noisy, rows)
+            samples.append(noisy)
+            added.append(again - row.residual)
+        return cls(tuple(samples), tuple(added))
+
+
+def _beyond_noise(
+    base: FittedStructure, item: Candidate, evidence: Evidence, noise: NoiseOnce
+) -> Evidence:
+    """The evidence less what noise alone makes of it, which is in the column and the residual.
+
+    A drive's resonance bends the torque, and so its noise: the two are correlated.
+    """
+    own = item.free[len(base.free) :]
+    added = []
+    for samples, columns in zip(noise.samples, item.columns, strict=True):
+        demand = item.mechanism.demand(item.theta, samples.for_fit)
+        added.append(_own_columns(base, item.mechanism, demand, samples, own) - columns)
+    cleared = remainder(stacked(added), stacked(base.columns), base.settings.min_seen_share)
+    score = cleared.T @ np.concatenate([part.ravel() for part in noise.residual])
+    observed = evidence.observed - score / len(evidence.observed)
+    return replace(evidence, observed=observed)
+
+
+def _own_columns(
+    base: FittedStructure,
+    mechanism: Mechanism,
+    demand: DemandedForce,
+    samples: Samples,
+    new: Indices,
+) -> Array:
+    """Rows (n, A, F) of the parameters ``new`` of a structure that extends another."""
+    ends = np.moveaxis(demand.columns(new), 0, -1)
+    return filtered_rows(ends, mechanism, samples, base.settings.rows)
 
 
 def _square(item: Candidate) -> float:
@@ -254,7 +364,7 @@ def _linear_candidate(
         for item, known in zip(base.samples, base.demands, strict=True)
     ]
     columns = tuple(
-        _columns(base, mechanism, demand, item, new)
+        _own_columns(base, mechanism, demand, item, new)
         for item, demand in zip(base.samples, demands, strict=True)
     )
     declared = mechanism.catalogue[name].parameters
@@ -278,8 +388,7 @@ def _linear_candidate(
         directions=basis.shape[1] - base.basis.shape[1],
         fold_ratio=base.fold_ratio(folds),
     )
-    if _takes_too_much(demands, base.settings):
-        return replace(found, lost_fall=max(base.held_out.square - found.square, 0.0))
+    found = replace(found, acting_share=_acting_share(demands, base))
     lost = _lost_at_bounds(base, found, new, theta[new] + judged.step[len(base.free) :])
     # Another shape may do as well with a sign that can be; where none does, the effect explains
     # nothing.
@@ -293,10 +402,10 @@ def _within_bounds(mechanism: Mechanism, which: Indices, values: Array) -> bool:
     return bool(((lower - rounding <= values) & (values <= upper + rounding)).all())
 
 
-def _takes_too_much(demands: Sequence[DemandedForce], settings: DiagnosisSettings) -> bool:
-    """Whether channels leave so little of the logged torques that any model would fit the rest."""
-    taken, logged = map(sum, zip(*(demand.taken for demand in demands), strict=True))
-    return bool(taken > settings.max_taken_share * logged)
+def _acting_share(demands: Sequence[DemandedForce], base: FittedStructure) -> float:
+    """Squares of the torques that channels let act, over those that the structure lets act."""
+    acting, before = (sum(d.acting_square for d in of) for of in (demands, base.demands))
+    return acting / max(before, 1e-300)
 
 
 def _lost_at_bounds(base: FittedStructure, item: Candidate, which: Indices, values: Array) -> float:
@@ -311,17 +420,6 @@ def _lost_at_bounds(base: FittedStructure, item: Candidate, which: Indices, valu
         return 0.0
     back = (stacked(item.columns) @ beyond)[:, None]
     return float(_unexplained(stacked(base.columns), back, base.settings)[0])
-
-
-def _columns(
-    base: FittedStructure,
-    mechanism: Mechanism,
-    demand: DemandedForce,
-    samples: Samples,
-    new: Indices,
-) -> Array:
-    ends = np.moveaxis(demand.columns(new), 0, -1)
-    return filtered_rows(ends, mechanism, samples, base.settings.rows)
 
 
 def rank(
@@ -347,11 +445,7 @@ def rank(
     if not found:
         return Ranking((), {}, (), None, base.held_out.square, needed)
     found = _with_joint_fits(data, base, found, needed)
-    scores = {item.name: _scores(base, item.columns) for item in found}
-    # What was tried and is no candidate counts too: chance has had that many chances.
-    tried = [score for item in (*found, *beside) for score in item.tried]
-    tried += [_scores(base, item.columns) for item in beside]
-    p_values = candidate_p_values(scores, rng, data.settings, tried)
+    p_values = _p_values(data, base, found, beside, rng)
     return _with_pair(data, base, ranking_of(data, base, found, p_values, needed))
 
 
@@ -512,13 +606,12 @@ def _joint_fit(
         held_out=joint.held_out,
         added_noise=added,
         lost_fall=0.0,  # the fit is within bounds
+        acting_share=_acting_share(joint.demands, base),
         fold_ratio=base.fold_ratio(joint.held_out.folds),
     )
     # Fall of the fitted squares, scaled to held-out squares. Noise that the effect itself amplifies
     # is no loss.
     kept = (base.square - joint.square + added) * square / base.square
-    if _takes_too_much(joint.demands, data.settings):
-        return replace(new, lost_fall=max(square - new.square, 0.0))
     if kept < data.settings.min_kept_share_of_fall * (square - new.square):
         return replace(new, lost_fall=square - kept - new.square)
     return new
@@ -540,6 +633,12 @@ def _best_and_tied(
         # The simpler of two nested effects is preferred unless the larger one is materially better.
         if contains(best, item, base) and _gives_way(data, best, item):
             best = item
+    # It may give way to one that a third, no larger, surpasses.
+    surely = settings.max_tied_deviations
+    for item in near:
+        if item.parameters <= best.parameters and worse_by(best, item, base) > surely:
+            best = item
+            break
     # An effect that contains the best one does as well by construction. That is no tie.
     tied = [
         item.name
@@ -556,8 +655,9 @@ def _of_drives(
 ) -> tuple[Candidate, tuple[str, ...]]:
     """The best effect and its twins; of drives that answer late the three that do best.
 
-    A resonance does better than lag and delay alone if it is true, but where little of it is seen
-    not by what is material: if that is no chance, it is in the set.
+    A resonance does better than lag or delay if it is true, but where little of it is seen not by
+    what is material: it is in the set if it does better than a delay, which is none of its limits,
+    or better than a lag, which is one, by what is no chance.
     """
     if effect_of(best.name) not in (*DRIVES, *FIRST_GUESS):
         return best, tuple(tied)
@@ -566,10 +666,11 @@ def _of_drives(
     if drive is not None:
         tied = [best.name, *(name for name in tied if name != drive.name)]
         best = drive
-    most = base.settings.max_tied_deviations
     for item in near:
-        swings = item.name == DRIVES[-1] and item is not best and item.name not in tied
-        if swings and worse_by(best, item, base) > most:
+        if item.name != DRIVES[-1] or item is best or item.name in tied:
+            continue
+        by_chance = base.settings.max_tied_deviations if contains(item, best, base) else 0.0
+        if worse_by(best, item, base) > by_chance:
             tied = [item.name, *tied]
     return best, tuple(sorted(tied, key=lambda name: name not in DRIVES)[: len(DRIVES) - 1])
 

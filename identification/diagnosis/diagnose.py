@@ -50,6 +50,7 @@ from identification.diagnosis.structures import (
 )
 from identification.fitting.changed_parameters import changed_parameters
 from identification.fitting.final_fit import coarse_speed_warnings, final_fit
+from identification.fitting.kinematic_evidence import slip_words
 from identification.fitting.least_squares import Fit
 from identification.logs.log import Log, in_order_of_time, shared_clock, warnings_of_logs
 from identification.mechanisms.mechanism import Mechanism
@@ -99,8 +100,11 @@ def diagnose(
     steps, regime = (
         regime_left(data, steps, explained_share(steps)) if unexplained else (steps, None)
     )
-    # Also where trees find nothing: a ripple of the floor is too fine for them.
-    steps, proposal = propose(data, steps, unexplained, Fits(fit_structure, final_fit))
+    slips, proposal = does_slip(data, chosen.wheels.slip), None
+    if not slips:
+        # Also where trees find nothing: a ripple of the floor is too fine for them. Of wheels that
+        # slide no law is sought: one of rolling would imitate them.
+        steps, proposal = propose(data, steps, unexplained, Fits(fit_structure, final_fit))
     unexplained = unexplained or proposal is not None
     floor = data.floor(steps[-1].fitted).to_dict()
     accepted = _names(steps)
@@ -111,8 +115,10 @@ def diagnose(
     given = data.given_errors(mechanism, model.theta)
     fitted_model = _model(steps[-1], final, model, logs, floor)
     of_logs = warnings_of_logs(logs) + [*data.notes, *coarse_speed_warnings(data.samples, final)]
-    if does_slip(data, chosen.wheels.slip):
+    words = sentences_of(fitted_model, steps, verdict, ties, floor, maps[-1], regime, proposal)
+    if slips:
         of_logs.append(slip_warning(chosen.wheels.slip, chosen.refused))
+        words = [slip_words(chosen.wheels.slip), *words] if unexplained else words
     return Diagnosis(
         verdict=verdict,
         missing=effects_of(accepted),
@@ -132,14 +138,13 @@ def diagnose(
             *warnings_of(given, steps[0], chosen.out_of_time, settings),
         ),
         told_first=len(of_logs),
-        sentences=tuple(
-            sentences_of(fitted_model, steps, verdict, ties, floor, maps[-1], regime, proposal)
-        ),
+        sentences=tuple(words),
         candidates=candidate_rows(chosen.first, steps, fitted_model),
         settings=settings,
         regime=regime,
         proposal=proposal,
         changes=changed_parameters(model, fitted_model, mechanism, settings.fit),
+        slip_share=chosen.wheels.slip.share if slips else None,
     )
 
 

@@ -92,6 +92,14 @@ class DiagnosisSettings(Settings):
             "reason": "family-wise, over all candidates",
         },
     )
+    max_p_value_of_noise: float = field(
+        default=0.2,
+        metadata={
+            "unit": "1",
+            "reason": "up to here the p-value of what acts on torques is computed once more, "
+            "without what noise that is in column and residual makes of it: a bound on time",
+        },
+    )
     min_share_of_residual: float = field(
         default=0.05,
         metadata={
@@ -248,16 +256,6 @@ class DiagnosisSettings(Settings):
     )
 
     # Joint fits of the candidates in the lead
-    max_taken_share: float = field(
-        default=0.5,
-        metadata={
-            "unit": "1",
-            "reason": "of the squares of logged torques, what a dead zone or a limit may take: a "
-            "dead zone of 0.1 N m takes 3.5 %, a limit at a third of the peak 15 %; a limit below "
-            "nearly all torques left 1.2 % of error on logs with a ripple, more than the ripple "
-            "explained, and a free run that was far off",
-        },
-    )
     max_joint_fits: int = field(
         default=5,
         metadata={

@@ -9,13 +9,14 @@ compared with the same scores under random signs: see
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
 from identification.diagnosis.settings import DiagnosisSettings
 from identification.fitting.cross_validation import block_sums
-from identification.residual_map.bootstrap import family_wise_p_values, random_signs
+from identification.residual_map.bootstrap import family_wise_p_values
 
 Array = NDArray[np.float64]
 
@@ -63,27 +64,36 @@ def remainder(target: Array, columns: Array, min_seen_share: float) -> Array:
     return target - columns @ (np.linalg.pinv(gram, rcond=min_seen_share) @ (columns.T @ target))
 
 
+@dataclass(frozen=True)
+class Evidence:
+    """Score blocks (blocks, F) of a candidate, and those under random signs.
+
+    chance : the blocks whose random signs show what chance does; by default the same ones
+    """
+
+    observed: Array
+    chance: Array | None = None
+
+
 def candidate_p_values(
-    scores: Mapping[str, Array],
-    rng: np.random.Generator,
+    scores: Mapping[str, Evidence],
+    signs: Array,
     settings: DiagnosisSettings = DiagnosisSettings(),
     tried: Sequence[Array] = (),
 ) -> dict[str, float]:
-    """Family-wise p-value of each candidate from its score blocks (blocks, F).
+    """Family-wise p-value of each candidate from its score blocks.
 
-    All candidates share the draws of signs, so their dependence is kept. ``tried``: scores at all
-    shape constants that were tried for them. The best of many has a large score by chance too, so
-    they belong to the family.
+    All candidates share the random signs (draws, blocks), so their dependence is kept. ``tried``:
+    scores at all shape constants that were tried for them. The best of many has a large score by
+    chance too, so they belong to the family.
     """
-    blocks = len(next(iter(scores.values())))
-    signs = random_signs(rng, settings.bootstrap_draws, blocks)
     observed, null = [], []
     for score in scores.values():
-        # From the observed scores alone: signs do not change the sum of squares, so it holds for
-        # all draws.
-        whiten = _whitening(score, settings.min_score_share)
-        observed.append(_normal_score(score.sum(axis=0) @ whiten))
-        null.append(_normal_score((signs @ score) @ whiten))
+        chance = score.observed if score.chance is None else score.chance
+        # Signs do not change the sum of squares, so one whitening holds for all draws.
+        whiten = _whitening(chance, settings.min_score_share)
+        observed.append(_normal_score(score.observed.sum(axis=0) @ whiten))
+        null.append(_normal_score((signs @ chance) @ whiten))
     for score in tried:
         null.append(_normal_score((signs @ score) @ _whitening(score, settings.min_score_share)))
     p_values = family_wise_p_values(np.array(observed), np.stack(null))

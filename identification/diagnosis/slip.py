@@ -15,18 +15,7 @@ from identification.diagnosis.structures import FittedStructure, LoggedData
 from identification.fitting.kinematic_evidence import SlippingWheels, slip_words
 from identification.fitting.noise_bias import joint_fit
 from identification.mechanisms.samples import Samples
-
-IMITATORS = frozenset(
-    {
-        "uneven_wheel_friction",
-        "uneven_coulomb_friction",
-        "uneven_roller_friction",
-        "torque_gain_error",
-        "roller_inertia",
-        "load_dependent_friction",
-    }
-)
-"""Effects that act as slipping wheels do."""
+from youbot_env.physics.effect import CONTACT, SPEED
 
 
 def does_slip(data: LoggedData, slip: SlippingWheels) -> bool:
@@ -35,14 +24,20 @@ def does_slip(data: LoggedData, slip: SlippingWheels) -> bool:
 
 
 def refuted(data: LoggedData, fitted: FittedStructure, slip: SlippingWheels) -> list[str]:
-    """Effects of a structure that act as slip, and explain little where no wheel slips."""
-    doubtful = [name for name in fitted.mechanism.structure.effects if name in IMITATORS]
-    if not doubtful or not does_slip(data, slip):
+    """Effects of a structure that explain little where no wheel slips.
+
+    Any friction, gain or delay may imitate what slips; forces say little of effects that wheels and
+    pose show, so these are doubted only where wheels slip nearly always.
+    """
+    names = fitted.mechanism.structure.effects
+    if not names or not does_slip(data, slip):
         return []
     firm = [_without(item, mask) for item, mask in zip(fitted.samples, slip.slips, strict=True)]
     kept = 1.0 - float(np.mean(np.concatenate(slip.slips)))
     if kept < data.settings.fit.kinematics.min_rest_without_slip:
-        return doubtful
+        return list(names)
+    catalogue = fitted.mechanism.catalogue
+    doubtful = [name for name in names if catalogue[name].acts_at not in (CONTACT, SPEED)]
     return [name for name in doubtful if not _holds(data, fitted, firm, name)]
 
 

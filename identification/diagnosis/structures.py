@@ -157,6 +157,7 @@ class Candidate:
     fold_ratio : the structure's held-out squares over those with the candidate's folds
     lost_fall : part of the fall in held-out squares that the joint fit, within bounds, does not
         confirm
+    acting_share : squares of the torques that its channels let act, over those of the logged ones
     tried : score blocks of what was tried beside it: each choice of its shape constants on their
         grid, and the effect in some logs only
     """
@@ -177,6 +178,9 @@ class Candidate:
     fold_ratio: float = 1.0
     # Held-out linear steps ignore bounds and may use a negative inertia.
     lost_fall: float = 0.0
+    # A limit under nearly all torques leaves no force to explain, and so hardly any error: what it
+    # leaves counts as a share of the torques that act.
+    acting_share: float = 1.0
     tried: tuple[Array, ...] = field(default=(), repr=False)
 
     @property
@@ -187,7 +191,7 @@ class Candidate:
     @property
     def square(self) -> float:
         """Sum of squared held-out residuals, at the structure's own noise and folds."""
-        return self.square_with_noise - self.added_noise + self.lost_fall
+        return (self.square_with_noise - self.added_noise + self.lost_fall) / self.acting_share
 
     @property
     def square_with_noise(self) -> float:

@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from identification.comparison import Comparison, LogComparison
-from identification.diagnosis.add_effect import Addition
+from identification.diagnosis.addition import Addition
 from identification.diagnosis.report import Diagnosis
 from identification.figures import chart_style as look
 from identification.figures.chart_style import Chart

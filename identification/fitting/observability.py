@@ -32,6 +32,7 @@ class Observability:
     rank : number of directions that are seen
     blind : (F - rank, F) unit vectors in x that are not seen
     blocks : names of parameters that can be estimated apart from the others
+    least : smallest eigenvalue of the Gramian of unit columns
     """
 
     names: tuple[str, ...]
@@ -39,6 +40,7 @@ class Observability:
     rank: int
     blind: Array
     blocks: tuple[tuple[str, ...], ...]
+    least: float
 
     def describe_blind(self, cutoff: float = FitSettings.min_direction_share) -> list[str]:
         """Each blind direction as a sum of parameters, such as ``x1 + x2 + x5``."""
@@ -101,7 +103,8 @@ def observability(
     directions = _orthonormal(vectors[:, unseen] / norm[:, None])
     rank = int(len(names) - unseen.sum())
     blocks = _blocks(names, unit, settings.min_coupling)
-    return Observability(tuple(names), gramian, rank, directions, blocks)
+    least = float(values[0])
+    return Observability(tuple(names), gramian, rank, directions, blocks, least)
 
 
 def _orthonormal(directions: Array) -> Array:
@@ -197,8 +200,11 @@ def told_apart_at_rest(
 def refuse_blind(
     mechanism: Mechanism, seen: Observability, settings: FitSettings = FitSettings()
 ) -> None:
-    """Raise InputError if some direction is not seen: with the motion that would show it."""
-    if seen.rank == len(seen.names):
+    """Raise InputError if some direction is not seen at all: with the motion that would show it.
+
+    A direction that is hardly seen is fitted; its interval says how well.
+    """
+    if seen.rank == len(seen.names) or seen.least >= settings.refused_eigenvalue:
         return
     direction, least = seen.blind[0], settings.min_direction_share
     raise InputError(

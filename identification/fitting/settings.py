@@ -590,6 +590,15 @@ class FitSettings(Settings):
             "blind; its standard deviation is 18 times that of orthogonal columns",
         },
     )
+    refused_eigenvalue: float = field(
+        default=1e-3,
+        metadata={
+            "unit": "1",
+            "reason": "of the same Gramian, under which no model is fitted: from 1e-3 to 3e-3 the "
+            "interval is wide and says so. A platform whose torques were cut at 0.6 N m hardly "
+            "moved, and had 2.7e-3 with all motions driven",
+        },
+    )
     ideal_blind_eigenvalue: float = field(
         default=1e-9,
         metadata={

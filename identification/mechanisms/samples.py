@@ -320,16 +320,16 @@ class DemandedForce(Generic[Geometry]):
         )
 
     @cached_property
-    def taken(self) -> tuple[float, float]:
-        """Squares that channels which are not affine take from the logged torques, and of these."""
+    def acting_square(self) -> float:
+        """Squares of the torques that channels which are not affine let act."""
         s = self.samples
         if not self.structure.has_nonlinear_channel:
-            return 0.0, float((s.torque**2).sum())
+            return float((s.torque**2).sum())
         at = Instant(tuple(s.twist.T), time=s.time, start=s.start)
         taken = dynamics.taken_torque(
             np, self.structure, self.geometry, self.theta, tuple(s.torque.T), at
         )
-        return float((np.stack(taken) ** 2).sum()), float((s.torque**2).sum())
+        return float(((s.torque - np.stack(taken, axis=1)) ** 2).sum())
 
     @cached_property
     def force(self) -> Array:

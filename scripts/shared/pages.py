@@ -13,7 +13,7 @@ from youbot_scripts.shared.report_page import Charts, Part, Words, groups_of, wr
 
 if TYPE_CHECKING:
     from identification.comparison import Comparison
-    from identification.diagnosis.add_effect import Addition
+    from identification.diagnosis.addition import Addition
     from identification.diagnosis.report import Diagnosis
     from identification.fitting.identify import Identification
     from identification.logs.log import Log

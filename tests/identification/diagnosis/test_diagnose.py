@@ -194,3 +194,17 @@ def test_dry_friction_of_the_contact_simulator_is_named_and_sized():
     nominal = DATA / "mujoco_nominal"
     clean = diagnose(PAPER, [read_log(path) for path in sorted(nominal.glob("*.csv"))])
     assert "wheel_coulomb_friction" not in clean.missing
+
+
+@pytest.mark.slow
+def test_wheels_that_slip_are_told_as_slip_and_no_law_is_sought():
+    pytest.importorskip("mujoco")
+    from youbot_env.contact.plant import ContactPlant
+    from youbot_env.contact.settings import Contact
+
+    plant = ContactPlant(PAPER, Contact(friction=0.08))
+    found = diagnose(PAPER, record(plant, [calibration()], seed=1))
+    content = found.to_dict()
+    assert "slip" in content["headline"] and found.sentences[0].startswith("the wheels slip: ")
+    assert content["slip"] > 0.01 and content["proposal"] is None
+    assert not content["missing"]

@@ -1,10 +1,10 @@
 import numpy as np
 import pytest
 
-from identification.diagnosis.settings import DiagnosisSettings
-from identification.diagnosis.significance import candidate_p_values, score_blocks
+from identification.diagnosis.significance import Evidence, candidate_p_values, score_blocks
 from identification.fitting.cross_validation import cross_validate, make_folds
 from identification.fitting.regression import Regression
+from identification.residual_map.bootstrap import random_signs
 
 
 def rows(rng, count=2000, size=3):
@@ -47,6 +47,15 @@ def coloured(rng, count, decay):
     return out
 
 
+def p_of(scores, rng, draws=999):
+    blocks = len(next(iter(scores.values())).observed)
+    return candidate_p_values(scores, random_signs(rng, draws, blocks))
+
+
+def evidence(residual, base, columns):
+    return Evidence(score_blocks(residual, base, columns, 0.05))
+
+
 def test_false_alarms_stay_at_their_level_on_correlated_residuals():
     """Residual and candidates share the filter's memory, where F tests raise alarms in 8-45 %."""
     alarms, trials = 0, 200
@@ -55,13 +64,10 @@ def test_false_alarms_stay_at_their_level_on_correlated_residuals():
         residual = [coloured(rng, 1200, 0.8)]
         base = [np.stack([coloured(rng, 1200, 0.95) for _ in range(2)], axis=-1)]
         scores = {
-            f"c{k}": score_blocks(residual, base, [coloured(rng, 1200, 0.95)[..., None]], 0.05)
+            f"c{k}": evidence(residual, base, [coloured(rng, 1200, 0.95)[..., None]])
             for k in range(6)
         }
-        alarms += (
-            min(candidate_p_values(scores, rng, DiagnosisSettings(bootstrap_draws=199)).values())
-            <= 0.05
-        )
+        alarms += min(p_of(scores, rng, 199).values()) <= 0.05
     assert 0.01 <= alarms / trials <= 0.10
 
 
@@ -70,8 +76,8 @@ def test_a_true_candidate_is_found_and_the_others_are_not():
     base = [coloured(rng, 2400, 0.95)[..., None]]
     columns = {name: [coloured(rng, 2400, 0.95)[..., None]] for name in "abcd"}
     residual = [coloured(rng, 2400, 0.8) + 0.3 * columns["b"][0][..., 0]]
-    scores = {name: score_blocks(residual, base, c, 0.05) for name, c in columns.items()}
-    p_values = candidate_p_values(scores, rng)
+    scores = {name: evidence(residual, base, c) for name, c in columns.items()}
+    p_values = p_of(scores, rng)
     assert p_values["b"] == pytest.approx(0.001)
     assert min(p_values[name] for name in "acd") > 0.05
 
@@ -82,3 +88,23 @@ def test_a_column_that_the_base_model_holds_already_has_no_evidence():
     residual = [coloured(rng, 1200, 0.8)]
     blocks = score_blocks(residual, base, [2.0 * base[0]], 0.05)
     assert np.abs(blocks).max() < 1e-9 * np.abs(residual[0]).sum()
+
+
+@pytest.mark.parametrize("size", [0.0, 8.0], ids=["nothing", "a limit of the torque"])
+def test_what_acts_in_few_moments_is_judged_by_what_it_leaves(size):
+    """Random signs of the few large blocks alone would yield scores as large as theirs."""
+    rng = np.random.default_rng(5)
+    p_values = []
+    for _ in range(20):
+        column = coloured(rng, 2400, 0.9)
+        column[120:-120] *= 1e-3  # twelve of 120 s
+        noise = coloured(rng, 2400, 0.8)
+        residual, column = [noise + size * column], column[..., None]
+        base = [coloured(rng, 2400, 0.95)[..., None]]
+        observed = score_blocks(residual, base, [column], 0.05)
+        chance = score_blocks([noise], base, [column], 0.05)
+        found = p_of({"rare": Evidence(observed, chance)}, rng)
+        p_values.append(found["rare"])
+        if size:
+            assert p_of({"rare": Evidence(observed)}, rng)["rare"] > found["rare"]
+    assert (max(p_values) <= 0.01) if size else (0.2 < np.mean(p_values) < 0.8)

@@ -10,6 +10,7 @@ import pytest
 from controllers.recording import record
 from identification import identify
 from identification.comparison import _clock_of
+from identification.diagnosis.candidates import fit_base, rank
 from identification.diagnosis.diagnose import select
 from identification.diagnosis.sentences import WORDS, describe
 from identification.diagnosis.structures import LoggedData
@@ -25,6 +26,7 @@ from youbot_env.motions.multisine import multisine
 from youbot_env.physics.effect import CATALOGUE
 
 PAPER = load_model("paper")
+RNG = np.random.default_rng
 
 RIVALS = ["floor_tilt", "wheel_coulomb_friction", "uneven_wheel_friction", "torque_gain_error"]
 
@@ -73,6 +75,20 @@ def test_a_planted_effect_is_named_and_sized(name: str, values: dict[str, float]
         estimate = model.effects[name][key]
         deviation = estimate.std or 0.2 * abs(value)
         assert abs(estimate.value - value) < max(4 * deviation, 0.03 * abs(value)), key
+
+
+def test_a_limit_that_cuts_most_torques_is_found():
+    """It acts in few blocks of time, and what it takes is more than what acts."""
+    limit = ("torque_saturation", (("limit", 0.5),))
+    log = recording(effects=(limit, ("floor_tilt", (("tilt_x", 0.01),))), rate=50.0)
+    mechanism = mechanism_of(PAPER)
+    data = LoggedData(mechanism, [log])
+    ranking = rank(data, fit_base(data, mechanism, PAPER.theta), [limit[0], *RIVALS], RNG())
+    assert ranking.best is not None and ranking.best.name == limit[0]
+    assert ranking.p_values[limit[0]] <= 0.01
+    place = ranking.best.mechanism.parameter_names.index("torque_saturation.limit")
+    assert ranking.best.theta[place] == pytest.approx(0.5, rel=0.25)
+    assert ranking.best.acting_share < 0.5
 
 
 def seen(name: str, values: dict[str, float]) -> dict[str, float]:

@@ -44,6 +44,13 @@ def test_a_resonance_that_swings_is_told_alone():
     assert told(ranked(swing)) == ["drive_resonance"]
 
 
+def test_a_resonance_of_which_little_is_seen_is_in_the_set():
+    """A delay does nearly as well, a lag surely worse: neither a lag nor a filter is named."""
+    stiff = ("drive_resonance", (("frequency", 28.0), ("damping", 0.45)))
+    found = told(ranked(stiff))
+    assert "drive_resonance" in found and not {"actuator_lag", "speed_filter"} & set(found)
+
+
 def test_without_a_pose_a_drive_that_lags_is_named_before_a_filter_of_the_speeds():
     first, *others = told(ranked(("actuator_lag", (("time_constant", 0.1),))))
     assert first == "actuator_lag" and "speed_filter" in others and len(others) <= 2
@@ -76,3 +83,11 @@ def test_a_ripple_whose_angle_drifts_is_not_a_second_ripple():
     ripple = (("amplitude", 0.2), ("phase_fl", 0.3), ("cycles", 12.0))
     other = (("amplitude", 0.2), ("phase_fl", 0.8), ("cycles", 12.0))
     assert once_more("torque_ripple", ripple, other) == []
+
+
+def test_noise_that_is_in_a_column_and_in_the_residual_is_no_evidence():
+    """A resonance bends the logged torque, and with it the noise that the residual holds."""
+    data = LoggedData(MECHANISM, [recording("calibration", rate=50.0, noise=3.0)])
+    base = fit_base(data, MECHANISM, PAPER.theta)
+    found = rank(data, base, ["drive_resonance", "wheel_creep"], np.random.default_rng(0))
+    assert min(found.p_values.values()) > 0.05

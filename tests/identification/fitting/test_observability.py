@@ -10,6 +10,7 @@ from identification.fitting.observability import (
     block_estimates,
     log_observability,
     observability,
+    refuse_blind,
 )
 from identification.fitting.regression import Regression, regression
 from identification.logs.log import AXIS, Log
@@ -136,6 +137,29 @@ def test_what_a_log_cannot_show_is_said_with_the_motion_that_would_show_it():
         identify([recording("III")])
     direction = np.array([1, 1, 0, 0, 1, 0, 0]) / np.sqrt(3)
     assert motion_that_shows(ENGINE.geometry, direction) in ("II", "III", "IV")
+
+
+@pytest.mark.parametrize(("eigenvalue", "refused"), [(2e-3, False), (5e-4, True)])
+def test_what_is_hardly_seen_is_fitted_and_what_is_not_seen_refused(
+    eigenvalue: float, refused: bool
+):
+    """Torques that a limit cuts hardly move a platform: no reason to give no model at all."""
+    seen = observability(list(ENGINE.parameter_names), hardly_apart(eigenvalue), 0.05)
+    assert seen.rank == 6 and seen.least == pytest.approx(eigenvalue, rel=0.1)
+    if not refused:
+        refuse_blind(ENGINE, seen)
+        return
+    with pytest.raises(InputError, match="cannot show"):
+        refuse_blind(ENGINE, seen)
+
+
+def hardly_apart(eigenvalue: float) -> np.ndarray:
+    """Columns (n, 7, 7), the first two nearly alike: the Gramian's least eigenvalue is given."""
+    columns = np.zeros((500, 7, 7))
+    columns[:, range(7), range(7)] = 1.0
+    angle = np.arccos(1 - eigenvalue)
+    columns[:, :2, 0], columns[:, :2, 1] = (1.0, 0.0), (np.cos(angle), np.sin(angle))
+    return columns
 
 
 def test_a_column_of_noise_is_not_taken_for_information():
