@@ -3,15 +3,16 @@
 from __future__ import annotations
 
 from collections.abc import Iterable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
+from identification.fitting.parts import reduced_by_parts
 from identification.fitting.settings import FitSettings
 from identification.mechanisms.mechanism import Mechanism
 from identification.mechanisms.samples import Samples, cut
-from identification.signals.filters import filter_samples, first_order, settled
+from identification.signals.filters import RowFilter, settled
 from identification.signals.noise import white_noise
 
 Array = NDArray[np.float64]
@@ -35,14 +36,25 @@ def force_traces(
     mechanism: Mechanism, theta: Array, samples: Samples, settings: FitSettings = FitSettings()
 ) -> Traces:
     """Filtered generalised forces (L F_X, L F_Y, M_W) [N m], the filter's start left out."""
-    dt, rate = samples.dt, settings.filter.rate
-    demanded = mechanism.demand(theta, samples).force
-    measured = filter_samples(mechanism.measured_force(samples), rate, dt)
-    # At both ends of each interval: an acceleration from differences jumps at a sample, and so does
-    # the force.
-    predicted = first_order(demanded[0], demanded[1], rate, dt)
-    first = settled(rate, dt, settings.filter.settling_time_constants)
-    return Traces(samples.time[first:], measured[first:], predicted[first:])
+    first = settled(settings.filter.rate, samples.dt, settings.filter.settling_time_constants)
+    if len(samples) - first < 1:
+        none = np.zeros((0, len(mechanism.axes)))
+        return Traces(samples.time[first:], none, none)
+
+    def ends_of(part: Samples) -> Array:
+        measured = mechanism.measured_force(part)
+        # At both ends of each interval: an acceleration from differences jumps at a sample, and so
+        # does the force.
+        demanded = mechanism.demand(theta, part).force
+        return np.stack([np.stack([measured[:-1], measured[1:]]), demanded], axis=-1)
+
+    # Each sample is a row, also where the mechanism rests.
+    reduce = RowFilter(
+        settings.filter.rate, settings.filter.settling_time_constants, samples.dt, size=1
+    )
+    moving, whole = replace(samples, moves=None), mechanism.structure.changes_kinematics
+    both = reduced_by_parts(ends_of, moving, reduce, settings, whole=whole)
+    return Traces(samples.time[first:], both[..., 0], both[..., 1])
 
 
 def velocity_traces(mechanism: Mechanism, theta: Array, samples: Samples) -> Traces:
@@ -62,7 +74,7 @@ class SumsOfSquares:
     def of(cls, traces: Traces, residual: Array | None = None) -> SumsOfSquares:
         """Of one log; ``residual`` replaces the traces' own (for a noise floor)."""
         error = traces.residual if residual is None else residual
-        return cls((error**2).sum(axis=0), (traces.measured**2).sum(axis=0))
+        return cls(_squares(error), _squares(traces.measured))
 
     def __add__(self, other: SumsOfSquares) -> SumsOfSquares:
         return SumsOfSquares(self.residual + other.residual, self.measured + other.measured)
@@ -78,6 +90,11 @@ class SumsOfSquares:
         # 0 / 0 gives NaN on purpose: the error of an axis that never moved is not defined.
         with np.errstate(invalid="ignore", divide="ignore"):
             return np.sqrt(self.residual / self.measured)
+
+
+def _squares(signal: Array) -> Array:
+    """(A,) sums of the squares of (n, A), column by column: those of an hour take memory."""
+    return np.array([float(np.square(column).sum()) for column in signal.T])
 
 
 def add_up(parts: Iterable[SumsOfSquares]) -> SumsOfSquares:

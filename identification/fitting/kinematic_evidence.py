@@ -19,9 +19,10 @@ from identification.fitting.gauge import gauge_basis
 from identification.fitting.regression import Indices, Regression, covariance_of
 from identification.fitting.settings import FitSettings
 from identification.mechanisms.mechanism import HeldDirections, Mechanism
-from identification.mechanisms.samples import Samples, rolled
+from identification.mechanisms.samples import Samples, rolled_speeds
 from identification.signals.filters import block_mean, integral_of
 from identification.signals.noise import white_noise
+from identification.threads import side_by_side
 from youbot_env.physics import inverse_dynamics as dynamics
 from youbot_env.physics.effect import CONTACT, SPEED
 
@@ -216,29 +217,40 @@ class KinematicEvidence:
 
     def _rows(self, mechanism: Mechanism, theta: Array, samples: Samples) -> tuple[Array, Array]:
         """What kinematics leaves (n, E) [rad/s and, of a pose, m, m, rad]; nuisances (n, E, K)."""
-        structure, geometry = mechanism.structure, mechanism.geometry
-        s, size = samples, self._row_size(samples)
-        s = rolled(structure, geometry, theta, samples, mechanism.settings)
-        slip = block_mean(slip_of_joints(mechanism, theta, s), size)[:, None]
-        if not s.pose_measured:
+        size = self._row_size(samples)
+        slip = slip_rows(mechanism, theta, samples, size, self.settings)[:, None]
+        if not samples.pose_measured:
             return slip, np.zeros((*slip.shape, NUISANCES))
-        left, known = _pose_rows(s, size)
+        where = (mechanism.structure, mechanism.geometry, theta, samples, mechanism.settings)
+        left, known = _pose_rows(replace(samples, twist=rolled_speeds(*where)[0]), size)
         count = min(len(slip), len(left))
         residual = np.concatenate([slip[:count], left[:count]], axis=1)
         return residual, np.concatenate([np.zeros((count, 1, NUISANCES)), known[:count]], axis=1)
 
 
-def slip_of_joints(mechanism: Mechanism, theta: Array, rolling: Samples) -> Array:
+def slip_rows(
+    mechanism: Mechanism, theta: Array, samples: Samples, size: int, settings: FitSettings
+) -> Array:
+    """(n,) [rad/s] means over ``size`` samples of :func:`slip_of_joints`."""
+    where = (mechanism.structure, mechanism.geometry, theta, samples, mechanism.settings)
+    pieces, most = list[Array](), size * max(1, settings.kinematics.max_samples_at_once // size)
+    for begin in range(0, len(samples), most):
+        rolling = rolled_speeds(*where, slice(begin, begin + most))
+        pieces.append(block_mean(slip_of_joints(mechanism, theta, *rolling), size))
+    return np.concatenate(pieces)
+
+
+def slip_of_joints(mechanism: Mechanism, theta: Array, twist: Array, speed: Array) -> Array:
     """(N,) [rad/s] sum with signs of what no rigid motion explains in the joints' speeds.
 
-    ``rolling``: samples that are corrected for what theta says of kinematics. Of a platform's four
-    wheels it is phi_1' + phi_2' - phi_3' - phi_4'.
+    Of a platform's four wheels it is phi_1' + phi_2' - phi_3' - phi_4'.
+
+    Parameters
+    ----------
+    twist, speed : (N, A) and (N, J), corrected for what theta says of kinematics
     """
-    s = rolling
-    rates = dynamics.joint_rates(
-        np, mechanism.structure, mechanism.geometry, theta, tuple(s.twist.T)
-    )
-    apart = s.wheel_speed - np.stack(rates, axis=1)
+    rates = dynamics.joint_rates(np, mechanism.structure, mechanism.geometry, theta, tuple(twist.T))
+    apart = speed - np.stack(rates, axis=1)
     return np.asarray(apart @ np.array(mechanism.internal), np.float64)
 
 
@@ -297,15 +309,15 @@ def slipping_wheels(
         return SlippingWheels(0.0, tuple(np.zeros(len(item), bool) for item in logs))
     known, internal = settings.kinematics, np.array(mechanism.internal)
     squares, masks = list[Array](), list[NDArray[np.bool_]]()
-    usual = np.sqrt(np.mean(np.concatenate([item.wheel_speed for item in logs]) ** 2))
+    square = sum(float(np.vdot(item.wheel_speed, item.wheel_speed)) for item in logs)
+    usual = np.sqrt(square / sum(item.wheel_speed.size for item in logs))
     usual = float(usual * np.linalg.norm(internal))
     for item, level in zip(logs, speed_noise, strict=True):
-        where = (mechanism.structure, mechanism.geometry, theta, item, mechanism.settings)
         size = max(1, round(known.row_time / item.dt))
         if len(item) < size:
             masks.append(np.zeros(len(item), bool))
             continue
-        slip = block_mean(slip_of_joints(mechanism, theta, rolled(*where)), size)
+        slip = slip_rows(mechanism, theta, item, size, settings)
         noise = float(np.linalg.norm(internal * level)) / np.sqrt(size)
         squares.append(np.maximum(slip**2 - noise**2, -(noise**2)))
         most = max(known.slip_deviations * noise, known.min_slip_share * usual)
@@ -377,12 +389,12 @@ def doubts_of_kinematics(
     if not evidence.logs:
         return []
     before = evidence.at(mechanism, theta)
-    tried = {
-        name: evidence.fitted(
-            mechanism.extended(name), mechanism.extend_theta(theta, name, {}), [name]
-        )
-        for name in names
-    }
+
+    def fitted(name: str) -> KinematicFit:
+        start = mechanism.extend_theta(theta, name, {})
+        return evidence.fitted(mechanism.extended(name), start, [name])
+
+    tried = dict(zip(names, side_by_side(fitted, names), strict=True))
     leaders = leaders_of(before, tried)
     if leaders:
         share = 1.0 - tried[leaders[0]].square / before.square

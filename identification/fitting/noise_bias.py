@@ -14,7 +14,7 @@ from identification.fitting.gauge import gauge_basis
 from identification.fitting.least_squares import Fit, fit, solve_step
 from identification.fitting.regression import regression
 from identification.fitting.settings import FitSettings
-from identification.mechanisms.mechanism import Mechanism
+from identification.mechanisms.mechanism import Mechanism, pass_over
 from identification.mechanisms.samples import Samples
 
 Array = NDArray[np.float64]
@@ -120,8 +120,10 @@ class _Noise:
         for item, of in zip(self.samples, self.noise, strict=True):
             # Speeds only: they enter the columns, and noise in columns biases least squares. Noise
             # on the torques enters the residual alone.
-            noisy = self.mechanism.noisy(item, size * of.speed, 0.0 * of.torque, rng)
-            rows.append(regression(self.mechanism, found.theta, noisy, found.free, self.settings))
+            added = self.mechanism.speed_noise(item, size * of.speed, rng)
+            pass_over(rng, item.torque.size)
+            args = (self.mechanism, found.theta, item, found.free, self.settings, added)
+            rows.append(regression(*args))
         even = [np.ones(len(row.residual)) for row in rows]
         step, _ = solve_step(
             self.mechanism, rows, even, found.theta, found.free, self.basis, self.settings

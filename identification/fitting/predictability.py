@@ -34,7 +34,7 @@ from identification.fitting.regression import Regression, regression, rows_by_pa
 from identification.fitting.repeated_periods import repeated_noise
 from identification.fitting.settings import FitSettings, PredictabilitySettings
 from identification.mechanisms.mechanism import Mechanism
-from identification.mechanisms.samples import Samples
+from identification.mechanisms.samples import Samples, cut
 from identification.signals.resampling import smoothed
 from identification.threads import side_by_side
 
@@ -380,7 +380,7 @@ def _all_features(
     settings: FitSettings,
 ) -> Iterator[Array]:
     """Per log (n, Q): what may predict its rows, with the log's number and a time for all logs."""
-    typical = _typical_rates(mechanism, samples)
+    typical = _typical_rates(mechanism, samples, settings)
     start = 0.0
     for number, (row, item) in enumerate(zip(rows, samples, strict=True)):
         known = _motion_features(mechanism, item, typical, settings)[::thin]
@@ -390,10 +390,17 @@ def _all_features(
         start += float(item.time[-1])
 
 
-def _typical_rates(mechanism: Mechanism, samples: Sequence[Samples]) -> Array:
+def _typical_rates(
+    mechanism: Mechanism, samples: Sequence[Samples], settings: FitSettings
+) -> Array:
     """(K,) rms of the rates at which surfaces slide, over all logs."""
-    rates = np.concatenate([mechanism.variables(item).rates for item in samples])
-    return np.maximum(np.sqrt((rates**2).mean(axis=0)), 1e-300)
+    squares = np.zeros(1)
+    for item in samples:
+        # Some at a time: there are more rates than channels in a log.
+        for begin in range(0, len(item), settings.max_part_samples):
+            part = cut(item, begin, begin + settings.max_part_samples)
+            squares = squares + (mechanism.variables(part).rates ** 2).sum(axis=0)
+    return np.maximum(np.sqrt(squares / sum(map(len, samples))), 1e-300)
 
 
 def _motion_features(

@@ -9,10 +9,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from identification.fitting.covariance import hac_covariance
+from identification.fitting.parts import reduced_by_parts
 from identification.fitting.settings import FitSettings
 from identification.mechanisms.mechanism import Mechanism
-from identification.mechanisms.samples import DemandedForce, Samples, cut
-from identification.signals.filters import settled
+from identification.mechanisms.samples import AddedNoise, DemandedForce, Samples
 
 Array = NDArray[np.float64]
 Indices = NDArray[np.intp]
@@ -59,14 +59,21 @@ def regression(
     samples: Samples,
     free: Indices,
     settings: FitSettings = FitSettings(),
+    added: AddedNoise | None = None,
 ) -> Regression:
-    """Filtered residual and columns of one log; of coarse speeds what `Samples.for_fit` leaves."""
+    """Filtered residual and columns of one log; of coarse speeds what `Samples.for_fit` leaves.
+
+    ``added``: noise that is put on the speeds first.
+    """
+    if added is not None and np.isfinite(samples.bandwidth):
+        # A low pass sees the whole log.
+        samples, added = added.on(samples, 0), None
     samples = samples.for_fit
 
     def ends_of(part: Samples) -> Array:
         return residual_and_columns(mechanism, mechanism.demand(theta, part), part, free)
 
-    filtered = rows_by_parts(ends_of, mechanism, samples, settings)
+    filtered = rows_by_parts(ends_of, mechanism, samples, settings, added)
     reduced = settings.rows_of(mechanism.filter_rate, samples.dt)
     # Time of the last sample before the first row, which starts where the filter has settled.
     first = samples.time[0] + (reduced.first - 1) * samples.dt
@@ -108,28 +115,13 @@ def rows_by_parts(
     mechanism: Mechanism,
     samples: Samples,
     settings: FitSettings = FitSettings(),
+    added: AddedNoise | None = None,
 ) -> Array:
-    """:func:`filtered_rows` of what ``ends_of`` makes of samples, in parts of long logs.
-
-    An hour at 1 kHz would take gigabytes at once. Each part begins so long before its first row
-    that the filter forgets its start to rounding, and ends as long after its last row, for what
-    looks ahead: slopes, means, a delay.
-    """
+    """:func:`filtered_rows` of what ``ends_of`` makes of samples, see :func:`reduced_by_parts`."""
+    reduce = settings.rows_of(mechanism.filter_rate, samples.dt)
     # What is integrated from corrected wheels would begin anew in each part.
     whole = mechanism.structure.changes_kinematics
-    if whole or len(samples) <= settings.max_part_samples:
-        return filtered_rows(ends_of(samples), mechanism, samples, settings)
-    reduce = settings.rows_of(mechanism.filter_rate, samples.dt)
-    size, rate = reduce.size, mechanism.filter_rate
-    margin = settled(rate, samples.dt, settings.part_margin_time_constants)
-    rows = max(1, settings.max_part_samples // size)
-    found = []
-    for start in range(reduce.first, len(samples) - size + 1, rows * size):
-        count = min(rows, (len(samples) - start) // size)
-        begin, end = max(0, start - margin), start + count * size + margin
-        part = cut(samples, begin, end)
-        found.append(reduce(ends_of(part), part.moves, start - begin)[:count])
-    return np.concatenate(found)
+    return reduced_by_parts(ends_of, samples, reduce, settings, whole=whole, added=added)
 
 
 def filtered_rows(

@@ -50,12 +50,31 @@ def _period(speed: Array, step: float, settings: PredictabilitySettings) -> int:
     thinned = speed[::coarse]
     least = round(settings.min_period / step / coarse)
     lags = range(least, len(thinned) // 2)
-    if not lags:
+    if not lags or not thinned.any():
         return 0
-    best = coarse * min(lags, key=lambda lag: _difference(thinned, lag))
+    # The least difference at lags of equal differences, to rounding, is looked for among these.
+    nearly = _all_differences(thinned)[least : len(thinned) // 2]
+    among = least + np.flatnonzero(nearly <= nearly.min() + 1e-9)
+    lag = min(among.tolist(), key=lambda lag: _difference(thinned, lag))
+    # Between coarse lags the root of the difference falls by no more than from one to the next.
+    within = np.sqrt(_difference(thinned, lag)) - np.sqrt(_difference(thinned, 1))
+    if within > np.sqrt(settings.max_period_difference):
+        return 0
+    best = coarse * lag
     near = range(max(best - coarse, 1), min(best + coarse, len(speed) - 1) + 1)
     lag = min(near, key=lambda lag: _difference(speed, lag))
     return lag if _difference(speed, lag) < settings.max_period_difference else 0
+
+
+def _all_differences(speed: Array) -> Array:
+    """(n,) :func:`_difference` at each lag, to rounding: by Fourier transforms, not one by one."""
+    squares = np.concatenate([[0.0], np.cumsum((speed**2).sum(axis=1))])
+    power = np.abs(np.fft.rfft(speed, 2 * len(speed), axis=0)) ** 2
+    products = np.fft.irfft(power.sum(axis=1), 2 * len(speed))[: len(speed)]
+    # What the later and the earlier ones of all pairs hold; of next to nothing no share is known.
+    whole = squares[-1] - squares[:-1] + squares[:0:-1]
+    share = np.zeros(len(speed))
+    return 1.0 - np.divide(2.0 * products, whole, out=share, where=whole > 1e-9 * squares[-1])
 
 
 def _difference(speed: Array, lag: int) -> float:

@@ -306,6 +306,14 @@ class WheelEvidenceSettings(Settings):
             "wheel of another radius turns too much changes slowly",
         },
     )
+    max_samples_at_once: int = field(
+        default=32_768,
+        metadata={
+            "unit": "samples",
+            "reason": "of which the slip is computed at once: more do not fit a processor's cache, "
+            "and 20 minutes at 1 kHz took three times as long",
+        },
+    )
     min_duration: float = field(
         default=10.0,
         metadata={

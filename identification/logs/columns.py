@@ -67,10 +67,14 @@ class Draft:
         return self.data[:, self.names.index(name)]
 
     def channels(self, names: tuple[str, ...]) -> NDArray[np.float64] | None:
-        """Copy (n, k) of some channels, None if the log lacks them."""
+        """Some channels (n, k), a view where they are neighbours; None if the log lacks them."""
         if not set(names) <= set(self.names):
             return None
-        return self.data[:, [self.names.index(name) for name in names]]
+        places = [self.names.index(name) for name in names]
+        first = places[0]
+        if places == list(range(first, first + len(places))):
+            return self.data[:, first : first + len(places)]
+        return self.data[:, places]
 
     def drop_group_of(self, name: str, joints: tuple[str, ...]) -> None:
         """Drop the optional group of columns to which one belongs."""

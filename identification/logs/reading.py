@@ -18,9 +18,10 @@ from numpy.typing import NDArray
 
 from identification.logs import checks
 from identification.logs.columns import GYRO, POSE, Draft, joint_columns, select
-from identification.logs.findings import LogError, fault
+from identification.logs.findings import Finding, LogError, fault
 from identification.logs.formats import parser_for, read_bytes
 from identification.logs.log import Log
+from identification.logs.parsing import LogTable
 from identification.logs.repair import (
     fill_missing,
     mark_absurd,
@@ -76,20 +77,39 @@ def read_log(
         ``findings`` hold all that was found, wherever the fault is one of the file.
     """
     path = Path(path)
-    content = read_bytes(path)
-    table = parser_for(path, content)(str(path), content)
-    draft = select(str(path), table, tuple(joints), settings)
-    # Predictions are written at the times of the file, so they are kept before any repair.
-    file_time = draft.time.copy()
-    repair(draft, tuple(joints))
-    log = _assemble(draft, tuple(joints), file_time, hashlib.sha256(content).hexdigest())
+    log, found = _repaired(path, tuple(joints), settings)
     limits = checks.limits_for(log, max_speed, max_effort, geometry, settings)
-    findings = (*draft.findings, *checks.check(log, limits))
+    findings = (*found, *checks.check(log, limits))
     if any(finding.level == "error" for finding in findings):
         raise LogError(str(path), findings)
     # The checks need a finished log, and their findings belong into the same frozen log.
     object.__setattr__(log, "findings", findings)
     return log
+
+
+def _repaired(
+    path: Path, joints: tuple[str, ...], settings: LogSettings
+) -> tuple[Log, list[Finding]]:
+    """The log of a file, and what was found on the way.
+
+    Of a long log each stage takes as much memory as the log itself, so none outlives its function.
+    """
+    draft, sha256 = _drafted(path, joints, settings)
+    # Predictions are written at the times of the file, so they are kept before any repair.
+    file_time = draft.time.copy()
+    repair(draft, joints)
+    return _assemble(draft, joints, file_time, sha256), draft.findings
+
+
+def _drafted(path: Path, joints: tuple[str, ...], settings: LogSettings) -> tuple[Draft, str]:
+    """The channels of a file, and its hash."""
+    table, sha256 = _table(path)
+    return select(str(path), table, joints, settings), sha256
+
+
+def _table(path: Path) -> tuple[LogTable, str]:
+    content = read_bytes(path)
+    return parser_for(path, content)(str(path), content), hashlib.sha256(content).hexdigest()
 
 
 def repair(draft: Draft, joints: tuple[str, ...]) -> None:

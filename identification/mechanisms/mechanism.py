@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 
 from identification.logs.log import Log, starts_on_shared_clock
 from identification.mechanisms.quantities import Quantities
-from identification.mechanisms.samples import DemandedForce, Part, Samples, rolled
+from identification.mechanisms.samples import AddedNoise, DemandedForce, Part, Samples, rolled
 from identification.mechanisms.settings import MechanismSettings
 from identification.signals.filters import FilterSettings, filter_samples, integral_of
 from identification.signals.noise import differenced_noise
@@ -97,6 +97,12 @@ class Variables(NamedTuple):
     speed: Array | None = None
     departure: Array | None = None
     turns: bool | None = None
+
+
+def pass_over(rng: np.random.Generator, count: int) -> None:
+    """Draw normal numbers and forget them, some at a time: those after them stay what they are."""
+    for start in range(0, count, 1 << 20):
+        rng.standard_normal(min(1 << 20, count - start))
 
 
 def _whole(samples: Samples, settings: MechanismSettings) -> list[Part]:
@@ -469,22 +475,25 @@ class Mechanism(Generic[Known]):
 
         It is white, but on speeds that are differences of angles it is such a difference too.
         """
-        shape = samples.torque.shape
-        unit = rng.standard_normal(shape)
+        found = self.speed_noise(samples, speed, rng).on(samples, 0)
+        if not torque.any():
+            pass_over(rng, samples.torque.size)
+            return found
+        more = torque * rng.standard_normal(samples.torque.shape)
+        return replace(found, torque=found.torque + more)
+
+    def speed_noise(self, samples: Samples, speed: Array, rng: np.random.Generator) -> AddedNoise:
+        """Noise of these standard deviations (J,) for the speeds of samples."""
+        extra = rng.standard_normal(samples.torque.shape)
         if samples.angle_noise is not None:
             # Noise of angles, differenced over two samples as in `samples`.
-            unit = (np.roll(unit, -1, axis=0) - np.roll(unit, 1, axis=0)) / np.sqrt(2.0)
-        extra = speed * unit
+            extra = (np.roll(extra, -1, axis=0) - np.roll(extra, 1, axis=0)) / np.sqrt(2.0)
+        extra *= speed
         # Angles that are integrated from the speeds drift with their noise; a ripple sees it.
         drifts = samples.wheel_angle.size and not samples.angle_measured
-        drift = integral_of(extra, samples.dt) if drifts else 0.0
-        return replace(
-            samples,
-            wheel_angle=samples.wheel_angle + drift,
-            twist=samples.twist + extra @ self.least_squares,
-            wheel_speed=samples.wheel_speed + extra,
-            torque=samples.torque + torque * rng.standard_normal(shape),
-        )
+        reads = drifts and self.structure.depends_on_angle
+        drift = integral_of(extra, samples.dt) if reads else None
+        return AddedNoise(extra, drift, self.least_squares)
 
     def demand(
         self, theta: Array, samples: Samples, like: DemandedForce[Known] | None = None
@@ -555,9 +564,17 @@ class Mechanism(Generic[Known]):
             start += [0.0] * (len(torque) * (structure.drive_order - 1))
         if structure.reads_start:
             start.append(s.start)
-        duration = np.full(len(s) - 1, s.dt)
-        states = simulate_theta(structure, self.geometry, theta, duration, s.torque, start)
-        return states[:, : len(self.kind.axes)]
+        # A delay reaches behind the start of a piece, so such a run is simulated as a whole.
+        delayed = float(dynamics.torque_delay(np, structure, theta)) > 0
+        most = len(s) if delayed else self.settings.max_run_samples
+        found = np.empty((len(s), len(self.kind.axes)))
+        # Each piece of a long run goes on from the last state of the one before.
+        for begin in range(0, max(len(s) - 1, 1), most):
+            end = min(begin + most, len(s) - 1)
+            args = (np.full(end - begin, s.dt), s.torque[begin : end + 1], start)
+            states = simulate_theta(structure, self.geometry, theta, *args)
+            found[begin : end + 1], start = states[:, : found.shape[1]], states[-1]
+        return found
 
     def _structure_in(self, log: str, theta: Array) -> tuple[ModelStructure[Known], Array]:
         """The structure and theta with which a log is simulated.

@@ -95,6 +95,15 @@ class Samples:
             known[key] = _smoothed(getattr(self, channel), window)
         return known[key]
 
+    def speed_rates(self, window: float) -> Array:
+        """(N, J) slope of the speeds smoothed over some samples; computed once."""
+        known, key = self._smoothed, ("slope of wheel_speed", window)
+        if key not in known:
+            known[key] = rates = np.empty_like(self.wheel_speed)
+            for k, column in enumerate(self.wheel_speed.T):
+                rates[:, k] = np.gradient(smoothed(column, window), self.dt)
+        return known[key]
+
     @cached_property
     def _smoothed(self) -> dict[tuple[str, float], Array]:
         return {}
@@ -130,6 +139,29 @@ def cut(samples: Samples, start: int, stop: int) -> Samples:
     )
 
 
+@dataclass(frozen=True)
+class AddedNoise:
+    """Noise on the speeds of a log, put on the whole of it or on a part.
+
+    speed (N, J); angle (N, J): what it adds up to, None where nothing reads that; to_twist (J, A)
+    """
+
+    speed: Array
+    angle: Array | None
+    to_twist: Array
+
+    def on(self, part: Samples, begin: int) -> Samples:
+        """Samples that begin with number ``begin`` of the log, with the noise."""
+        rows = slice(begin, begin + len(part))
+        extra, angle = self.speed[rows], part.wheel_angle
+        return replace(
+            part,
+            wheel_angle=angle if self.angle is None else angle + self.angle[rows],
+            twist=part.twist + extra @ self.to_twist,
+            wheel_speed=part.wheel_speed + extra,
+        )
+
+
 def planar_pose(twist: Array, dt: float) -> Array:
     """(N, 3) x, y, yaw in the world from (0, 0, 0), from a body twist (N, 3)."""
     yaw = integral_of(twist[:, 2], dt)
@@ -154,29 +186,46 @@ def rolled(
     """
     if not structure.changes_kinematics:
         return samples
-    s, kind = samples, structure.mechanism
-    rates = np.zeros_like(s.wheel_speed)
-    if structure.filters_speed:
-        window = settings.torque_rate_smoothing_time / s.dt
-        rates = np.gradient(s.smoothed("wheel_speed", window), s.dt, axis=0)
-    # The torque that a wheel creeps by is smoothed: its noise would be in the motion too.
-    torque = s.smoothed("torque", settings.internal_torque_smoothing_time / s.dt)
-    at = Instant(tuple(s.twist.T), time=s.time, start=s.start)
-    acting = dynamics.channel_torque(np, structure, geometry, theta, tuple(torque.T), at)
-    channels = (tuple(s.wheel_speed.T), tuple(rates.T), acting)
-    true = dynamics.true_speed(np, structure, theta, *channels, s.time)
-    rolling = dynamics.rolling_geometry(np, structure, geometry, theta)
-    # Only mechanisms of which a joint can roll otherwise than it should have such effects.
-    assert kind.twist_of is not None
-    twist = np.stack(kind.twist_of(rolling, true), axis=1)
-    speed = np.stack(true, axis=1)
+    s = samples
+    twist, speed = rolled_speeds(structure, geometry, theta, s, settings)
     angle = s.wheel_angle if s.angle_measured else s.wheel_angle[:1] + integral_of(speed, s.dt)
     pose = s.pose if s.pose_measured else planar_pose(twist, s.dt)
     return replace(s, twist=twist, wheel_speed=speed, wheel_angle=angle, pose=pose)
 
 
+def rolled_speeds(
+    structure: ModelStructure[Geometry],
+    geometry: Geometry,
+    theta: Array,
+    samples: Samples,
+    settings: MechanismSettings,
+    rows: slice = slice(None),
+) -> tuple[Array, Array]:
+    """Twist (N, A) and speeds of the joints (N, J) of the same, of some rows."""
+    s, kind = samples, structure.mechanism
+    twist, speed, time = s.twist[rows], s.wheel_speed[rows], s.time[rows]
+    if not structure.changes_kinematics:
+        return twist, speed
+    rates = np.zeros_like(speed)
+    if structure.filters_speed:
+        rates = s.speed_rates(settings.torque_rate_smoothing_time / s.dt)[rows]
+    # The torque that a wheel creeps by is smoothed: its noise would be in the motion too.
+    torque = s.smoothed("torque", settings.internal_torque_smoothing_time / s.dt)[rows]
+    at = Instant(tuple(twist.T), time=time, start=s.start)
+    acting = dynamics.channel_torque(np, structure, geometry, theta, tuple(torque.T), at)
+    channels = (tuple(speed.T), tuple(rates.T), acting)
+    true = dynamics.true_speed(np, structure, theta, *channels, time)
+    rolling = dynamics.rolling_geometry(np, structure, geometry, theta)
+    # Only mechanisms of which a joint can roll otherwise than it should have such effects.
+    assert kind.twist_of is not None
+    return np.stack(kind.twist_of(rolling, true), axis=1), np.stack(true, axis=1)
+
+
 def _smoothed(signal: Array, window: float) -> Array:
-    return np.stack([smoothed(column, window) for column in signal.T], axis=1)
+    found = np.empty_like(signal)
+    for k, column in enumerate(signal.T):
+        found[:, k] = smoothed(column, window)
+    return found
 
 
 LOAD_STEP = 5e-7

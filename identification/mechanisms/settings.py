@@ -274,6 +274,14 @@ class MechanismSettings:
             "reason": "a rim has 2, a solid wheel 1: less is hardly possible",
         },
     )
+    max_run_samples: int = field(
+        default=120_000,
+        metadata={
+            "unit": "samples",
+            "reason": "of a free run that are simulated at once: two minutes at 1 kHz; the states "
+            "of an hour would take half a gigabyte",
+        },
+    )
 
     def __post_init__(self) -> None:
         check_settings(self)

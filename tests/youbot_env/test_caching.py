@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import importlib.util
 import os
+import subprocess
+import sys
 from pathlib import Path
 
 import pytest
@@ -161,3 +163,22 @@ def test_without_a_home_there_is_no_cache(monkeypatch, tmp_path: Path):
     assert caching.cache_folder() is None
     source = kernels._cached_source(BASE, System(dynamics))
     assert source.is_file() and source.parent == caching.private_folder()
+
+
+FIRST_USE = """
+import sys
+import gymnasium, youbot_env
+env = gymnasium.make("YouBotTracking-v0")
+env.reset(seed=0)
+seen = env.step(env.action_space.sample())[0]
+assert sys.argv[1] == "cold" or "scipy.linalg" not in sys.modules
+import numba, numpy
+product = numba.njit(lambda a, b: numpy.dot(a, b))(numpy.eye(2), numpy.arange(2.0))
+assert product.tolist() == [0.0, 1.0]
+"""
+
+
+@pytest.mark.slow
+def test_compiled_code_runs_without_what_compiling_needs_and_compiling_still_works():
+    for state in ("cold", "warm"):
+        subprocess.run([sys.executable, "-c", FIRST_USE, state], check=True)

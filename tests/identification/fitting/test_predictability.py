@@ -11,7 +11,11 @@ from scipy.signal import lfilter
 from identification.fitting import predictability as trees
 from identification.fitting.least_squares import fit
 from identification.fitting.predictability import Predictability, predictability, too_short
-from identification.fitting.repeated_periods import repeated_noise
+from identification.fitting.repeated_periods import (
+    _all_differences,
+    _difference,
+    repeated_noise,
+)
 from identification.fitting.settings import FitSettings, PredictabilitySettings
 from identification.logs.log import Log
 from identification.mechanisms.registry import mechanism_of
@@ -126,6 +130,12 @@ class TestRepeatedPeriods:
         white = 0.1 * np.random.default_rng(0).standard_normal(self.SPEED.shape)
         total, count = self.noise(np.sign(self.SPEED) + white)
         np.testing.assert_allclose(np.sqrt(total / count), 0.1, rtol=0.05)
+
+    def test_all_lags_at_once_are_those_one_by_one(self):
+        rough = self.SPEED + 0.3 * np.random.default_rng(1).standard_normal(self.SPEED.shape)
+        found = _all_differences(rough)
+        for lag in (1, 10, 350, 700, 1400):
+            assert found[lag] == pytest.approx(_difference(rough, lag), abs=1e-12)
 
     def test_a_motion_that_does_not_repeat_tells_nothing(self):
         chirp = np.sin(0.05 * self.TIME**2)[:, None] * np.ones(2)

@@ -1,0 +1,68 @@
+"""Rows of long logs, made in parts: the same numbers to rounding, in bounded memory."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import numpy as np
+from numpy.typing import NDArray
+
+from identification.fitting.settings import FitSettings
+from identification.mechanisms.samples import AddedNoise, Samples, cut
+from identification.signals.filters import RowFilter, settled
+from identification.threads import side_by_side
+
+Array = NDArray[np.float64]
+
+
+def reduced_by_parts(
+    ends_of: Callable[[Samples], Array],
+    samples: Samples,
+    reduce: RowFilter,
+    settings: FitSettings,
+    *,
+    whole: bool,
+    added: AddedNoise | None = None,
+) -> Array:
+    """Rows of what ``ends_of`` makes of samples, in parts of long logs, side by side.
+
+    An hour at 1 kHz would take gigabytes at once. Each part begins so long before its first row
+    that the filter forgets its start to rounding, and ends as long after its last row, for what
+    looks ahead: slopes, means, a delay.
+
+    Parameters
+    ----------
+    whole : whether ``ends_of`` must see a log at once, because it integrates
+    added : noise on the speeds, put on each part alone
+    """
+
+    def of_part(begin: int, end: int, first: int | None = None) -> Array:
+        part = samples if first is None else cut(samples, begin, end)
+        if added is not None:
+            part = added.on(part, begin)
+        return reduce(ends_of(part), part.moves, first)
+
+    if whole or len(samples) <= settings.max_part_samples:
+        return of_part(0, len(samples))
+    size = reduce.size
+    margin = settled(reduce.rate, samples.dt, settings.part_margin_time_constants)
+    rows = max(1, settings.max_part_samples // size)
+
+    def rows_from(start: int) -> Array:
+        count = min(rows, (len(samples) - start) // size)
+        begin, end = max(0, start - margin), start + count * size + margin
+        return of_part(begin, end, start - begin)[:count]
+
+    first, *starts = range(reduce.first, len(samples) - size + 1, rows * size)
+    head = rows_from(first)
+    # Filled part by part: to join all of them at the end would take their memory twice.
+    found = np.empty(((len(samples) - first) // size, *head.shape[1:]))
+    found[: len(head)] = head
+
+    def fill(start: int) -> None:
+        part = rows_from(start)
+        at = (start - first) // size
+        found[at : at + len(part)] = part
+
+    side_by_side(fill, starts)
+    return found
