@@ -1,4 +1,4 @@
-"""Measure the speed of simulator, identification and diagnosis beside peers, in one run."""
+"""Measure speed beside peers: simulator, logs, training."""
 
 from __future__ import annotations
 

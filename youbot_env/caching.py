@@ -72,13 +72,16 @@ def _cache_kind() -> Any:
         """A cache that is passed over where it cannot be read or written."""
 
         def load_overload(self, sig: Any, target_context: Any) -> Any:
+            # numba's own method first registers all that can be compiled and imports SciPy's linear
+            # algebra: 0.3 s of a process that only runs what is compiled already. The compiler
+            # registers it by itself; to run a function takes the memory manager alone.
+            quick = getattr(self, "_load_overload", None)
             try:
-                # numba's own method first registers all that can be compiled and imports SciPy's
-                # linear algebra: 0.3 s of a process that only runs what is compiled already. The
-                # compiler registers it by itself; to run a function takes the memory manager alone.
+                if quick is None:  # another version of numba
+                    return super().load_overload(sig, target_context)
                 rtsys.initialize(target_context)
                 with self._guard_against_spurious_io_errors():
-                    return self._load_overload(sig, target_context)
+                    return quick(sig, target_context)
             except Exception:
                 # A torn file, or pickles of another version, raise anything.
                 self._passed_over(self.flush)

@@ -17,6 +17,7 @@ from identification.proposal.law import FoundLaw, Law
 from identification.proposal.propose import Left, find_law, with_law
 from identification.proposal.settings import ProposalSettings
 from tests.identification.mechanisms.test_axis import STAGE, log_of, planted
+from youbot_env import plugins
 from youbot_env.errors import InputError
 from youbot_env.plugins import load_effects
 
@@ -28,6 +29,8 @@ LAWS = axis_laws(Travel(SCALES, tuple(np.linspace(-0.15, 0.15, 9)), 40.0, 2e-4),
 @pytest.fixture
 def kept_catalogue(monkeypatch):
     monkeypatch.setattr(AXIS_CATALOGUE, "_effects", dict(AXIS_CATALOGUE._effects))
+    # Else each process that a later test starts would load the file too.
+    monkeypatch.setattr(plugins, "_loaded", [])
 
 
 def found(law: Law, **values: float) -> FoundLaw:
