@@ -282,7 +282,10 @@ def _bounded_step(
     _, triangle = np.linalg.qr(np.column_stack([matrix, right]))
     # No gauge directions here: the bounds and lsq_linear's least-norm start determine the common
     # part of relative parameters.
-    result = lsq_linear(triangle[:, :-1], triangle[:, -1], bounds=box)
+    with np.errstate(over="ignore", invalid="ignore"):
+        # From a value that rounding has left beside its bound, lsq_linear also tries a step that it
+        # cannot compute; it takes another one.
+        result = lsq_linear(triangle[:, :-1], triangle[:, -1], bounds=box)
     active = tuple(int(k) for k in np.flatnonzero(result.active_mask))
     return result.x / scale, active
 

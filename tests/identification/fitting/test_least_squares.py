@@ -1,3 +1,4 @@
+import warnings
 from dataclasses import replace
 
 import numpy as np
@@ -5,7 +6,7 @@ import pytest
 
 from identification.fitting.covariance import hac_covariance
 from identification.fitting.gauge import gauge_basis
-from identification.fitting.least_squares import fit
+from identification.fitting.least_squares import _bounded_step, fit
 from identification.fitting.regression import regression, stride
 from identification.fitting.settings import FitSettings
 from identification.logs.reading import read_log
@@ -251,3 +252,16 @@ def test_filter_of_measured_force_equals_the_definition():
         stride(samples.dt, FitSettings().row_rate),
     )
     np.testing.assert_allclose(rows.residual, expected, atol=1e-12)
+
+
+def test_a_value_that_rounding_left_beside_its_bound_makes_no_warning():
+    """lsq_linear alone warns in one of some thirty of such steps."""
+    rng, upper = np.random.default_rng(0), np.full(5, np.inf)
+    lower = np.array([-6.0, -np.inf, -6e-23, -30.0, -np.inf])
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        for _ in range(100):
+            matrix, right = rng.standard_normal((8, 5)), 3 * rng.standard_normal(8)
+            matrix[:, 4] = -matrix[:, 3]
+            step, _ = _bounded_step(matrix, right, np.ones(5), np.zeros(5), lower, upper)
+            assert (step >= lower).all()
