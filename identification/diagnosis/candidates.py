@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import itertools
 from collections.abc import Collection, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from functools import partial
 from typing import NamedTuple
 
@@ -234,7 +234,7 @@ def _p_values(
         and p_values[item.name] <= settings.max_p_value_of_noise
     ]
     if by_noise:
-        noise = NoiseOnce.on(data, base)
+        noise = list(base.with_noise(data.noise, data.seed, with_torques=True))
         for item in by_noise:
             scores[item.name] = _beyond_noise(base, item, scores[item.name], noise)
         p_values = candidate_p_values(scores, signs, settings, tried)
@@ -275,40 +275,24 @@ NOISY_SITES = (CHANNEL, ACTUATOR, SPEED)
 """Where an effect's column is made of logged torques: their noise is in the residual too."""
 
 
-@dataclass(frozen=True)
-class NoiseOnce:
-    """Noise put on the logs once more: the samples, and what it adds to the residual (n, A)."""
-
-    samples: tuple[Samples, ...]
-    residual: tuple[Array, ...]
-
-    @classmethod
-    def on(cls, data: LoggedData, base: FittedStructure) -> NoiseOnce:
-        """White noise as large as the logs' own."""
-        rng, rows = np.random.default_rng(data.seed), base.settings.rows
-        samples, added = [], []
-        for item, level, row in zip(base.samples, data.noise, base.rows, strict=True):
-            noisy = base.mechanism.noisy(item, level.speed, level.torque, rng)
-            again = filtered_residual(base.mechanism, base.theta, noisy, rows)
-            samples.append(noisy)
-            added.append(again - row.residual)
-        return cls(tuple(samples), tuple(added))
-
-
 def _beyond_noise(
-    base: FittedStructure, item: Candidate, evidence: Evidence, noise: NoiseOnce
+    base: FittedStructure,
+    item: Candidate,
+    evidence: Evidence,
+    noise: Sequence[tuple[Samples, Array]],
 ) -> Evidence:
     """The evidence less what noise alone makes of it, which is in the column and the residual.
 
-    A drive's resonance bends the torque, and so its noise: the two are correlated.
+    A drive's resonance bends the torque, and so its noise: the two are correlated. ``noise``: per
+    log, samples with noise put on once more, and what it adds to the residual (n, A).
     """
     own = item.free[len(base.free) :]
     added = []
-    for samples, columns in zip(noise.samples, item.columns, strict=True):
+    for (samples, _), columns in zip(noise, item.columns, strict=True):
         demand = item.mechanism.demand(item.theta, samples.for_fit)
         added.append(_own_columns(base, item.mechanism, demand, samples, own) - columns)
     cleared = remainder(stacked(added), stacked(base.columns), base.settings.min_seen_share)
-    score = cleared.T @ np.concatenate([part.ravel() for part in noise.residual])
+    score = cleared.T @ np.concatenate([residual.ravel() for _, residual in noise])
     observed = evidence.observed - score / len(evidence.observed)
     return replace(evidence, observed=observed)
 

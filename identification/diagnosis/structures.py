@@ -7,7 +7,7 @@ force residual on what it was not fitted on.
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from copy import copy
 from dataclasses import dataclass, field
 from functools import cached_property, partial
@@ -129,16 +129,21 @@ class FittedStructure:
         ``with_torques``: noise on the torques too, to compare structures that pass it on
         differently.
         """
+        added = self.with_noise(noise, seed, with_torques)
+        return sum(float((residual**2).sum()) for _, residual in added)
+
+    def with_noise(
+        self, noise: Sequence[NoiseLevel], seed: int, with_torques: bool
+    ) -> Iterator[tuple[Samples, Array]]:
+        """Per log, its samples with noise put on once more, and what that adds to the residual."""
         rng = np.random.default_rng(seed)
-        total = 0.0
         for item, level, row in zip(self.samples, noise, self.rows, strict=True):
             # Noise on the torques adds the same squares to the residual of every structure, unless
             # a channel takes its share of them: a dead zone lets no noise through.
             torque = level.torque if with_torques else 0.0 * level.torque
             noisy = self.mechanism.noisy(item, level.speed, torque, rng)
             again = filtered_residual(self.mechanism, self.theta, noisy, self.settings.rows)
-            total += float(((again - row.residual) ** 2).sum())
-        return total
+            yield noisy, again - row.residual
 
 
 @dataclass(frozen=True, eq=False)

@@ -346,48 +346,54 @@ def _friction_by_heading(seen: Surroundings) -> Iterator[Law]:
         size = factor.strengths[0].size
         for order in (1, 2):
             yield replace(
-                factor,
+                _of_size(factor, swings, SWINGS, SWINGS_LATEX),
                 name=f"{factor.name}_by_heading_{order}",
                 variables=("heading", "twist"),
-                constants=(
-                    *_swinging(unit, size),
-                    Constant("times", "1", 1.0, 8.0, 1.0, (float(order),), fitted=False,
-                             whole=True),
-                ),
-                lines=(swings, *(line.replace("force /", "size /") for line in factor.lines)),
-                result=factor.result.replace("coefficient", "size"),
+                constants=_swinging(unit, size, order),
                 meaning=f"{factor.meaning}, whose size swings with the heading",
-                formula=f"(a + b cos(n psi) + c sin(n psi)) {factor.formula.partition(' ')[2]}",
-                latex=rf"(a + b\cos n\psi + c\sin n\psi)\,{factor.latex.partition(' ')[2]}",
                 recognise=f"{factor.recognise}, more at some headings than at others.",
                 confirm=CONFIRM["heading"],
                 dissipative=False,
                 terms=3,
-            )  # fmt: skip
+            )
     for order in (1, 2):
         yield Law(
             f"viscous_turning_by_heading_{order}",
             WORLD,
             ("heading", "twist"),
-            (
-                *_swinging("N m s", 1.0),
-                Constant("times", "1", 1.0, 8.0, 1.0, (float(order),), fitted=False, whole=True),
-            ),
+            _swinging("N m s", 1.0, order),
             (swings,),
             "0.0, 0.0, size * world.yaw_rate",
             "Viscous friction of turning, whose size swings with the heading",
-            "(a + b cos(n psi) + c sin(n psi)) W",
-            r"(a + b\cos n\psi + c\sin n\psi)\,\Omega",
+            f"{SWINGS} W",
+            rf"{SWINGS_LATEX}\,\Omega",
             "A moment against turning, more at some headings than at others.",
             CONFIRM["heading"],
             terms=3,
         )
 
 
-def _swinging(unit: str, size: float) -> tuple[Constant, ...]:
+SWINGS, SWINGS_LATEX = "(a + b cos(n psi) + c sin(n psi))", r"(a + b\cos n\psi + c\sin n\psi)"
+"""A size that swings with the heading, ``times`` a turn."""
+
+
+def _swinging(unit: str, size: float, order: int) -> tuple[Constant, ...]:
+    """Constants of such a size."""
     return (
         Constant("level", unit, 0.0, size=size),
         *(Constant(name, unit, size=size) for name in ("cosine", "sine")),
+        Constant("times", "1", 1.0, 8.0, 1.0, (float(order),), fitted=False, whole=True),
+    )
+
+
+def _of_size(factor: Law, line: str, formula: str, latex: str) -> Law:
+    """A canonical factor whose strength is a ``size`` that the line computes."""
+    return replace(
+        factor,
+        lines=(line, *(known.replace("force /", "size /") for known in factor.lines)),
+        result=factor.result.replace("coefficient", "size"),
+        formula=f"{formula} {factor.formula.partition(' ')[2]}",
+        latex=rf"{latex}\,{factor.latex.partition(' ')[2]}",
     )
 
 
@@ -397,18 +403,11 @@ def _friction_by_time(seen: Surroundings) -> Iterator[Law]:
         (strength_of,) = factor.strengths
         growth = Constant("growth", f"{strength_of.unit}/s", size=strength_of.size / 60.0)
         yield replace(
-            factor,
+            _of_size(factor, "size = level + growth * world.time", "(a + b t)", "(a + b t)"),
             name=f"{factor.name}_that_grows",
             variables=("twist", "time"),
             constants=(replace(strength_of, name="level"), growth),
-            lines=(
-                "size = level + growth * world.time",
-                *(line.replace("force /", "size /") for line in factor.lines),
-            ),
-            result=factor.result.replace("coefficient", "size"),
             meaning=f"{factor.meaning}, which grows from the start of each log",
-            formula=f"(a + b t) {factor.formula.partition(' ')[2]}",
-            latex=rf"(a + b t)\,{factor.latex.partition(' ')[2]}",
             recognise=f"{factor.recognise}, more from minute to minute.",
             confirm=CONFIRM["time"],
             dissipative=False,

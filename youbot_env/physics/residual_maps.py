@@ -19,6 +19,7 @@ import math
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cache
+from operator import attrgetter
 from typing import NamedTuple, cast
 
 import numpy as np
@@ -33,8 +34,6 @@ from youbot_env.physics.effect import (
     Effect,
     Parameter,
     Place,
-    Wheel,
-    World,
 )
 from youbot_env.physics.namespaces import Namespace, Number
 
@@ -111,42 +110,20 @@ def _read_twist(k: int) -> Callable[[Body], Number]:
     return read
 
 
-def _yaw(world: World) -> Number:
-    return world.yaw
-
-
-def _x(world: World) -> Number:
-    return world.x
-
-
-def _y(world: World) -> Number:
-    return world.y
-
-
-def _time(world: World) -> Number:
-    return world.time
-
-
-def _rate(wheel: Wheel) -> Number:
-    return wheel.rate
-
-
-def _angle(wheel: Wheel) -> Number:
-    return wheel.angle
-
-
 VARIABLES = {
     item.name: item
     for item in (
-        Variable("heading", WORLD, _yaw, _pose(2), "rad"),
-        Variable("position_x", WORLD, _x, _pose(0), "m"),
-        Variable("position_y", WORLD, _y, _pose(1), "m"),
-        Variable("time", WORLD, _time, lambda at: at.time, "s"),
+        Variable("heading", WORLD, attrgetter("yaw"), _pose(2), "rad"),
+        Variable("position_x", WORLD, attrgetter("x"), _pose(0), "m"),
+        Variable("position_y", WORLD, attrgetter("y"), _pose(1), "m"),
+        Variable("time", WORLD, attrgetter("time"), lambda at: at.time, "s"),
         Variable("forward_speed", BODY, _read_twist(0), _twist(0), "m/s", True),
         Variable("sideways_speed", BODY, _read_twist(1), _twist(1), "m/s", True),
         Variable("yaw_rate", BODY, _read_twist(2), _twist(2), "rad/s", True),
-        Variable("wheel_speed", WHEEL, _rate, lambda at: at.wheel_speed, "rad/s", True),
-        Variable("wheel_angle", WHEEL, _angle, lambda at: at.wheel_angle, "rad"),
+        Variable(
+            "wheel_speed", WHEEL, attrgetter("rate"), lambda at: at.wheel_speed, "rad/s", True
+        ),
+        Variable("wheel_angle", WHEEL, attrgetter("angle"), lambda at: at.wheel_angle, "rad"),
     )
 }
 """What a map can be drawn over. Not over torques and accelerations: their noise is the residual's
