@@ -31,7 +31,7 @@ from youbot_env.tracking.draws import (
     model_draws,
     reference_draws,
 )
-from youbot_env.tracking.episode_draws import FIXED
+from youbot_env.tracking.episode_draws import FIXED, carriers
 from youbot_env.tracking.period_code import period_kernel
 from youbot_env.tracking.setup import Setup, checked_start, integration_steps
 from youbot_env.tracking.task import REWARD_TERMS, reference_table
@@ -250,6 +250,7 @@ class Batch:
             *(reference.peaks, reference.limits),
             np.ascontiguousarray(self.geometry.wheel_jacobian),
             reference.steps,
+            *carriers(reference.first, reference.last, reference.steps),
         )
 
     @property

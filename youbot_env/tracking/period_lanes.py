@@ -35,7 +35,7 @@ from youbot_env.simulation.lane_math import (
     turns_of_tone,
 )
 from youbot_env.tracking.actuation import AT_LIMIT, BOUND_TOLERANCE
-from youbot_env.tracking.episode_draws import PHASES, draw_reference
+from youbot_env.tracking.episode_draws import PHASES, draw_reference, workspace
 from youbot_env.tracking.random_numbers import NOISE, words
 
 carray = numba.carray  # pyright: ignore[reportPrivateImportUsage]
@@ -447,10 +447,13 @@ def next_beginning(K, row, last):
 
 
 @njit(cache=True, error_model="numpy", nogil=True)
-def draw_references(Y, Z, K, whole, peaks, limits, jacobian, steps, first, last):
+def draw_references(
+    Y, Z, K, whole, peaks, limits, jacobian, steps, fine, coarse, first, last
+):  # fmt: skip
     """References of those rows first to last - 1 that begin an episode and follow no table."""
     tones = whole[TONES]
     phase, harmonic, gain = np.empty(3 * tones), np.empty(3 * tones), np.empty(3)
+    work, known = workspace(tones, steps), (fine, coarse)
     row = first - 1
     while True:
         row = next_beginning(K, row + 1, last)
@@ -462,8 +465,8 @@ def draw_references(Y, Z, K, whole, peaks, limits, jacobian, steps, first, last)
             continue
         key, episode = np.uint64(k[KEY * LANES]), k[EPISODE * LANES]
         draw_reference(
-            *(tones, whole[FIRST], whole[LAST], peaks, limits, jacobian, steps, key, episode),
-            *(phase, harmonic, gain),
+            *(tones, whole[FIRST], whole[LAST], peaks, limits, jacobian, steps, known, key),
+            *(episode, phase, harmonic, gain, work),
         )
         for tone in range(3 * tones):
             Z[b, 2 * tone * LANES + i] = np.uint16(phase[tone] * PHASES)
