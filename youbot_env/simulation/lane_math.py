@@ -170,6 +170,26 @@ def cos(x):
 
 
 @njit(cache=True, error_model="numpy", forceinline=True)
+def sine_of_little(d):
+    """Sine of what a step turns [rad]: error below d^9 / 362880.
+
+    That is below rounding up to 0.07 rad, and always far below what a Runge-Kutta step that turns
+    so far leaves, some d^5 / 2880.
+    """
+    z = d * d
+    p = fma(z, fma(z, -1.984126984126984e-04, 8.333333333333333e-03), -0.16666666666666666)
+    return fma(z * d, p, d)
+
+
+@njit(cache=True, error_model="numpy", forceinline=True)
+def cosine_of_little(d):
+    """Cosine of what a step turns [rad]: error below d^10 / 3628800, see ``sine_of_little``."""
+    z = d * d
+    p = fma(z, fma(z, 2.48015873015873e-05, -1.388888888888889e-03), 4.1666666666666664e-02)
+    return fma(z, fma(z, p, -0.5), 1.0)
+
+
+@njit(cache=True, error_model="numpy", forceinline=True)
 def sine_of_turns(u):
     """sin(2 pi u): error below 1e-14 and that of u itself."""
     r = u - np.rint(u)
