@@ -10,6 +10,7 @@ Arrays of a block
 x : state, parameters
 y : ``Fields`` of the task: gains and coming samples of the reference, past actions, encoder counts
 z : (uint16) phases [turns / 65536] and harmonics of the reference's tones
+p : (float32) the coming samples of the reference as they are observed
 k : (int64) ``CLOCK`` ... : a row's counters
 v : workspace of the thread: ``Work``
 """
@@ -125,6 +126,13 @@ def small_at(places, at):
 
 
 @njit(cache=True, error_model="numpy", nogil=True)
+def shown_at(places, at):
+    """A matrix of numbers that are observed."""
+    shape = (places[PLACE * at + 1], places[PLACE * at + 2])
+    return carray(pointer(places[PLACE * at]), shape, np.float32)
+
+
+@njit(cache=True, error_model="numpy", nogil=True)
 def whole_at(places, at):
     """A matrix of whole numbers."""
     shape = (places[PLACE * at + 1], places[PLACE * at + 2])
@@ -189,8 +197,8 @@ def held_torque(y, lanes, at, slot, limit, w, field):
 
 
 @njit(cache=True, error_model="numpy", nogil=True)
-def reference(y, z, k, v, table, lanes, slot, ahead, numbers, whole):
-    """The reference's twist ``ahead`` samples after the clock, into a slot of the ring."""
+def reference(y, z, k, v, p, table, lanes, slot, ahead, numbers, whole):
+    """The reference's twist ``ahead`` samples after the clock, into a slot of the rings."""
     tones = whole[TONES]
     turn, step = numbers[TURN], numbers[PERIOD] / numbers[RAMP]
     shift, bits = np.int64(ahead), whole[TURN_BITS]
@@ -213,6 +221,13 @@ def reference(y, z, k, v, table, lanes, slot, ahead, numbers, whole):
         wanted, gain = y[(3 + 3 * slot + axis) * LANES :], y[axis * LANES :]
         for i in range(lanes):
             wanted[i] = rise[i] * (gain[i] * total[i])
+    follow_tables(y, k, table, lanes, slot, shift, whole)
+    show(y, p, lanes, slot, numbers)
+
+
+@njit(cache=True, error_model="numpy", nogil=True)
+def follow_tables(y, k, table, lanes, slot, shift, whole):
+    """The same of rows that follow a table."""
     if whole[TABLES]:
         for i in range(lanes):
             number = k[TABLE * LANES + i]
@@ -220,6 +235,82 @@ def reference(y, z, k, v, table, lanes, slot, ahead, numbers, whole):
                 n = min(max(k[CLOCK * LANES + i] + shift, 0), table.shape[1] - 1)
                 for axis in range(3):
                     y[(3 + 3 * slot + axis) * LANES + i] = table[number, n, axis]
+
+
+@njit(cache=True, error_model="numpy", nogil=True)
+def show(y, p, lanes, slot, numbers):
+    """A slot of the reference's samples as it is observed, once for all the times that it is."""
+    limit = numbers[TWIST_LIMIT]
+    for axis in range(3):
+        wanted, share = y[(3 + 3 * slot + axis) * LANES :], 1.0 / numbers[SCALE + axis]
+        scaled(wanted, lanes, share, limit, p[(3 * slot + axis) * LANES :])
+
+
+@njit(cache=True, error_model="numpy", nogil=True)
+def reference_ahead(y, z, k, p, table, tick, numbers, whole, sines):
+    """All samples but the newest that the first row sees at its start; bits as ``reference``'s.
+
+    ``sines`` (2, 3 tones): workspace.
+    """
+    tones, preview, one = whole[TONES], whole[PREVIEW], whole[TONES] - whole[TONES] + 1
+    turn, step, bits = numbers[TURN], numbers[PERIOD] / numbers[RAMP], whole[TURN_BITS]
+    small, found = sines
+    for tone in range(len(small)):
+        small[tone] = z[tone * LANES]
+    for ahead in range(preview):
+        slot, n = (tick + ahead) % (preview + 1), k[CLOCK * LANES] + np.int64(ahead)
+        clock, u = ticks(n, turn, bits), real(n) * step
+        u = 1.0 if u > 1.0 else u
+        rise = u * u * u * fma(u, fma(6.0, u, -15.0), 10.0)
+        # Tones side by side, as there is but one row; their sum in turn.
+        for tone in range(3 * tones):
+            turns = turns_of_tone(small[2 * tone], small[2 * tone + 1], clock)
+            found[tone] = sine_of_turns(turns)
+        for axis in range(3):
+            total = 0.0 * turn
+            for tone in range(axis * tones, (axis + 1) * tones):
+                total += found[tone]
+            y[(3 + 3 * slot + axis) * LANES] = rise * (y[axis * LANES] * total)
+        follow_tables(y, k, table, one, slot, np.int64(ahead), whole)
+        show(y, p, one, slot, numbers)
+
+
+@njit(cache=True, error_model="numpy", nogil=True)
+def put_at_start(x, y, w, k, lanes, action, start, states):
+    """Rows of a block that begin now: where ``begin_rows`` put them before the plant moved.
+
+    ``action``: field of the actions of this period, which do not count for them.
+    """
+    pending, found = k[PENDING * LANES :], 0
+    for i in range(lanes):
+        found |= 1 if pending[i] == BEGIN else 0
+    if found == 0:
+        return
+    for i in range(lanes):
+        if pending[i] == BEGIN:
+            for field in range(states):
+                x[field * LANES + i] = start[field]
+            for wheel in range(4):
+                y[(action + wheel) * LANES + i] = 0.0
+                w[wheel * LANES + i] = 0.0
+            k[CLOCK * LANES + i] = 0
+
+
+@njit(cache=True, error_model="numpy", nogil=True)
+def renew(K, first, last):
+    """Let those rows first to last - 1 whose episode is over begin the next; how many."""
+    found = 0
+    for b in range(first // LANES, -(-last // LANES)):
+        k, over = K[b], 0
+        for i in range(LANES):
+            over |= 1 if k[PENDING * LANES + i] == OVER else 0
+        if over:
+            for i in range(min(LANES, last - b * LANES)):
+                if k[PENDING * LANES + i] == OVER:
+                    k[PENDING * LANES + i] = BEGIN
+                    k[EPISODE * LANES + i] += 1
+                    found += 1
+    return found
 
 
 @njit(cache=True, error_model="numpy", nogil=True)
@@ -353,16 +444,19 @@ def within(value, limit):
 
 
 @njit(cache=True, error_model="numpy", nogil=True)
-def observe(y, v, lanes, row, tick, at, numbers, whole, seen):
+def observe(y, v, p, lanes, row, tick, at, numbers, whole, seen):
     """Observations of rows from ``row`` on; ``seen`` (D, n), so that rows lie side by side."""
     preview, history = whole[PREVIEW], whole[HISTORY]
     limit = numbers[TWIST_LIMIT]
     for axis in range(3):
         share = 1.0 / numbers[SCALE + axis]
         scaled(v[(MEASURED + axis) * LANES :], lanes, share, limit, seen[axis, row:])
-        for ahead in range(1 + preview):
-            wanted = y[(3 + 3 * ((tick + ahead) % (preview + 1)) + axis) * LANES :]
-            scaled(wanted, lanes, share, limit, seen[3 + 3 * ahead + axis, row:])
+    for ahead in range(1 + preview):
+        slot = (tick + ahead) % (preview + 1)
+        for axis in range(3):
+            wanted, column = p[(3 * slot + axis) * LANES :], seen[3 + 3 * ahead + axis, row:]
+            for i in range(lanes):
+                put(column, i, given(wanted, i))
     for age in range(history):
         slot = (tick - age) % whole[ACTIONS]
         for wheel in range(4):
