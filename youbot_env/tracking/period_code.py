@@ -81,6 +81,7 @@ def period(action, places, tick, moves, seen, reward, over, report, first, last)
             return -1 - bad
     preview, kept, new = whole[PREVIEW], whole[ACTIONS], 0
     actions, step = 3 + 3 * (preview + 1), LANES if moves else 1
+    line = 64 // X.itemsize
     stop = last
     while first < last:
         if moves == SHARED:
@@ -94,6 +95,10 @@ def period(action, places, tick, moves, seen, reward, over, report, first, last)
             b, i, lanes = row // LANES, row % LANES, last - row
             lanes = step if lanes > step else lanes
             x, y, z, k, p = X[b, i:], Y[b, i:], Z[b, i:], K[b, i:], P[b, i:]
+            if moves and b + 1 < X.shape[0]:
+                # A large batch lies in a cache that is slow, and slower where others use it too.
+                ask_for(X[b + 1], line), ask_for(Y[b + 1], line), ask_for(Z[b + 1], 32)
+                ask_for(K[b + 1], 8), ask_for(P[b + 1], 16)
             if moves:
                 take(action, row, y, lanes, actions, tick % kept)
                 move(x, y, w, lanes, tick, actions, numbers, whole, lengths)

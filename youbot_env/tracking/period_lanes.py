@@ -25,6 +25,7 @@ import numpy as np
 from youbot_env.caching import njit
 from youbot_env.simulation.lane_code import LANES
 from youbot_env.simulation.lane_math import (
+    fetch,
     fma,
     given,
     log_of_share,
@@ -150,6 +151,13 @@ def cube_at(places, at):
 def row_at(places, at):
     """Numbers in a row."""
     return carray(pointer(places[PLACE * at]), (places[PLACE * at + 1],), real)
+
+
+@njit(cache=True, error_model="numpy", nogil=True)
+def ask_for(numbers, line):
+    """Let a block's numbers, ``line`` to a line of the cache, come while others are used."""
+    for at in range(0, len(numbers), line):
+        fetch(numbers, at)
 
 
 @njit(cache=True, error_model="numpy", nogil=True)
