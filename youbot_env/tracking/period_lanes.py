@@ -412,6 +412,22 @@ def tolerance_of(square, margin):
     return value if value == value else 0.0
 
 
+@njit(cache=True, error_model="numpy", forceinline=True)
+def sharpness(numbers, term):
+    """What a squared error of a reward's term is multiplied with in ``loss_of``."""
+    return 9.0 / (numbers[MARGIN + term] * numbers[MARGIN + term])
+
+
+@njit(cache=True, error_model="numpy", forceinline=True)
+def loss_of(square, sharp):
+    """1 over the ``tolerance`` of an error whose square is given; large for NaN.
+
+    Cut where the tolerance is nothing beside 1, so that products of three stay finite.
+    """
+    value = fma(sharp, square, 1.0)
+    return value if value < 1e12 else 1e12
+
+
 @njit(cache=True, error_model="numpy", nogil=True)
 def judge(x, y, v, lanes, row, ring, at, slot, past, numbers, reward):
     """Rewards into ``reward`` from ``row`` on, and into v which episodes end (1.0: diverged).
@@ -423,23 +439,32 @@ def judge(x, y, v, lanes, row, ring, at, slot, past, numbers, reward):
     wanted, newest = y[ring * LANES :], y[(at + 4 * slot) * LANES :]
     before = y[(at + 4 * past) * LANES :]
     earned, ended = reward[row:], v[ENDED * LANES :]
+    a, b, c = numbers[WEIGHT], numbers[WEIGHT + 1], numbers[WEIGHT + 2]
+    d, e = numbers[WEIGHT + 3], numbers[WEIGHT + 4]
+    p, q, r = sharpness(numbers, 0), sharpness(numbers, 1), sharpness(numbers, 2)
+    s, t = sharpness(numbers, 3), sharpness(numbers, 4)
     for i in range(lanes):
-        found, over = 0.0 * limit, 0.0 * limit
+        over = 0.0 * limit
         for axis in range(3):
-            twist = given(x, axis * LANES + i)
-            error = given(wanted, axis * LANES + i) - twist
-            found += numbers[WEIGHT + axis] * tolerance_of(error * error, numbers[MARGIN + axis])
             # Written so that NaN ends it.
+            twist = given(x, axis * LANES + i)
             over = over if abs(twist) <= limit * numbers[SCALE + axis] else 1.0
+        ahead = given(wanted, i) - given(x, i)
+        left = given(wanted, LANES + i) - given(x, LANES + i)
+        turn = given(wanted, 2 * LANES + i) - given(x, 2 * LANES + i)
+        lost_x, lost_y = loss_of(ahead * ahead, p), loss_of(left * left, q)
+        lost_w = loss_of(turn * turn, r)
         effort, change = 0.0 * limit, 0.0 * limit
         for wheel in range(4):
             now = given(newest, wheel * LANES + i)
             moved = now - given(before, wheel * LANES + i)
             effort += now * now * 0.25
             change += moved * moved * 0.25
-        found += numbers[WEIGHT + 3] * tolerance_of(effort, numbers[MARGIN + 3])
-        found += numbers[WEIGHT + 4] * tolerance_of(change, numbers[MARGIN + 4])
-        put(earned, i, found)
+        # a / u + b / v + ...: a division takes as long as ten products.
+        found = fma(a, lost_y * lost_w, lost_x * fma(b, lost_w, c * lost_y))
+        found = found / (lost_x * (lost_y * lost_w))
+        loss, other = loss_of(effort, s), loss_of(change, t)
+        put(earned, i, found + fma(d, other, e * loss) / (loss * other))
         put(ended, i, over)
 
 
