@@ -29,7 +29,8 @@ def every_law() -> tuple[Law, ...]:
     factors = platform_laws.canonical_factors(seen())
     laws += [p for law in factors for p in platform_laws.products(law, seen(), SETTINGS)]
     laws += [platform_laws.ripple_over_floor(0.1, 0.3)]
-    laws += [platform_laws.ripple_of_wheels(7.3, each) for each in (False, True)]
+    for ripple in (platform_laws.ripple_of_wheels, platform_laws.ripple_of_rollers):
+        laws += [ripple(7.3, each) for each in (False, True)]
     return tuple(laws)
 
 
