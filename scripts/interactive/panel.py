@@ -31,6 +31,7 @@ def panel(project: Project) -> list[Any]:
         *_versions(project),
         *_running(project),
         *_ended_badly(project),
+        *_just_driven(project),
         *_verdict(project),
         *_compared(project),
         *_errors(project),
@@ -334,10 +335,10 @@ def driven(project: Project) -> list[Any]:
     ]
     head = html.Thead(html.Tr([html.Th("controller"), html.Th("misses the reference by")]))
     plant, model = step.read_models
-    where = "the model itself" if plant == model else plain(plant)
+    where = "that model itself" if plant == model else plain(plant)
     return [
         html.H2("Driven"),
-        html.P(f"Controllers that know {plain(model)}, on the plant {where}."),
+        html.P(f"Controllers that know the model {plain(model)}, driven on {where}."),
         html.Table([head, html.Tbody(rows)]),
     ]
 
@@ -345,6 +346,20 @@ def driven(project: Project) -> list[Any]:
 def _tracking(row: Mapping[str, Any]) -> str:
     error = row["metrics"]["nrmse"]["mean"]
     return "diverges" if row["diverged"] or error is None else percent(float(error))
+
+
+def _just_driven(project: Project) -> list[Any]:
+    """What controllers have just done: their table and chart stand further down."""
+    from dash import html
+
+    step = project.last("drive")
+    ended = [one for one in project.steps if not one.is_open]
+    found = project.result(step)
+    if not found or step is not ended[-1]:
+        return []
+    told = ", ".join(f"{row['controller']} {_tracking(row)}" for row in found["results"])
+    link = html.A("see the chart", href="#driven")
+    return [html.P([f"Driven; error of the tracking: {told}; ", link, "."], className="verdict")]
 
 
 def commands(project: Project) -> list[Any]:

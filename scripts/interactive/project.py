@@ -296,7 +296,7 @@ class Project:
 
     def _compare(self, model: str, beside: str = "") -> Step:
         line = ["compare", model, *self._logs()]
-        return self._add("compare", f"Compare {model}", line, beside=beside)
+        return self._add("compare", f"Compare {_short(model)}", line, beside=beside)
 
     def comparison(self, model: str, logs: Sequence[str]) -> Step | None:
         """The last finished comparison of a model with these logs."""
@@ -313,7 +313,7 @@ class Project:
     def diagnose(self) -> Step:
         """What the active model lacks."""
         line = ["diagnose", self.model, *self._logs()]
-        return self._add("diagnose", f"Diagnose {self.model}", line)
+        return self._add("diagnose", f"Diagnose {_short(self.model)}", line)
 
     def add(self, effect: str) -> Step:
         """Add an effect to the active model.
@@ -341,7 +341,7 @@ class Project:
             raise InputError(f"{plant!r}: is no model of this workbench")
         line = ["evaluate", "--plant", plant, "--model", self.model]
         line += ["--controllers", ",".join(controllers), "--bands", "0.5-3", "--seeds", "1"]
-        return self._add("drive", f"Drive on {plant}", line)
+        return self._add("drive", f"Drive on {_short(plant)}", line)
 
     def _logs(self) -> list[str]:
         if not self.chosen:
@@ -453,3 +453,7 @@ def _text(source: str) -> dict[str, Any]:
 def _code(source: str) -> dict[str, Any]:
     nothing = {"outputs": [], "execution_count": None}
     return {"cell_type": "code", "metadata": {}, "source": source, **nothing}
+
+
+def _short(model: str) -> str:
+    return model.removeprefix(f"{FOLDER}/")

@@ -29,11 +29,15 @@ DRAWN = "drawn"
 
 
 class Worker:
-    """A thread that takes steps from a queue and runs their commands."""
+    """A thread that takes steps from a queue and runs their commands.
+
+    Charts are drawn when no command waits: one that is put while they are drawn goes first.
+    """
 
     def __init__(self, project: Project) -> None:
         self.project = project
         self._queue: Queue[Step] = Queue()
+        self._undrawn: list[Step] = []
         self._process: subprocess.Popen[str] | None = None
         self._thread = threading.Thread(target=self._run, daemon=True)
         self._thread.start()
@@ -41,6 +45,10 @@ class Worker:
     def put(self, step: Step) -> None:
         """Run a step when those before it have ended."""
         self._queue.put(step)
+        # Which process first: the one that is found is then that of the drawing, or has ended.
+        process = self._process
+        if self.project.drawing:
+            self._stop(process)
 
     def cancel(self, number: int) -> None:
         """Stop a step that waits or runs."""
@@ -49,17 +57,22 @@ class Worker:
                 running = step.state == RUNNING
                 self.project.finished(step, CANCELLED, "cancelled")
                 if running:
-                    self._stop()
+                    self._stop(self._process)
 
     def close(self) -> None:
         """Stop what runs."""
-        self._stop()
+        self._stop(self._process)
 
     def _run(self) -> None:
         while True:
             step = self._queue.get()
             if step.state != CANCELLED:
                 self._do(step)
+            # The newest first: what others would show may be seen in its charts already.
+            while self._undrawn and self._queue.empty():
+                last = self._undrawn.pop()
+                if self.is_to_be_drawn(last):
+                    self._draw(last)
 
     def _do(self, step: Step) -> None:
         step.state, self.project.since = RUNNING, time.time()
@@ -74,8 +87,7 @@ class Worker:
             return
         step.seconds = time.time() - self.project.since
         self.project.finished(step, DONE)
-        if self.is_to_be_drawn(step):
-            self._draw(step)
+        self._undrawn.append(step)
 
     def is_to_be_drawn(self, step: Step) -> bool:
         """Whether a finished step has something to show that no chart shows yet."""
@@ -96,7 +108,9 @@ class Worker:
         project.revision += 1
         arguments = [*_DRAW, str(project.home / DRAWN), step.kind, str(step.number)]
         rest = step.arguments if step.kind == "drive" else step.logs
-        self._call([*arguments, step.subject, step.beside, *rest], step)
+        status, _ = self._call([*arguments, step.subject, step.beside, *rest], step)
+        if status != 0 and not self._queue.empty():
+            self._undrawn.append(step)  # a command goes first
         project.drawing = ""
         project.changed()
 
@@ -131,8 +145,8 @@ class Worker:
             step.share = share
             self.project.revision += 1  # shown, not kept: it is no change of the project
 
-    def _stop(self) -> None:
-        process = self._process
+    @staticmethod
+    def _stop(process: subprocess.Popen[str] | None) -> None:
         if process is None:
             return
         try:

@@ -87,9 +87,12 @@ def test_controllers_were_driven_with_a_model_and_are_gone_with_it(project: Proj
     (project.folder / step.result).write_text(json.dumps({"results": rows}))
     project.finished(step, DONE)
     shown = text(panel.driven(project))
-    assert "paper" in shown and "the model itself" in shown and "50.00 %" in shown
+    assert "paper" in shown and "that model itself" in shown and "50.00 %" in shown
+    assert "pid 50.00 %" in text(panel.panel(project)), "on top, as it has just been done"
     draw(project, step)
     assert drawn_last(project, "drive") is step
+    project.finished(project.doctor(), DONE)
+    assert "pid 50.00 %" not in text(panel.panel(project))
     project.finished(project.identify(), DONE)
     assert panel.driven(project) == [] and drawn_last(project, "drive") is None
 
