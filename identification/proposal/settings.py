@@ -77,9 +77,35 @@ class ProposalSettings(Settings):
             "reason": "a bound on time; those where most is left unexplained",
         },
     )
+    spot_radius_shares: tuple[float, ...] = field(
+        default=(0.7, 1.0, 1.4, 2.0, 2.8),
+        metadata={
+            "unit": "radii of the bump that found it",
+            "reason": "of a patch of another shape: a spring that ends at r_0 looks like a bump "
+            "whose push is largest at 0.5 to 0.8 r_0",
+        },
+    )
+    spot_offset: float = field(
+        default=0.5,
+        metadata={
+            "unit": "radii of the bump that found it",
+            "reason": "between the middles that are tried of a patch of another shape",
+        },
+    )
     heading_orders: tuple[int, ...] = field(
         default=(1, 2, 3, 4),
         metadata={"unit": "1 a turn", "reason": "of forces periodic in the heading"},
+    )
+    strip_half_widths: tuple[float, ...] = field(
+        default=(0.15, 0.4),
+        metadata={"unit": "m", "reason": "of a strip of floor: a door mat's and a runner's half"},
+    )
+    wheel_orders: tuple[int, ...] = field(
+        default=(1, 2),
+        metadata={
+            "unit": "1 a turn",
+            "reason": "how often a wheel rubs: once, where it is not round; twice if bent",
+        },
     )
     shortest_period: float = field(
         default=0.04,
