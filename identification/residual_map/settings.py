@@ -59,6 +59,23 @@ class ResidualMapSettings(Settings):
             "between logs: as where it is asked whether anything can be predicted",
         },
     )
+    stretch_folds: int = field(
+        default=4,
+        metadata={
+            "unit": "1",
+            "reason": "of stretches of that length, held out in turn: each time three quarters of "
+            "the floor's places are known",
+        },
+    )
+    min_stretch_share: float = field(
+        default=0.1,
+        metadata={
+            "unit": "share of the residual's squares",
+            "reason": "of what is told by stretches alone, which lie between known ones in time: "
+            "noise that wanders reached 0.07 (of 13 logs without anything), laws of the floor "
+            "0.12 and more",
+        },
+    )
     min_log_share: float = field(
         default=0.05,
         metadata={
@@ -164,6 +181,14 @@ class ResidualMapSettings(Settings):
         metadata={
             "unit": "cycles a turn",
             "reason": "up to which a wheel's angle is searched",
+        },
+    )
+    rubbing_wheel_orders: int = field(
+        default=4,
+        metadata={
+            "unit": "cycles a turn",
+            "reason": "up to which a friction may swing with a wheel's angle: once, where it is "
+            "not round, up to the number of its spokes",
         },
     )
     max_heading_harmonic: int = field(

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from dataclasses import dataclass, field
+from collections.abc import Callable, Collection
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 from identification.residual_map.curves import Curve
@@ -17,6 +17,8 @@ class Share:
     share : beyond the twist, of the twist alone; 0 where chance could have made it
     p_value : family-wise, over all variables
     cycles : per turn, of a wheel's angle that has a share
+    alone : what it explains if the twist is left out, of what the twist determines: a wheel's
+        speed may be all that matters of it
     period : after which it repeats, of a place that has its share by that, in ``unit``
     """
 
@@ -26,10 +28,16 @@ class Share:
     cycles: int | None = None
     period: float | None = None
     unit: str = ""
+    alone: float = 0.0
+
+    @property
+    def order(self) -> tuple[float, float, float]:
+        """The largest first; of those with none, what explains most if the twist is left out."""
+        return -self.share, -self.alone, self.p_value
 
     def to_dict(self) -> dict[str, Any]:
         """JSON form."""
-        known = {"cycles": self.cycles, "period": self.period}
+        known = {"cycles": self.cycles, "period": self.period, "alone": self.alone or None}
         return {
             "variable": self.variable,
             "share": self.share,
@@ -63,6 +71,16 @@ class ResidualMap:
     def to_list(self) -> list[dict[str, Any]]:
         """JSON form, as the design fixes it."""
         return [share.to_dict() for share in self.shares]
+
+    def led_by(self, variables: Collection[str]) -> ResidualMap:
+        """The same, with some variables before all others of their share: what a rule or a law
+        says, which see a patch of floor that is met for some seconds in all, orders those that
+        have no share."""
+
+        def place(item: Share) -> tuple[float, bool]:
+            return -item.share, not any(item.variable.startswith(name) for name in variables)
+
+        return replace(self, shares=tuple(sorted(self.shares, key=place)))
 
     @property
     def leading(self) -> tuple[str, ...]:
