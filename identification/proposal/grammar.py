@@ -17,6 +17,7 @@ from identification.proposal.evidence import Evidence
 from identification.proposal.law import Law, Shapes
 from identification.proposal.periods import cycles_of_angles, periods_over_floor
 from identification.proposal.surroundings import Surroundings, choices_near, choices_of
+from youbot_env.physics.effect import ROLLER, WHEEL, Place
 
 Array = NDArray[np.float64]
 Choices = Iterable[Shapes]
@@ -57,8 +58,12 @@ class PlatformGrammar:
         """Ripples of the floor and of the wheels."""
         laws = [platform_laws.ripple_over_floor(*pair) for pair in self._periods()]
         laws += [
-            platform_laws.ripple_of_wheels(cycles, each)
-            for cycles in self._cycles()
+            ripple(cycles, each)
+            for ripple, found in (
+                (platform_laws.ripple_of_wheels, self._cycles(self._wheel_torques)),
+                (platform_laws.ripple_of_rollers, self._cycles(self._roller_powers)),
+            )
+            for cycles in found
             for each in (False, True)
         ]
         return self._with_choices(laws)
@@ -79,18 +84,44 @@ class PlatformGrammar:
             np.concatenate(place), np.concatenate(force), speed, rate, self.settings
         )
 
-    def _cycles(self) -> list[float]:
+    def _cycles(self, torques: Sequence[Array]) -> list[float]:
+        """Cycles a turn of torques (N,), one a wheel, that repeat themselves with its angle."""
         mechanism, scenes = self.evidence.mechanism, self.evidence.scenes
-        joints = range(len(mechanism.joints))
-        # Force of a unit torque at each joint.
-        units = [
-            mechanism.kind.force_of(mechanism.geometry, tuple(float(k == i) for k in joints))
-            for i in joints
+        angles = [
+            np.concatenate([scene.angle[:, i] for scene in scenes]) for i in range(len(torques))
         ]
-        angles = [np.concatenate([scene.angle[:, i] for scene in scenes]) for i in joints]
-        torques = [np.concatenate([back @ np.array(unit) for back in self._back]) for unit in units]
         speed = np.concatenate([scene.wheel_speed.ravel() for scene in scenes])
         return cycles_of_angles(angles, torques, speed, mechanism.filter_rate, self.settings)
+
+    @property
+    def _wheel_torques(self) -> list[Array]:
+        """What is left (N,), as torques of each wheel joint."""
+        return [np.concatenate(self._along(unit)) for unit in self._units(WHEEL)]
+
+    @property
+    def _roller_powers(self) -> list[Array]:
+        """What is left (N,), as torques of each roller times its rate: of a friction whose size
+        swings this swings as its size does."""
+        jacobian = self.evidence.mechanism.geometry.roller_jacobian
+        rates = [scene.twist @ jacobian.T for scene in self.evidence.scenes]
+        return [
+            np.concatenate(
+                [t * rate[:, i] for t, rate in zip(self._along(unit), rates, strict=True)]
+            )
+            for i, unit in enumerate(self._units(ROLLER))
+        ]
+
+    def _units(self, place: Place) -> list[Array]:
+        """Force (A,) of a unit torque at each joint of a site."""
+        mechanism = self.evidence.mechanism
+        joints = range(len(mechanism.joints))
+        points = self.evidence.scenes[0].points
+        force = mechanism.kind.sites[place].force
+        return [np.array(force(points, tuple(float(k == i) for k in joints))) for i in joints]
+
+    def _along(self, unit: Array) -> list[Array]:
+        """Per log (N,), what is left as a torque that makes the force ``unit``."""
+        return [back @ unit for back in self._back]
 
     @cached_property
     def _back(self) -> list[Array]:

@@ -530,3 +530,32 @@ def ripple_of_wheels(cycles: float, each: bool) -> Law:
         terms=2,
     )
     return law
+
+
+def ripple_of_rollers(cycles: float, each: bool) -> Law:
+    """Viscous friction of the rollers that swings with the angle of their wheel, near some cycles
+    a turn: as many as there are rollers, where it depends on the spot of a roller that carries."""
+    swing = "a sin(n phi) + b cos(n phi)"
+    return Law(
+        "uneven_roller_ripple" if each else "roller_ripple",
+        ROLLER,
+        ("wheel_angle", "twist"),
+        (
+            Constant("sine", "N m s", size=2e-3, each_wheel=each),
+            Constant("cosine", "N m s", size=2e-3, each_wheel=each),
+            Constant("cycles", "1", 0.1, 60.0, 1.0, (cycles,), step=0.005),
+        ),
+        (
+            "size = sine * xp.sin(cycles * roller.wheel_angle)"
+            " + cosine * xp.cos(cycles * roller.wheel_angle)",
+        ),
+        "size * roller.rate",
+        "Friction of the rollers that repeats itself with the angle of their wheel: it depends on "
+        "which roller stands on the floor, and where on it",
+        f"({swing}) w",
+        r"(a\sin n\varphi + b\cos n\varphi)\,\omega",
+        "The residual swings with the wheels' angles while the robot slides sideways over its "
+        "rollers, most plainly where a wheel hardly turns.",
+        CONFIRM["roller"],
+        terms=2,
+    )

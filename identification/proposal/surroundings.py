@@ -60,6 +60,7 @@ CONFIRM = {
     "place": "drive over the place slowly, both ways, and beside it",
     "speed": "drive at several constant speeds, both ways",
     "wheel": "lift the robot and spin the wheels by hand",
+    "roller": "drive slowly sideways: one roller after the other takes the load",
     "time": "record the same motion again, starting at another time",
 }
 

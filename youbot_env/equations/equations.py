@@ -244,7 +244,12 @@ _TIME, _START = real_symbols("t t0")
 _POINTS: dict[Place, Any] = {
     BODY: Body(tuple(_TWIST), tuple(_ACCELERATION), _TIME, _NAMED, _START),
     WHEEL: Wheel(*real_symbols("phi' phi'' phi M t"), base=_NAMED, start=_START),
-    ROLLER: Roller(*real_symbols("gamma' gamma'' t"), base=_NAMED, start=_START),
+    ROLLER: Roller(
+        *real_symbols("gamma' gamma'' t"),
+        base=_NAMED,
+        start=_START,
+        wheel_angle=real_symbols("phi")[0],
+    ),
     WORLD: World(
         *real_symbols("x y psi x' y' xC yC t"), base=_NAMED, start=_START, yaw_rate=_TWIST[2]
     ),
@@ -273,7 +278,12 @@ class _OpenPoints(EffectPoints[Any, sympy.Expr]):
     @cached_property
     def rollers(self) -> list[Roller]:
         return [
-            Roller(*real_symbols(f"gamma{i}' gamma{i}'' t"), base=self.base, start=_START)
+            Roller(
+                *real_symbols(f"gamma{i}' gamma{i}'' t"),
+                base=self.base,
+                start=_START,
+                wheel_angle=real_symbols(f"phi{i}")[0],
+            )
             for i in range(1, 5)
         ]
 

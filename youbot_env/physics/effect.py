@@ -83,13 +83,17 @@ class Wheel(NamedTuple):
 
 
 class Roller(NamedTuple):
-    """The roller on the floor of one wheel. An effect here returns its axle's torque [N m]."""
+    """The roller on the floor of one wheel. An effect here returns its axle's torque [N m].
+
+    ``wheel_angle`` [rad] of its wheel tells which roller stands on the floor, and where on it.
+    """
 
     rate: Number
     acceleration: Number
     time: Number
     base: BaseParameters
     start: Number | float = 0.0
+    wheel_angle: Number | float = 0.0
 
 
 class World(NamedTuple):

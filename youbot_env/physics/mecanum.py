@@ -112,8 +112,10 @@ def _rollers(points: EffectPoints[Geometry, Number]) -> list[Roller]:
     at = points.at
     rates = roller_rates(points.geometry, at.twist)
     accelerations = roller_rates(points.geometry, at.acceleration)
-    rows = zip(rates, accelerations, strict=True)
-    return [Roller(*row, at.time, points.base, at.start) for row in rows]
+    rows = zip(rates, accelerations, at.wheel_angle, strict=True)
+    return [
+        Roller(rate, change, at.time, points.base, at.start, angle) for rate, change, angle in rows
+    ]
 
 
 def _world(points: EffectPoints[Geometry, Number]) -> list[World]:

@@ -30,7 +30,8 @@ def every_law() -> tuple[Law, ...]:
     laws += [p for law in factors for p in products.products(law, seen(), SETTINGS)]
     laws += place_laws.laws_at_a_spot(seen(), SETTINGS)
     laws += [platform_laws.ripple_over_floor(0.1, 0.3)]
-    laws += [platform_laws.ripple_of_wheels(7.3, each) for each in (False, True)]
+    for ripple in (platform_laws.ripple_of_wheels, platform_laws.ripple_of_rollers):
+        laws += [ripple(7.3, each) for each in (False, True)]
     return tuple(laws)
 
 

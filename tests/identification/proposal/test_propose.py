@@ -177,12 +177,18 @@ def test_nothing_is_proposed_where_nothing_is_missing():
         assert find_law(left, data.samples, 0, quick, data.settings.fit) is None
 
 
-def test_a_dry_force_along_one_direction_is_found_with_its_size(tmp_path: Path, monkeypatch):
+def planted(found: FoundLaw, folder: Path, monkeypatch):
+    """The law as an effect that recordings know."""
     monkeypatch.setattr(CATALOGUE, "_effects", dict(CATALOGUE._effects))
-    nap = FoundLaw(law_named("dry_nap"), {"force": 9.0, "smoothing": 0.01, "direction": 0.9})
-    path = tmp_path / "nap.py"
-    path.write_text(nap.file_text("Planted by a test."))
+    monkeypatch.setattr("youbot_env.plugins._loaded", [])
+    path = folder / "planted.py"
+    path.write_text(found.file_text("Planted by a test."))
     load_effects(path)
+
+
+def test_a_dry_force_along_one_direction_is_found_with_its_size(tmp_path: Path, monkeypatch):
+    nap = FoundLaw(law_named("dry_nap"), {"force": 9.0, "smoothing": 0.01, "direction": 0.9})
+    planted(nap, tmp_path, monkeypatch)
     data, base = data_of((("dry_nap", (("force", 9.0),)),))
     left = Left(base.mechanism, base.theta, base.free, 0.8)
     found = find_law(left, data.samples, 0, ProposalSettings(), data.settings.fit)
@@ -192,6 +198,21 @@ def test_a_dry_force_along_one_direction_is_found_with_its_size(tmp_path: Path, 
     assert found.unseen_fall > 0.9 and found.unseen_p_value <= 0.01
     again = find_law(left, data.samples, 0, ProposalSettings(), data.settings.fit)
     assert again is not None and again.found.values == found.found.values
+
+
+def test_rollers_that_turn_harder_at_some_angles_of_their_wheel(tmp_path: Path, monkeypatch):
+    sizes = {"sine_fl": 1e-3, "cosine_fl": 5e-4, "cosine_br": -1.2e-3}
+    ripple = FoundLaw(law_named("uneven_roller_ripple"), {"cycles": 12.0, **sizes})
+    planted(ripple, tmp_path, monkeypatch)
+    effect = ("uneven_roller_ripple", (*sizes.items(), ("cycles", 12.0)))
+    data, base = data_of((effect,))
+    # Nothing else speaks for it: what acts on rollers by angle is too fine for the search by trees.
+    left = Left(base.mechanism, base.theta, base.free, 0.0)
+    found = find_law(left, data.samples, 0, ProposalSettings(), data.settings.fit)
+    assert found is not None and found.found.law.name == "uneven_roller_ripple"
+    assert found.found.values["cycles"] == pytest.approx(12.0, abs=0.01)
+    for name in ("sine_fl", "sine_fr", "cosine_fl", "cosine_bl", "cosine_br"):
+        assert found.found.values[name] == pytest.approx(sizes.get(name, 0.0), abs=1.5e-4)
 
 
 def test_a_law_is_no_candidate_of_other_robots():
