@@ -205,19 +205,21 @@ def _moments(settings: ProposalSettings) -> Iterator[Law]:
     """Moments by the squares of the place and by their product."""
     bends = tuple(Constant(f"bend_{k}", "N m/m^2", size=1.0) for k in (1, 2, 3))
     slopes = tuple(Constant(f"along_{axis}", "N m/m", size=1.0) for axis in "xy")
-    squares = "bend_1 * world.x**2 + bend_2 * world.x * world.y + bend_3 * world.y**2"
-    for name, constants, result, word, formula in (
+    for name, constants, lines, word, formula in (
         (
             "moment_by_product_of_places",
             (replace(bends[0], name="bend"),),
-            "bend * world.x * world.y",
+            ("turns = bend * world.x * world.y",),
             "Moment by the product of both coordinates",
             "k x y",
         ),
         (
             "moment_by_squared_place",
             (*bends, *slopes, Constant("moment", "N m", size=1.0)),
-            f"{squares} + along_x * world.x + along_y * world.y - moment",
+            (
+                "squares = bend_1 * world.x**2 + bend_2 * world.x * world.y + bend_3 * world.y**2",
+                "turns = squares + along_x * world.x + along_y * world.y - moment",
+            ),
             "Moment by the squares of the place",
             "a x^2 + b x y + c y^2 + k x + l y - m",
         ),
@@ -227,8 +229,8 @@ def _moments(settings: ProposalSettings) -> Iterator[Law]:
             WORLD,
             PLACE,
             constants,
-            (),
-            f"0.0, 0.0, {result}",
+            lines,
+            "0.0, 0.0, turns",
             word,
             formula,
             formula,

@@ -350,6 +350,18 @@ class ProposalSettings(Settings):
         metadata={"unit": "1", "reason": "laws in the list of length against error"},
     )
 
+    min_shown_share: float = field(
+        default=0.05,
+        metadata={
+            "unit": "share of the largest of its unit",
+            "reason": "of a law's numbers, one a wheel: smaller ones are not worth a word",
+        },
+    )
+    shown_alternatives: int = field(
+        default=2,
+        metadata={"unit": "1", "reason": "laws alike in a sentence: with the law a set of three"},
+    )
+
     def of_an_axis(self) -> ProposalSettings:
         """Those of one axis."""
         own = {"min_duration": self.axis_min_duration, "block_time": self.axis_block_time}

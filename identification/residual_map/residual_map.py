@@ -282,14 +282,20 @@ def _shares(
     found: dict[str, Share] = {}
     for one, p_value in zip(judged, p_values, strict=True):
         name, gain = one.group.variable, float(one.gain.total[0] + one.loss)
-        told = p_value <= settings.max_p_value and gain > one.least * one.total
+        likely = gain > one.least * one.total and p_value <= settings.max_p_value_with_a_law
+        told = likely and p_value <= settings.max_p_value
         cycles = None
         if one.group.pairs and told:
             order = strongest_order(table.folds, beyond, table.index[name])
             cycles = 1 + order % settings.max_wheel_order
-        share = Share(name, gain / one.total if told else 0.0, float(p_value), cycles)
-        found[name] = min(found.get(name, share), share, key=lambda item: item.order)
+        size = gain / one.total if likely else 0.0
+        share = Share(name, size if told else 0.0, float(p_value), cycles, likely=size)
+        found[name] = min(found.get(name, share), share, key=_larger)
     return tuple(sorted(found.values(), key=lambda item: item.order))
+
+
+def _larger(share: Share) -> tuple[float, float, float]:
+    return -share.share, -share.likely, share.p_value
 
 
 def _with_parts_of_twist(shares: Sequence[Share], alone: Sequence[Share]) -> tuple[Share, ...]:

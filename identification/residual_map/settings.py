@@ -43,6 +43,15 @@ class ResidualMapSettings(Settings):
             "chance made",
         },
     )
+    max_p_value_with_a_law: float = field(
+        default=0.05,
+        metadata={
+            "unit": "1",
+            "reason": "of variables that a rule or a law depends on too, which have been judged on "
+            "stretches of their own: what acts in one corner of the floor is a few blocks, and "
+            "signs of these are often enough alike by chance",
+        },
+    )
     min_share_of_residual: float = field(
         default=0.01,
         metadata={

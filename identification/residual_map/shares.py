@@ -19,6 +19,7 @@ class Share:
     cycles : per turn, of a wheel's angle that has a share
     alone : what it explains if the twist is left out, of what the twist determines: a wheel's
         speed may be all that matters of it
+    likely : the share, also where chance could have made it in some per cent of cases
     period : after which it repeats, of a place that has its share by that, in ``unit``
     """
 
@@ -29,6 +30,7 @@ class Share:
     period: float | None = None
     unit: str = ""
     alone: float = 0.0
+    likely: float = 0.0
 
     @property
     def order(self) -> tuple[float, float, float]:
@@ -73,14 +75,23 @@ class ResidualMap:
         return [share.to_dict() for share in self.shares]
 
     def led_by(self, variables: Collection[str]) -> ResidualMap:
-        """The same, with some variables before all others of their share: what a rule or a law
-        says, which see a patch of floor that is met for some seconds in all, orders those that
-        have no share."""
+        """The same with what a rule or a law says of some variables.
 
-        def place(item: Share) -> tuple[float, bool]:
-            return -item.share, not any(item.variable.startswith(name) for name in variables)
+        They come before all others of their share, and so lead those that have none: a patch of
+        floor is met for some seconds in all. What is likely of them is told: there is a second
+        evidence for it.
+        """
 
-        return replace(self, shares=tuple(sorted(self.shares, key=place)))
+        def named(item: Share) -> bool:
+            return any(item.variable.startswith(name) for name in variables)
+
+        told = [
+            replace(item, share=max(item.share, item.likely)) if named(item) else item
+            for item in self.shares
+        ]
+        return replace(
+            self, shares=tuple(sorted(told, key=lambda item: (-item.share, not named(item))))
+        )
 
     @property
     def leading(self) -> tuple[str, ...]:

@@ -22,7 +22,7 @@ from identification.mechanisms.mecanum import Mecanum
 from identification.mechanisms.samples import Samples, cut
 from identification.residual_map.residual_map import residual_map
 from identification.residual_map.settings import ResidualMapSettings
-from identification.residual_map.shares import ResidualMap
+from identification.residual_map.shares import ResidualMap, Share
 from tests.identification.recordings import recording
 from tests.identification.shared_data import DATA, needs_data
 from tests.sparing import mostly_slow
@@ -216,6 +216,11 @@ def test_of_what_the_twist_explains_the_wheel_that_does_it_by_itself_comes_next(
 def test_what_a_rule_or_a_law_says_orders_variables_without_a_share():
     found = map_of(None).led_by(("position_",))
     assert {item.variable for item in found.shares[:2]} == {"position_x", "position_y"}
+    likely = replace(
+        found, shares=(Share("time", 0.5, 0.008), Share("heading", 0.0, 0.02, likely=0.6))
+    )
+    assert [s.share for s in likely.led_by(("heading",)).shares] == [0.6, 0.5]
+    assert [s.share for s in likely.led_by(("position_",)).shares] == [0.5, 0.0]
     led = map_of(slope).led_by(("position_",))
     assert led.shares[0].variable == map_of(slope).shares[0].variable
 
