@@ -128,18 +128,22 @@ class PlatformGrammar:
         return self.evidence.taken_back()
 
     def like(self, leaders: Sequence[Law]) -> list[tuple[Law, Choices]]:
-        """Forces of other shapes from or to the spot that a bump was found at."""
-        laws = [*place_laws.laws_at_a_spot(self.seen, self.settings)]
+        """Forces of other shapes about the spot that a bump, or a force about a spot, found."""
+        others = {
+            place_laws.BUMP: place_laws.laws_at_a_spot,
+            place_laws.SPOT_FIELD: place_laws.fields_at_a_spot,
+        }
         return [
             (law, list(choices_near(law, leader, self.settings)))
             for leader in leaders
-            if leader.name == place_laws.BUMP
-            for law in laws
+            if leader.name in others
+            for law in others[leader.name](self.seen, self.settings)
         ]
 
     def products(self, leaders: Sequence[Law]) -> list[tuple[Law, Choices]]:
         """Laws of the world in a patch, beyond an edge, from a time on."""
-        factors = {law.name: law for law in products.canonical_factors(self.seen)}
+        known = *products.canonical_factors(self.seen), *products.turning_factors(self.settings)
+        factors = {law.name: law for law in known}
         factors |= {law.name: law for law in leaders if law.terms <= self.settings.max_factor_terms}
         return self._with_choices(
             [

@@ -95,7 +95,9 @@ def laws_by_place(seen: Surroundings, settings: ProposalSettings) -> Iterator[La
     )
     yield from _fields(settings)
     yield from _moments(settings)
+    yield from _by_place_and_heading()
     yield _bump(seen, settings)
+    yield _spot_field(seen, settings)
     yield _around(seen)
 
 
@@ -243,6 +245,9 @@ def _moments(settings: ProposalSettings) -> Iterator[Law]:
 BUMP = "spot_that_pushes"
 """The law that finds spots of the floor."""
 
+SPOT_FIELD = "spot_field"
+"""The law that finds spots about which a force is of any direction."""
+
 FAR = "far = xp.sqrt((world.x - spot_x) ** 2 + (world.y - spot_y) ** 2 + 1e-06)"
 """Distance from a spot [m], smooth at the spot itself."""
 
@@ -250,6 +255,99 @@ FAR = "far = xp.sqrt((world.x - spot_x) ** 2 + (world.y - spot_y) ** 2 + 1e-06)"
 def inside_of_a_spot(settings: ProposalSettings) -> str:
     """The line that says whether a place is inside of a round patch."""
     return f"inside = 0.5 - 0.5 * xp.tanh((far - radius) / {settings.edge_width:g})"
+
+
+def fields_at_a_spot(seen: Surroundings, settings: ProposalSettings) -> Iterator[Law]:
+    """The same of any direction: a whirl, a saddle."""
+    yield Law(
+        "linear_field_in_a_patch",
+        WORLD,
+        PLACE,
+        (*_field_strengths("N/m"), *spot_constants(seen, settings)),
+        (
+            FAR,
+            inside_of_a_spot(settings),
+            "dx, dy = inside * (world.x - spot_x), inside * (world.y - spot_y)",
+        ),
+        "x_x * dx + x_y * dy, y_x * dx + y_y * dy, 0.0",
+        "Force that changes steadily inside of a round patch of the floor: a whirl, a saddle",
+        "A (x, y) (r < r_0)",
+        r"A (x,\; y)\,[r < r_0]",
+        "A force near one spot of the floor that changes its direction from side to side.",
+        CONFIRM["place"],
+        terms=2,
+    )
+
+
+def _field_strengths(unit: str) -> tuple[Constant, ...]:
+    return tuple(Constant(f"{of}_{by}", unit, size=5.0) for of in "xy" for by in "xy")
+
+
+def _spot_field(seen: Surroundings, settings: ProposalSettings) -> Law:
+    return Law(
+        SPOT_FIELD,
+        WORLD,
+        PLACE,
+        (*_field_strengths("N"), *spot_constants(seen, settings)),
+        (
+            "dx, dy = (world.x - spot_x) / radius, (world.y - spot_y) / radius",
+            "near = xp.exp(0.5 - 0.5 * (dx**2 + dy**2))",
+        ),
+        "near * (x_x * dx + x_y * dy), near * (y_x * dx + y_y * dy), 0.0",
+        "Force about a spot of the floor that fades with the distance: a whirl, a saddle",
+        "A (x, y)/b exp((1 - (r/b)^2)/2) about the spot",
+        r"A \frac{(x,\; y)}{b} e^{(1 - (r/b)^2)/2}",
+        "A force near one spot of the floor that changes its direction from side to side.",
+        CONFIRM["place"],
+        terms=2,
+    )
+
+
+def _by_place_and_heading() -> Iterator[Law]:
+    """Forces along the robot and moments that depend on place and heading."""
+    slopes = tuple(Constant(f"along_{axis}", "N/m", size=5.0) for axis in "xy")
+    size = "size = level + along_x * world.x + along_y * world.y"
+    for word, result in (
+        ("forward", "size * xp.cos(world.yaw), size * xp.sin(world.yaw), 0.0"),
+        ("sideways", "-size * xp.sin(world.yaw), size * xp.cos(world.yaw), 0.0"),
+    ):
+        yield Law(
+            f"{word}_force_by_place",
+            WORLD,
+            (*PLACE, "heading"),
+            (Constant("level", "N", size=5.0), *slopes),
+            (size,),
+            result,
+            f"Force along the robot's {word} axis that changes steadily over the floor",
+            "a + b x + c y",
+            "a + b x + c y",
+            f"The robot is pushed {word}, more on one side of the room.",
+            CONFIRM["place"],
+            terms=3,
+        )
+    strengths = tuple(
+        Constant(f"{wave}_{by}", unit, size=1.0)
+        for wave in ("cosine", "sine")
+        for by, unit in (("x", "N m/m"), ("y", "N m/m"), ("level", "N m"))
+    )
+    swings = (
+        f"{wave} = {wave}_x * world.x + {wave}_y * world.y + {wave}_level"
+        for wave in ("cosine", "sine")
+    )
+    yield Law(
+        "moment_by_place_and_heading",
+        WORLD,
+        (*PLACE, "heading"),
+        strengths,
+        tuple(swings),
+        "0.0, 0.0, cosine * xp.cos(world.yaw) + sine * xp.sin(world.yaw)",
+        "Moment that swings with the heading, by an amount that changes over the floor",
+        "(a x + b y + c) cos(psi) + (d x + e y + f) sin(psi)",
+        r"(a x + b y + c)\cos\psi + (d x + e y + f)\sin\psi",
+        "The robot is turned towards a heading, more on one side of the room.",
+        CONFIRM["heading"],
+        terms=3,
+    )
 
 
 def laws_at_a_spot(seen: Surroundings, settings: ProposalSettings) -> Iterator[Law]:

@@ -20,6 +20,7 @@ from identification.proposal.place_laws import laws_by_place
 from identification.proposal.products import (
     friction_by_heading,
     friction_by_place,
+    friction_by_speed,
     friction_by_time,
 )
 from identification.proposal.settings import ProposalSettings
@@ -50,6 +51,7 @@ def single_laws(seen: Surroundings, settings: ProposalSettings) -> list[Law]:
         *friction_by_heading(seen),
         *friction_by_time(seen),
         *friction_by_place(seen),
+        *friction_by_speed(seen, settings),
         *_by_time(seen, settings),
         *_of_body(seen, settings),
         *_of_joints(seen, settings),

@@ -2,21 +2,25 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator
 from dataclasses import replace
 from typing import NamedTuple
+
+import numpy as np
 
 from identification.proposal.law import Constant, Law
 from identification.proposal.place_laws import FAR, inside_of_a_spot
 from identification.proposal.settings import ProposalSettings
 from identification.proposal.surroundings import (
+    CIRCLE,
     CONFIRM,
     Surroundings,
     edges_of,
     instants,
     spot_constants,
 )
-from youbot_env.physics.effect import WORLD
+from youbot_env.physics.effect import BODY, WORLD
 
 
 def canonical_factors(seen: Surroundings) -> list[Law]:
@@ -43,6 +47,23 @@ def canonical_factors(seen: Surroundings) -> list[Law]:
         "A constant force along one direction of the world", CONFIRM["place"],
     )  # fmt: skip
     return [dry, viscous, pull]
+
+
+def turning_factors(settings: ProposalSettings) -> list[Law]:
+    """The same of turning: dry and viscous friction."""
+    dry = Law(
+        "dry_turning", WORLD, ("twist",), (Constant("torque", "N m", 0.0, size=1.0),), (),
+        f"0.0, 0.0, torque * xp.tanh(world.yaw_rate / {settings.smoothing[1]:g})",
+        "Dry friction of turning", "m sign(W)", r"m\,\mathrm{sign}\,\Omega",
+        "A constant moment against turning", CONFIRM["place"], dissipative=True,
+    )  # fmt: skip
+    viscous = replace(
+        dry, name="viscous_turning", constants=(Constant("coefficient", "N m s", 0.0, size=1.0),),
+        result="0.0, 0.0, coefficient * world.yaw_rate",
+        meaning="Viscous friction of turning", formula="k W", latex=r"k\,\Omega",
+        recognise="A moment against turning that grows with it",
+    )  # fmt: skip
+    return [dry, viscous]
 
 
 class Window(NamedTuple):
@@ -78,6 +99,7 @@ def _windows(seen: Surroundings, settings: ProposalSettings) -> Iterator[Window]
         (FAR, inside_of_a_spot(settings)),
     )
     yield from _of_lines(seen, settings)
+    yield from _of_oblique_lines(seen, settings)
     first, size = instants(seen, settings), settings.switch_time
     instant = Constant("instant", "s", 0.0, seen.duration, 10.0, first)
     for name, word, mark, sign in (
@@ -95,7 +117,7 @@ def _windows(seen: Surroundings, settings: ProposalSettings) -> Iterator[Window]
 
 
 def _of_lines(seen: Surroundings, settings: ProposalSettings) -> Iterator[Window]:
-    """Beyond a line across the floor, before it, and between two."""
+    """Beyond a line across the floor, before it, and between two; along an axis, or oblique."""
     edges, low, high = edges_of(seen, settings)
     edge, width = Constant("edge", "m", low, high, 1.0, edges), settings.edge_width
     for axis in "xy":
@@ -113,6 +135,41 @@ def _of_lines(seen: Surroundings, settings: ProposalSettings) -> Iterator[Window
             *(f"(|{axis} - p_0| < b)", "place", where, (replace(edge, name="centre"), half)),
             (way, f"inside = 0.5 - 0.5 * xp.tanh((way - half_width) / {width:g})"),
         )
+
+
+def _of_oblique_lines(seen: Surroundings, settings: ProposalSettings) -> Iterator[Window]:
+    """Beyond a line in any direction, and between two."""
+    across = Constant("across", "rad", *CIRCLE, 1.0, tuple(_turns(settings.line_directions)))
+    ways = [
+        quantile
+        for angle in across.values
+        for quantile in np.quantile(
+            seen.place @ [math.cos(angle), math.sin(angle)], settings.line_quantiles
+        )
+    ]
+    low, high = min(ways), max(ways)
+    places = tuple(float(v) for v in np.quantile(ways, np.linspace(0.0, 1.0, settings.lines)))
+    edge, width = Constant("edge", "m", low, high, 1.0, places), settings.edge_width
+    half = Constant("half_width", "m", 0.02, 2.0, 0.2, settings.strip_half_widths)
+    way = "way = world.x * xp.cos(across) + world.y * xp.sin(across)"
+    yield Window(
+        *("beyond_a_line", "beyond a line on the floor", "(p > p_0)", "place"),
+        ("position_x", "position_y"),
+        (edge, across),
+        (way, f"inside = 0.5 + 0.5 * xp.tanh((way - edge) / {width:g})"),
+    )
+    yield Window(
+        *("in_a_strip", "in a strip of the floor", "(|p - p_0| < b)", "place"),
+        ("position_x", "position_y"),
+        (replace(edge, name="centre"), half, replace(across, values=across.values[::2])),
+        (way, f"inside = 0.5 - 0.5 * xp.tanh((xp.abs(way - centre) - half_width) / {width:g})"),
+    )
+
+
+def _turns(count: int) -> Iterator[float]:
+    """Directions over a whole turn, opposite ones one after the other."""
+    for k in range(count):
+        yield from (math.pi * k / count, math.pi * (k / count + 1.0))
 
 
 def _times(factor: Law, window: Window) -> Law:
@@ -201,7 +258,7 @@ def friction_by_time(seen: Surroundings) -> Iterator[Law]:
             _of_size(factor, "size = level + growth * world.time", "(a + b t)", "(a + b t)"),
             name=f"{factor.name}_that_grows",
             variables=("twist", "time"),
-            constants=(replace(strength_of, name="level"), growth),
+            constants=(_level(strength_of), growth),
             meaning=f"{factor.meaning}, which grows from the start of each log",
             recognise=f"{factor.recognise}, more from minute to minute.",
             confirm=CONFIRM["time"],
@@ -251,6 +308,83 @@ def _growing(unit: str, size: float) -> tuple[Constant, ...]:
     """Constants of such a size."""
     per_way = unit.replace("N s/m", "N s/m^2") if unit == "N s/m" else f"{unit}/m"
     return (
-        Constant("level", unit, 0.0, size=size),
+        _level(Constant("level", unit, size=size)),
         *(Constant(name, per_way, size=size) for name in ("along_x", "along_y")),
+    )
+
+
+def friction_by_speed(seen: Surroundings, settings: ProposalSettings) -> Iterator[Law]:
+    """Friction of one motion whose size grows with the speed of another: a caster that is dragged
+    sideways while the robot turns."""
+    dry, viscous, _ = canonical_factors(seen)
+    speed = "xp.sqrt(world.velocity_x**2 + world.velocity_y**2)"
+    for factor in (dry, viscous):
+        yield _grown(factor, "xp.abs(world.yaw_rate)", "|W|", r"|\Omega|", "yaw", "rad/s")
+    for factor in turning_factors(settings):
+        yield _grown(factor, speed, "|v|", "|v|", "driving", "m/s")
+    axes = (
+        ("forward", "m/s", seen.twist[0], "VX", "V_X"),
+        ("sideways", "m/s", seen.twist[1], "VY", "V_Y"),
+        ("yaw", "rad/s", seen.twist[2], "W", r"\Omega"),
+    )
+    for k, other in ((0, 1), (0, 2), (1, 0), (1, 2)):
+        word, _, usual, symbol, latex = axes[k]
+        by_word, by_unit, _, by_symbol, by_latex = axes[other]
+        for form, unit, size, text, sign in (
+            ("dry", "N", 5.0, f"xp.tanh(speed / {settings.smoothing[0]:g})", "sign "),
+            ("viscous", "N s/m", 5.0 / max(usual, 1e-3), "speed", ""),
+        ):
+            factor = Law(
+                f"{form}_{word}_drag",
+                BODY,
+                ("twist",),
+                (Constant("force", unit, 0.0, size=size),),
+                (f"speed = body.twist[{k}]", f"drag = size * {text}"),
+                ", ".join("drag" if i == k else "0.0" for i in range(3)),
+                f"{form.capitalize()} force against {word} motion",
+                f"f {sign}{symbol}",
+                rf"f {latex}",
+                f"A force against {word} motion",
+                CONFIRM["speed"],
+            )
+            yield _grown(
+                factor, f"xp.abs(body.twist[{other}])", f"|{by_symbol}|", f"|{by_latex}|",
+                by_word, by_unit,
+            )  # fmt: skip
+
+
+def _level(strength_of: Constant) -> Constant:
+    """The part of a size that does not change: of a friction that begins with nothing, noise takes
+    it below zero."""
+    return replace(strength_of, name="level", lower=-math.inf)
+
+
+GROWTHS = {
+    ("N", "m/s"): "N s/m",
+    ("N", "rad/s"): "N s/rad",
+    ("N s/m", "m/s"): "N s^2/m^2",
+    ("N s/m", "rad/s"): "N s^2/(m rad)",
+    ("N m", "m/s"): "N s",
+    ("N m s", "m/s"): "N s^2",
+}
+"""Units of a strength over a speed."""
+
+
+def _grown(factor: Law, other: str, symbol: str, latex: str, word: str, unit: str) -> Law:
+    """A friction whose size is a level and what grows with the size of another speed."""
+    (strength_of,) = factor.strengths
+    growth = Constant("growth", GROWTHS[strength_of.unit, unit], size=strength_of.size)
+    grown = _of_size(
+        factor, f"size = level + growth * {other}", f"(a + b {symbol})", f"(a + b {latex})"
+    )
+    return replace(
+        grown,
+        name=f"{factor.name}_by_{word}",
+        constants=(_level(strength_of), growth),
+        result=grown.result.replace("torque *", "size *"),
+        meaning=f"{factor.meaning}, whose size grows with the {word} speed",
+        recognise=f"{factor.recognise.rstrip('.')}, more while the {word} speed is large.",
+        confirm=CONFIRM["speed"],
+        dissipative=False,
+        terms=3,
     )

@@ -100,6 +100,24 @@ class ProposalSettings(Settings):
         default=(0.15, 0.4),
         metadata={"unit": "m", "reason": "of a strip of floor: a door mat's and a runner's half"},
     )
+    line_directions: int = field(
+        default=6,
+        metadata={
+            "unit": "1 a half turn",
+            "reason": "across oblique lines: 30 degrees apart, from where a search goes on",
+        },
+    )
+    lines: int = field(
+        default=5,
+        metadata={"unit": "1", "reason": "oblique lines for each direction"},
+    )
+    line_quantiles: tuple[float, float] = field(
+        default=(0.15, 0.85),
+        metadata={
+            "unit": "quantile of the places",
+            "reason": "between which oblique lines lie: beyond them there is little to see",
+        },
+    )
     wheel_orders: tuple[int, ...] = field(
         default=(1, 2),
         metadata={

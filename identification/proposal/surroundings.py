@@ -113,7 +113,7 @@ def choices_near(law: Law, leader: Law, settings: ProposalSettings) -> Iterator[
     """The values at which a law of a spot alone is tried where another law has found one: about
     its middle, with several radii."""
     x, y, radius = (c.values[0] for c in leader.shapes if c.name in SPOT)
-    assert [c.name for c in law.shapes] == [*SPOT]
+    assert tuple(c.name for c in law.shapes) == SPOT
     off = settings.spot_offset * radius
     for dx, dy in ((0.0, 0.0), (off, 0.0), (-off, 0.0), (0.0, off), (0.0, -off)):
         for share in settings.spot_radius_shares:

@@ -26,9 +26,10 @@ def seen() -> Surroundings:
 def every_law() -> tuple[Law, ...]:
     """Single ones, products of two, and those that repeat themselves."""
     laws = platform_laws.single_laws(seen(), SETTINGS)
-    factors = products.canonical_factors(seen())
+    factors = [*products.canonical_factors(seen()), *products.turning_factors(SETTINGS)]
     laws += [p for law in factors for p in products.products(law, seen(), SETTINGS)]
     laws += place_laws.laws_at_a_spot(seen(), SETTINGS)
+    laws += place_laws.fields_at_a_spot(seen(), SETTINGS)
     laws += [platform_laws.ripple_over_floor(0.1, 0.3)]
     for ripple in (platform_laws.ripple_of_wheels, platform_laws.ripple_of_rollers):
         laws += [ripple(7.3, each) for each in (False, True)]

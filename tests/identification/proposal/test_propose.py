@@ -17,7 +17,7 @@ from identification.mechanisms.registry import mechanism_of
 from identification.proposal.evidence import Evidence, Trial
 from identification.proposal.grammar import PlatformGrammar
 from identification.proposal.law import FoundLaw
-from identification.proposal.place_laws import BUMP
+from identification.proposal.place_laws import BUMP, SPOT_FIELD
 from identification.proposal.propose import Left, find_law, with_law
 from identification.proposal.search import Search
 from identification.proposal.settings import ProposalSettings
@@ -75,6 +75,7 @@ def search_of(planted):
         ("shear", {"slope": 8.0, "pull": 1.0, "direction": 0.7}),
         ("moment_by_product_of_places", {"bend": 5.0}),
         ("force_by_product_of_places", {"bend": 12.0, "direction": 0.3}),
+        ("dry_drag_by_yaw", {"growth": 15.0}),
         ("dry_drag_by_place", {"level": 6.0, "along_x": 5.0, "along_y": -3.0}),
         (
             "uneven_dry_wheel_friction_by_angle_1",
@@ -101,19 +102,27 @@ RIVALS = (
 )
 
 
-def test_a_spring_in_a_patch_is_found_where_a_bump_was_sought():
-    law = law_named("spring_in_a_patch")
+@pytest.mark.parametrize(
+    ("name", "finder", "size"),
+    [
+        ("spring_in_a_patch", BUMP, {"stiffness": -60.0}),
+        ("linear_field_in_a_patch", SPOT_FIELD, {"x_x": 60.0, "y_y": -60.0}),
+    ],
+)
+def test_another_force_about_a_spot_is_found_where_a_spot_was(name, finder, size):
+    law = law_named(name)
     where = data_of()[0].samples[0].pose[:, :2]
     x, y = where[len(where) // 3] + [0.1, -0.1]
-    values = {"stiffness": -60.0, "spot_x": x, "spot_y": y, "radius": 0.4}
-    search, grammar = search_of(FoundLaw(law, values))
-    search.add([pair for pair in grammar.single() if pair[0].name in (BUMP, *RIVALS)])
+    values = {**size, "spot_x": x, "spot_y": y, "radius": 0.4}
+    planted = FoundLaw(law, dict.fromkeys((c.name for c in law.strengths), 0.0) | values)
+    search, grammar = search_of(planted)
+    search.add([pair for pair in grammar.single() if pair[0].name in (finder, *RIVALS)])
     search.refine()
-    assert search.leaders[0].law.name == BUMP
+    assert search.leaders[0].law.name == finder
     search.add(grammar.like([item.law_at_best() for item in search.leaders]))
     search.refine()
     found = search.verdict().found
-    assert found.law.name == "spring_in_a_patch"
+    assert found.law.name == name
     assert all(found.values[key] == pytest.approx(v, rel=0.1) for key, v in values.items())
 
 
