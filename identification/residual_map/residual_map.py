@@ -10,7 +10,7 @@ computation on residuals with random signs, block by block, shows what chance al
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
 
@@ -103,22 +103,15 @@ def residual_map(
     judged = [_Judged(twist, of_twist[0], 0.0, squares[0], least)]
     for k, (parts, _) in enumerate(rows.held_out(beyond, signs)):
         chosen = [group for group in others if k == 0 or group.may_lie_elsewhere]
-        gains = held_out_gains(
-            parts, with_twist, [_orders(table, g) for g in chosen], settings.ridge_strengths
-        )
         # Gains count from the fit with the twist. If that predicts worse than no fit (a negative
         # gain), its loss is taken off them.
         loss = min(of_twist[k].at(ridge), 0.0)
         enough = max(least, settings.min_stretch_share) if k else least
-        judged += [
-            _Judged(*pair, loss, squares[k], enough) for pair in zip(chosen, gains, strict=True)
-        ]
+        gains = _gains(table, parts, with_twist, chosen)
+        judged += [_Judged(g, gain, loss, squares[k], enough) for g, gain in gains]
     chosen = [group for group in others if group.follows_twist]
-    alone = held_out_gains(
-        ways[0][0], model_alone, [_orders(table, g) for g in chosen], settings.ridge_strengths
-    )
-    total = squares[0]
-    by_itself = [_Judged(*pair, 0.0, total, least) for pair in zip(chosen, alone, strict=True)]
+    alone = _gains(table, ways[0][0], model_alone, chosen)
+    by_itself = [_Judged(g, gain, 0.0, squares[0], least) for g, gain in alone]
     shares = _with_parts_of_twist(
         _shares(table, judged, beyond), _shares(table, by_itself, residual)
     )
@@ -126,7 +119,7 @@ def residual_map(
         log_shares(table.folds, table.variables, table.reductions, settings), shares
     )
     shares = _with_periods(shares, _beyond_twist(_periodic(mechanism, theta, logs, fit), shares))
-    refit = 1.0 - total / given if given > 0 else 0.0
+    refit = 1.0 - squares[0] / given if given > 0 else 0.0
     shares = tuple(sorted([*shares, *own], key=lambda item: item.order))
     return ResidualMap(shares, float(refit), seconds, partial(_curves, table, residual, beyond))
 
@@ -252,9 +245,18 @@ class _Judged:
     least: float
 
 
-def _orders(table: ResidualTable, group: FeatureGroup) -> tuple[Indices, int | None]:
-    """A group's features, and how many of its orders are fitted."""
-    return table.index[group.variable], table.settings.fitted_wheel_orders if group.pairs else None
+def _gains(
+    table: ResidualTable,
+    parts: Sequence[Held],
+    beside: NuisanceRegressors,
+    groups: Sequence[FeatureGroup],
+) -> Iterator[tuple[FeatureGroup, HeldOutGain]]:
+    """What each of some groups explains of what is held out."""
+    orders = table.settings.fitted_wheel_orders
+    chosen = [(table.index[g.variable], orders if g.pairs else None) for g in groups]
+    return zip(
+        groups, held_out_gains(parts, beside, chosen, table.settings.ridge_strengths), strict=True
+    )
 
 
 def _shares(
