@@ -387,9 +387,11 @@ def _trimmed(made: Assembled, settings: ImportSettings) -> Assembled:
         if before + after == 0:
             continue
         if before + after > most:
+            late = made.time[known[0]] - made.time[0]
+            early = made.time[-1] - made.time[known[-1]]
             message = (
-                f"has no value in the first {made.time[known[0]] - made.time[0]:.3g} s and the last "
-                f"{made.time[-1] - made.time[known[-1]]:.3g} s of the run: empty (nan) there"
+                f"has no value in the first {late:.3g} s and the last {early:.3g} s of the run: "
+                "empty (nan) there"
             )
             made.findings.append(Finding("warning", message, column=name))
             continue
