@@ -21,11 +21,12 @@ from identification.fitting.errors import (
     Traces,
     add_up,
     force_traces,
+    white_force_floor,
 )
 from identification.fitting.final_fit import without_noise_bias
 from identification.fitting.kinematic_evidence import doubts_of_kinematics
 from identification.fitting.least_squares import Fit, fit as fit_model
-from identification.fitting.misfit import misfit, misfit_warning
+from identification.fitting.misfit import force_floor_of, misfit, misfit_warning
 from identification.fitting.observability import log_observability, refuse_blind
 from identification.fitting.predictability import NoiseFloor, noise_floor, predictability
 from identification.fitting.regression import regression
@@ -276,7 +277,8 @@ def compare(
         progress()
     fitted = _fitted(mechanism, model.theta, samples, settings.fit)
     floor = _noise_floor(
-        *(mechanism, model.theta, samples, force, velocity, fitted), seed, settings.fit
+        *(mechanism, model.theta, samples, force, velocity, fitted, force_floor_of(model)),
+        *(seed, settings.fit),
     )
     changes = _changes(model, mechanism, samples, fitted, seed, settings.fit)
     where = residual_map(
@@ -364,12 +366,15 @@ def _noise_floor(
     force: Sequence[Traces],
     velocity: Sequence[Traces],
     fitted: Fit | None,
+    known: float | None,
     seed: int,
     settings: FitSettings,
 ) -> NoiseFloor:
     """What noise leaves: taken from the same structure, ``fitted`` to these logs.
 
     The given parameters' own residual is no measure of the noise: what they miss may be large.
+
+    ``known``: the relative force floor of the logs that the model was made of
     """
     none, at = np.zeros(0, np.intp), theta
     if fitted is None:
@@ -380,12 +385,34 @@ def _noise_floor(
         traces = [force_traces(mechanism, fitted.theta, item, settings) for item in samples]
     found = predictability(mechanism, rows, samples, seed, settings, at)
     noise = [NoiseLevel.of(item, settings) for item in samples]
+    elsewhere = []
+    if known is not None:
+        args = zip(samples, traces, noise, strict=True)
+        elsewhere = [_noise_as_known(mechanism, at, *of, known, seed, settings) for of in args]
     floor = noise_floor(
-        *(mechanism, theta, samples, rows, found, traces), velocity, noise, seed, settings
+        *(mechanism, theta, samples, rows, found, traces, velocity, noise, seed, settings),
+        elsewhere,
     )
     # On a log of its own the given model may do better than one that is fitted to all.
     least = [_no_more_than(part, trace) for part, trace in zip(floor.force, force, strict=True)]
     return replace(floor, force=tuple(least))
+
+
+def _noise_as_known(
+    mechanism: Mechanism,
+    theta: Array,
+    samples: Samples,
+    traces: Traces,
+    noise: NoiseLevel,
+    known: float,
+    seed: int,
+    settings: FitSettings,
+) -> Array:
+    """(A,) mean square of the noise on a log's forces, as other logs show it: ``known``, relative
+    to the forces; not less than its channels' own white noise makes."""
+    white = white_force_floor(mechanism, theta, samples, traces, noise, seed, settings)
+    measured = SumsOfSquares.of(traces).measured.mean()
+    return np.maximum(known**2 * measured, white.residual) / max(len(traces.time), 1)
 
 
 def _changes(

@@ -283,7 +283,8 @@ def sentences_of(
             sentence = f"{effect_of(key)}, in {where}: {sentence}"
         others = effects_of(ties.get(step.effect, ()))
         if others:
-            sentence += f"; these logs cannot tell it from {' or '.join(others)}"
+            sentence = f"{sentence.rstrip('.')}; these logs cannot tell it from "
+            sentence += " or ".join(others)
         # Beside an unknown rest an effect may only imitate what is missing.
         found.append(f"in part: {sentence}" if verdict == "unknown" else sentence)
     last, level = steps[-1].force_error, floor["force_error"]

@@ -15,9 +15,11 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.special import erfc
 
+from identification.fitting.misfit import misfit_of
 from identification.fitting.settings import FitSettings
 from identification.mechanisms.mechanism import Mechanism
 from youbot_env.model.model import Model
+from youbot_env.physics.effect import effect_of
 
 Array = NDArray[np.float64]
 
@@ -115,6 +117,20 @@ class _Known:
         return float(value), float(max(weights @ self.covariance @ weights, 0.0))
 
 
+def _lacked_from_the_start(given: Model[Any], refitted: Model[Any], settings: FitSettings) -> str:
+    """Why parameters that differ have not changed: what the new model holds and the given one
+    lacks was missing on the logs that it was made of, and its parameters took a part of it."""
+    new = [name for name in refitted.effects if name not in given.effects]
+    times = misfit_of(given, settings)
+    if not new or times is None:
+        return ""
+    return (
+        f"the model did not fit the logs that it was made of (a force error {times:.3g} times the "
+        f"noise floor) for want of {' and '.join(map(effect_of, new))}, so its parameters were off "
+        "from the start"
+    )
+
+
 def changed_parameters(
     given: Model[Any],
     refitted: Model[Any],
@@ -130,6 +146,8 @@ def changed_parameters(
     """
     if given.covariance is None or refitted.covariance is None:
         return ParameterChanges(reason=NO_DEVIATIONS)
+    if lacked := _lacked_from_the_start(given, refitted, settings):
+        return ParameterChanges(reason=lacked)
     shared = [name for name in given.covariance_names if name in refitted.covariance_names]
     before = _Known(given.covariance_names, given.values, given.covariance)
     after = _Known(refitted.covariance_names, refitted.values, refitted.covariance)

@@ -263,12 +263,27 @@ def solve_step(
     still = ~directions.any(axis=1)
     low = np.where(still, theta[free], lower[free])
     return _bounded_step(
-        *(matrix, right, scale, theta[free], low, np.where(still, theta[free], upper[free]))
+        *(matrix, right, scale, theta[free], low, np.where(still, theta[free], upper[free])),
+        _unseen(directions),
+        settings,
     )
 
 
+def _unseen(directions: Array) -> Array:
+    """(F, F) projection on what no combination of directions (F, Q) reaches."""
+    frame, _ = np.linalg.qr(directions)
+    return np.eye(len(frame)) - frame @ frame.T
+
+
 def _bounded_step(
-    matrix: Array, right: Array, scale: Array, value: Array, lower: Array, upper: Array
+    matrix: Array,
+    right: Array,
+    scale: Array,
+    value: Array,
+    lower: Array,
+    upper: Array,
+    unseen: Array,
+    settings: FitSettings,
 ) -> tuple[Array, tuple[int, ...]]:
     # Imported here: scipy.optimize is slow to load, and few fits reach a bound.
     from scipy.optimize import lsq_linear
@@ -280,8 +295,12 @@ def _bounded_step(
     # The triangle of a QR decomposition has the same least squares in as many rows as parameters;
     # lsq_linear decomposes all rows again at each of its iterations.
     _, triangle = np.linalg.qr(np.column_stack([matrix, right]))
-    # No gauge directions here: the bounds and lsq_linear's least-norm start determine the common
-    # part of relative parameters.
+    # Bounds are on each parameter, so the step cannot be sought in directions that data can see.
+    # What they cannot see (the common part of relative parameters) stays where it is unless the
+    # bounds move it: a weight so small costs the fit nothing, and without it such a part may be
+    # anything.
+    weight = settings.unseen_weight_share * np.linalg.norm(triangle[:, :-1])
+    triangle = np.vstack([triangle, weight * np.column_stack([unseen, np.zeros(len(unseen))])])
     with np.errstate(over="ignore", invalid="ignore"):
         # From a value that rounding has left beside its bound, lsq_linear also tries a step that it
         # cannot compute; it takes another one.

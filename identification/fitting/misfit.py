@@ -7,11 +7,31 @@ by more than it says, so no interval is stated.
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping
+from typing import Any
 
 from identification.fitting.settings import FitSettings
+from youbot_env.model.model import Model
 
 NEXT_COMMAND = "youbot diagnose MODEL LOG..."
 """What to do about a misfit; a command puts in the names that it knows."""
+
+
+def force_floor_of(model: Model[Any]) -> float | None:
+    """The relative noise floor of the forces on the logs that a model was made of; None if its file
+    does not hold it."""
+    floor = model.errors.get("noise_floor")
+    found = floor.get("force_error") if isinstance(floor, Mapping) else None
+    return found if isinstance(found, float) and math.isfinite(found) else None
+
+
+def misfit_of(model: Model[Any], settings: FitSettings = FitSettings()) -> float | None:
+    """How many times its noise floor the force error of a model was on the logs that it was made
+    of, if that was a misfit; None if it was not, or is not known."""
+    error, floor = model.errors.get("force_error"), force_floor_of(model)
+    if not isinstance(error, float) or floor is None or not misfit(error, floor, settings):
+        return None
+    return error / max(floor, 1e-300)
 
 
 def misfit(force_error: float, floor: float, settings: FitSettings = FitSettings()) -> bool:

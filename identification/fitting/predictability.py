@@ -496,6 +496,7 @@ def noise_floor(
     noise: Sequence[NoiseLevel] = (),
     seed: int = 0,
     settings: FitSettings = FitSettings(),
+    elsewhere: Sequence[Array] = (),
 ) -> NoiseFloor:
     """Noise floor of a fit on the logs that it was made on.
 
@@ -505,19 +506,28 @@ def noise_floor(
     found : what of the rows' residual can be predicted
     traces : force residuals of a model on the same logs (of the fit or another), per log
     runs, noise : of each log its free run and the white noise on its speeds; none for forces alone
+    elsewhere : per log (A,) mean square of the noise on its forces as other logs of the robot show
+        it; limits, where no motion repeats, what the trees leave of a large residual
     """
     repeated = _repeated_square(mechanism, samples, traces, settings.predictability)
-    force = [
-        force_floor(trace, found.residual[k], found.predicted_square(k), repeated)
-        for k, trace in enumerate(traces)
-    ]
+    if elsewhere and not np.isfinite(repeated).all():
+        limits = list(elsewhere)
+    else:
+        limits = [repeated] * len(traces)
+    force, share = [], []
+    for k, (trace, most) in enumerate(zip(traces, limits, strict=True)):
+        of_rows = found.residual[k], found.predicted_square(k)
+        force.append(force_floor(trace, *of_rows, most))
+        left = force_floor(trace, *of_rows, np.full(len(most), np.inf))
+        share.append(np.sqrt(force[k].residual / np.maximum(left.residual, 1e-300)))
     velocity = []
     for k, (item, run, level) in enumerate(zip(samples, runs, noise, strict=False)):
         if not np.isfinite(run.predicted).all():
             # A run that diverges has no floor.
             velocity.append(SumsOfSquares.of(run))
             continue
-        disturbed = disturbed_samples(mechanism, item, rows[k], found.noise(k))
+        # Of what the trees leave, no more is noise in the free run than in the forces.
+        disturbed = disturbed_samples(mechanism, item, rows[k], share[k] * found.noise(k))
         velocity.append(velocity_floor(mechanism, theta, disturbed, run, level, seed))
     return NoiseFloor(tuple(force), tuple(velocity), found.noise_std, found.correlation_time)
 

@@ -504,6 +504,14 @@ class FitSettings(Settings):
             "reason": "rounding: what a step cannot see stays where it is",
         },
     )
+    unseen_weight_share: float = field(
+        default=1e-4,
+        metadata={
+            "unit": "share of the columns' norm",
+            "reason": "holds what no data can see where a bound acts: offsets of torques that "
+            "exert no force went to 2.8e10 N m; its square, 1e-8, is what it costs the fit at most",
+        },
+    )
 
     # Limits of what can be
     limit_room: float = field(

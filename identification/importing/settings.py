@@ -140,8 +140,8 @@ class ImportSettings(Settings):
     max_trimmed_share: float = field(
         default=0.1,
         metadata={
-            "unit": "",
-            "reason": "of a run's rows, at both ends together, that are left out where a channel "
+            "unit": "share of the rows",
+            "reason": "most, at both ends together, that are left out where a channel "
             "has no value: recorders of a run start within seconds; a channel that covers less of "
             "it does not cost the others their rows",
         },

@@ -248,7 +248,7 @@ def _stale_rows(log: Log, limits: CheckLimits) -> Iterator[Finding]:
     if stale.mean() > limits.settings.max_stale_share:
         at = int(np.argmax(stale)) + 1
         message = f"{percent(stale.mean())} of the rows repeat the row before"
-        yield _at(log, "warning", message, "log at the rate at which is measured", at)
+        yield _at(log, "warning", message, "log at the rate at which it is measured", at)
 
 
 def _saturation(log: Log, limits: CheckLimits) -> Iterator[Finding]:

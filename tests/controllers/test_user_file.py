@@ -140,14 +140,15 @@ def test_what_is_left_out_costs_what_it_feeds_forward(tmp_path: Path) -> None:
     """On a slope, turning: the torques of the example hold the robot at every heading."""
     tilted = MODEL.with_effect("floor_tilt", tilt_x=0.02)
     (tmp_path / "level.py").write_text(LEVEL)
-    turned = SEEN._replace(pose=np.array([0.0, 0.0, 2.0]))
+    place = np.array([0.0, 0.0, 2.0])
+    turned = SEEN._replace(pose=place)
     still = Reference(np.zeros(3), np.zeros(3))
     made = {}
     for name in (file(tmp_path, of_the_page()), str(tmp_path / "level.py")):
         controller = registry.build(name, tilted, LOOP)
         controller.reset()
         made[name[-8:]] = controller(turned, still)
-    needed = tilted.inverse_dynamics(np.zeros(3), np.zeros(3), pose=turned.pose)
+    needed = tilted.inverse_dynamics(np.zeros(3), np.zeros(3), pose=place)
     assert made["oller.py"] == pytest.approx(needed)
     assert not np.allclose(made["level.py"], needed, atol=0.05)
 

@@ -380,7 +380,8 @@ def _integration(
     opaque = {name.name: _code_of(program, value) for name, value in program.opaque.items()}
     still = [name for name in opaque if not program._moves(_symbol_of(program, name))]
     inputs = sorted({states.index(state) for state in read})
-    moving = [name for name in opaque if name not in still]
+    turned = _turned(program)
+    moving = [name for name in opaque if name not in still and name not in turned]
     formulas = [*code.values(), *(opaque[name] for name in moving)]
     formulas += [weight for rows in weights.values() for weight, _ in rows]
     used = {word for formula in formulas for word in _words(formula)}
@@ -392,14 +393,26 @@ def _integration(
     derivative = "\n".join(
         [
             '@njit(cache=True, error_model="numpy", forceinline=True)',
-            f"def lane_derivative({', '.join([*(f's{index}' for index in inputs), *kept])}):",
+            f"def lane_derivative({', '.join([*(f's{i}' for i in inputs), *turned, *kept])}):",
             *body,
             f"    return ({returned},)",
         ]
     )
     return "\n\n".join(
-        [derivative, lines, _runge_kutta(names, kept, inputs, direct, integral, weights)]
+        [derivative, lines, _runge_kutta(names, kept, inputs, turned, direct, integral, weights)]
     )
+
+
+def _turned(program: LaneProgram) -> dict[str, tuple[int, str]]:
+    """Names of sines and cosines of a state itself: which state, and "sine" or "cosine"."""
+    import sympy
+
+    kinds = {sympy.sin: "sine", sympy.cos: "cosine"}
+    return {
+        symbol.name: (program.states.index(value.args[0]), kinds[value.func])
+        for symbol, value in program.opaque.items()
+        if getattr(value, "func", None) in kinds and value.args[0] in program.states
+    }
 
 
 def _symbol_of(program: LaneProgram, name: str) -> Any:
@@ -491,20 +504,29 @@ def _runge_kutta(
     names: Mapping[str, list[str]],
     kept: Sequence[str],
     inputs: Sequence[int],
+    turned: Mapping[str, tuple[int, str]],
     direct: Sequence[int],
     integral: Sequence[int],
     weights: Mapping[int, Sequence[tuple[str, str]]],
 ) -> str:
-    """The classical Runge-Kutta steps of a block, with the same torque from start to end."""
+    """The classical Runge-Kutta steps of a block, with the same torque from start to end.
+
+    A step turns an angle by little. So its sine and cosine are computed at the start of a step, and
+    turned by the little that each stage adds.
+    """
     body = _loads(kept, "w", COEFFICIENTS)
     body += _loads(["dt"], "w", DURATION)
     body += _loads(names["state"], "x")
     body += ["half = 0.5 * dt", "sixth = dt * 0.16666666666666666"]
     stage = {index: f"s{index}" for index in range(len(names["state"]))}
+    angles = sorted({index for index, _ in turned.values()})
+    for index in angles:
+        body += [f"sine{index} = sin(s{index})", f"cosine{index} = cos(s{index})"]
+    turns = [f"{kind}{index}" for index, kind in turned.values()]
     points: list[dict[int, str]] = []
     for number, (letter, step) in enumerate(zip(STAGES, ("half", "half", "dt", ""), strict=True)):
         points.append(dict(stage))
-        arguments = ", ".join([*(stage[index] for index in inputs), *kept])
+        arguments = ", ".join([*(stage[index] for index in inputs), *turns, *kept])
         results = ", ".join(f"{letter}{index}" for index in direct)
         body.append(f"{results}{',' if len(direct) == 1 else ''} = lane_derivative({arguments})")
         if number < 3:
@@ -514,6 +536,9 @@ def _runge_kutta(
                     value = _weighted(weights[index], points[-1])
                 body.append(f"{letter}_{index} = fma({step}, {value}, s{index})")
                 stage[index] = f"{letter}_{index}"
+            for index in angles:
+                body += _turn(f"{letter}{index}", step, index)
+            turns = [f"{kind}_{letter}{index}" for index, kind in turned.values()]
     for index in direct:
         a, b, c, d = (f"{letter}{index}" for letter in STAGES)
         total = f"({a} + 2.0 * ({b} + {c}) + {d})"
@@ -544,6 +569,16 @@ def _runge_kutta(
             "        lane_step(x, w, lanes)",
         ]
     )
+
+
+def _turn(rate: str, step: str, index: int) -> list[str]:
+    """Sine and cosine of a stage's angle from those at the start of the step."""
+    return [
+        f"little = {step} * {rate}",
+        "u, v = sine_of_little(little), cosine_of_little(little)",
+        f"sine_{rate} = fma(sine{index}, v, cosine{index} * u)",
+        f"cosine_{rate} = fma(cosine{index}, v, -(sine{index} * u))",
+    ]
 
 
 def _weighted(weights: Sequence[tuple[str, str]], values: Mapping[int, str]) -> str:

@@ -28,7 +28,7 @@ def in_single(source: str, doubles: Collection[str]) -> str:
         body.append(statement)
     shared = ast.parse(
         f"import {_DOUBLE} as double\n"
-        f"from {_DOUBLE} import fma, given, pointer, put, taken_before\n"
+        f"from {_DOUBLE} import fetch, fma, given, pointer, put, taken_before\n"
         f"from {_SINGLE_MATH} import *\n"
     ).body
     return ast.unparse(ast.fix_missing_locations(ast.Module([*shared, *body], [])))

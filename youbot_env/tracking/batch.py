@@ -31,7 +31,7 @@ from youbot_env.tracking.draws import (
     model_draws,
     reference_draws,
 )
-from youbot_env.tracking.episode_draws import FIXED
+from youbot_env.tracking.episode_draws import FIXED, carriers
 from youbot_env.tracking.period_code import period_kernel
 from youbot_env.tracking.setup import Setup, checked_start, integration_steps
 from youbot_env.tracking.task import REWARD_TERMS, reference_table
@@ -44,6 +44,9 @@ Numbers = NDArray[np.floating[Any]]
 ROWS_A_THREAD = 2048
 """Fewer rows than this do not pay for a thread: handing over takes 10 us and, where the cores are
 busy, ten times that; a row takes 0.05 us."""
+
+ROWS_TO_DRAW = 16
+"""New episodes of a step, of some 3 us each, from which on another thread helps to draw them."""
 
 NO_REPORT = np.empty((0, lanes.REPORT_COLUMNS))
 
@@ -152,6 +155,7 @@ class Batch:
         if setup.reference is None:  # so that what cannot be shows here, not at the first reset
             setup.task.reference(np.random.default_rng(0), samples * setup.period, model.geometry)
         self._start = self._state_of(setup.start)
+        self._first = np.asarray(self._start, setup.real)
         self._settings(model, autoreset)
         self._lay_out(threads)
         self._set_draws()
@@ -215,6 +219,7 @@ class Batch:
         self._x = np.zeros((blocks, fields * LANES), self.setup.real)
         self._y = np.zeros((blocks, task * LANES), self.setup.real)
         self._z = np.zeros((blocks, 6 * int(whole[lanes.TONES]) * LANES), np.uint16)
+        self._p = np.zeros((blocks, 3 * (int(whole[lanes.PREVIEW]) + 1) * LANES), np.float32)
         self._k = np.zeros((blocks, lanes.COUNTERS * LANES), np.int64)
         self._k.reshape(blocks, lanes.COUNTERS, LANES)[:, lanes.PENDING] = 1
         self._k.reshape(blocks, lanes.COUNTERS, LANES)[:, lanes.TABLE] = -1
@@ -225,6 +230,7 @@ class Batch:
         edges = [blocks * part // count * LANES for part in range(count)]
         self._parts = list(zip(edges, [*edges[1:], self.platforms], strict=True))
         self._tick, self._taken = 0, np.zeros((1, 1), np.int64)
+        self._over = 0
         self._places: list[NDArray[np.int64]] = []
         self._pool = [self._new_results()]
         self.results = self._pool[0]
@@ -250,12 +256,14 @@ class Batch:
             *(reference.peaks, reference.limits),
             np.ascontiguousarray(self.geometry.wheel_jacobian),
             reference.steps,
+            *carriers(reference.first, reference.last, reference.steps),
         )
 
     @property
     def bytes_a_row(self) -> int:
         """Memory of a row between steps, results that are handed out not counted."""
-        return sum(a.itemsize * a.shape[1] for a in (self._x, self._y, self._z, self._k)) // LANES
+        kept = (self._x, self._y, self._z, self._k, self._p)
+        return sum(a.itemsize * a.shape[1] for a in kept) // LANES
 
     # Beginning episodes -------------------------------------------------------------------------
 
@@ -318,14 +326,18 @@ class Batch:
         WORKERS.share([lambda n=n: begin(n) for n in range(self._threads)])
 
     def _begin_part(self, shown: Results, state: Array, number: int, rows: tuple[int, int]) -> None:
-        w, v = self._workspace(number)
+        self._prepare_part(shown, state, number, rows)
+        self._period(NO_ACTION, shown, 0, number, rows)
+
+    def _prepare_part(
+        self, shown: Results, state: Array, number: int, rows: tuple[int, int]
+    ) -> None:
+        """Draw models and references of new episodes, and put their rows at the start."""
         lanes.draw_references(self._y, self._z, self._k, self._whole, *self._reference_draws, *rows)
         self._kernel.begin_rows(
-            self._x, self._y, self._z, self._k, w, v, self._table, self._tick, self._numbers,
-            self._whole, self._lengths, self._model_draws, state, shown.columns, shown.report,
-            self._final, self._final_report, *rows,
-        )  # fmt: skip
-        self._period(NO_ACTION, shown, 0, number, rows)
+            *(self._places[number], self._tick, self._model_draws, state, shown.columns),
+            *(shown.report, self._final, self._final_report, *rows),
+        )
 
     def begin_alone(
         self,
@@ -417,24 +429,40 @@ class Batch:
                 raise reject(action, bad)
             action = action.astype(np.float32)
         shown = self._free_results()
+        next_step = self._whole[lanes.RESETS] == lanes.NEXT_STEP
+        if self._threads > 1 or (next_step and self._over):
+            bad = lanes.refused(action, 0, self.platforms)
+            if bad >= 0:
+                raise reject(action.astype(float), bad)
         self._tick += 1
+        if next_step and self._over:
+            self._prepare_rows(shown)
         if self._threads == 1:
             begins = self._period(action, shown, 1)
             if begins < 0:
                 self._tick -= 1
                 raise reject(action, -1 - begins)
-            if begins:
-                self._begin_rows(shown, self._start)
         else:
-            self._step_parts(action, shown)
+            begins = self._step_parts(action, shown)
+        self._over = begins
+        if begins and not next_step:
+            self._begin_rows(shown, self._start)
         self.results = shown
         return shown
 
-    def _step_parts(self, action: NDArray[np.float32], shown: Results) -> None:
-        bad = lanes.refused(action, 0, self.platforms)
-        if bad >= 0:
-            self._tick -= 1
-            raise reject(action.astype(float), bad)
+    def _prepare_rows(self, shown: Results) -> None:
+        """New episodes of rows whose last one is over; the coming period shows their start."""
+        count = lanes.renew(self._k, 0, self.platforms)
+        helpers = min(self._threads, -(-count // ROWS_TO_DRAW))
+        parts = iter(self._parts if helpers > 1 else [(0, self.platforms)])
+
+        def prepare(number: int) -> None:
+            for rows in parts:
+                self._prepare_part(shown, self._start, number, rows)
+
+        WORKERS.share([lambda n=n: prepare(n) for n in range(max(1, helpers))])
+
+    def _step_parts(self, action: NDArray[np.float32], shown: Results) -> int:
         self._taken[0] = 0
         begins = [0] * self._threads
 
@@ -442,8 +470,7 @@ class Batch:
             begins[number] = self._period(action, shown, lanes.SHARED, number)
 
         WORKERS.share([lambda n=n: step(n) for n in range(self._threads)])
-        if any(begins):
-            self._begin_rows(shown, self._start)
+        return sum(begins)
 
     def _period(
         self,
@@ -464,9 +491,9 @@ class Batch:
         for number in range(self._threads):
             w, v = self._workspace(number)
             arrays = (self._x, self._y, self._z, self._k, self._table, self._numbers)
-            more = (self._lengths, w, v, self._whole.reshape(1, -1), self._taken)
-            listed = np.zeros((11, lanes.PLACE), np.int64)
-            for place, array in zip(listed, (*arrays, *more), strict=True):
+            more = (self._lengths, w, v, self._whole.reshape(1, -1), self._taken, self._p)
+            listed = np.zeros((13, lanes.PLACE), np.int64)
+            for place, array in zip(listed, (*arrays, *more, self._first), strict=True):
                 assert array.flags.c_contiguous
                 place[0] = array.ctypes.data
                 place[1 : 1 + array.ndim] = array.shape

@@ -31,13 +31,14 @@ from youbot_env.tracking import episode_draws as draw
 
 DRIVER = '''
 @njit(cache=True, error_model="numpy", nogil=True)
-def finish(row, x, y, z, k, w, v, table, lanes, tick, numbers, whole, lengths,
+def finish(row, x, y, z, k, w, v, p, table, lanes, tick, numbers, whole, lengths,
            seen, reward, report):
     """What follows the plant's motion: reference, sensors, reward and observation."""
     kept, preview = whole[ACTIONS], whole[PREVIEW]
     actions = 3 + 3 * (preview + 1)
     slot, past = tick % kept, (tick - 1) % kept
-    reference(y, z, k, v, table, lanes, (tick + preview) % (preview + 1), preview, numbers, whole)
+    newest = (tick + preview) % (preview + 1)
+    reference(y, z, k, v, p, table, lanes, newest, preview, numbers, whole)
     if numbers[RESOLUTION] > 0.0:
         count(x, y, v, lanes, actions + 4 * kept, tick % whole[WINDOW], whole[ANGLES], numbers)
     else:
@@ -48,7 +49,7 @@ def finish(row, x, y, z, k, w, v, table, lanes, tick, numbers, whole, lengths,
     measure(v, lanes, numbers, noisy)
     ring = 3 + 3 * (tick % (preview + 1))
     judge(x, y, v, lanes, row, ring, actions, slot, past, numbers, reward)
-    observe(y, v, lanes, row, tick, actions, numbers, whole, seen)
+    observe(y, v, p, lanes, row, tick, actions, numbers, whole, seen)
     if report.shape[0]:
         acting(x, w, lanes, lengths, v[APPLIED * LANES :])
         for i in range(lanes):
@@ -62,7 +63,8 @@ def period(action, places, tick, moves, seen, reward, over, report, first, last)
     """One period of the rows first to last - 1, where ``first`` begins a block.
 
     ``places``: addresses of the arrays, as ``Batch`` lists them; a call with all of them would take
-    longer than the period of a row. Returns how many of the rows must begin an episode now; or -1
+    longer than the period of a row. Returns how many of the rows must begin an episode, with
+    SAME_STEP now, with NEXT_STEP in the next period; or -1
     less the flat index of the first action that is out of bounds, and nothing has moved then.
     ``moves``: 0 shows the start of those rows that ``begin_rows`` has prepared; 2 checks no bound
     and takes pieces of the rows, of ``PIECE`` each, in turn with other threads that do so.
@@ -72,12 +74,14 @@ def period(action, places, tick, moves, seen, reward, over, report, first, last)
     Z, numbers = small_at(places, 2), row_at(places, 5)
     lengths, w, v = row_at(places, 6), row_at(places, 7), row_at(places, 8)
     whole, taken = whole_at(places, 9)[0], whole_at(places, 10)
+    P, start = shown_at(places, 11), row_at(places, 12)
     if moves == 1:
         bad = refused(action, first, last)
         if bad >= 0:
             return -1 - bad
     preview, kept, new = whole[PREVIEW], whole[ACTIONS], 0
     actions, step = 3 + 3 * (preview + 1), LANES if moves else 1
+    line = 64 // X.itemsize
     stop = last
     while first < last:
         if moves == SHARED:
@@ -90,17 +94,24 @@ def period(action, places, tick, moves, seen, reward, over, report, first, last)
                 break
             b, i, lanes = row // LANES, row % LANES, last - row
             lanes = step if lanes > step else lanes
-            x, y, z, k = X[b, i:], Y[b, i:], Z[b, i:], K[b, i:]
+            x, y, z, k, p = X[b, i:], Y[b, i:], Z[b, i:], K[b, i:], P[b, i:]
+            if moves and b + 1 < X.shape[0]:
+                # A large batch lies in a cache that is slow, and slower where others use it too.
+                ask_for(X[b + 1], line), ask_for(Y[b + 1], line), ask_for(Z[b + 1], 32)
+                ask_for(K[b + 1], 8), ask_for(P[b + 1], 16)
             if moves:
                 take(action, row, y, lanes, actions, tick % kept)
                 move(x, y, w, lanes, tick, actions, numbers, whole, lengths)
                 for lane in range(lanes):
                     k[CLOCK * LANES + lane] += 1
+                if whole[RESETS] == NEXT_STEP:
+                    newest = actions + 4 * (tick % kept)
+                    put_at_start(x, y, w, k, lanes, newest, start, whole[STATES])
             earned = reward[row]
-            finish(row, x, y, z, k, w, v, table, lanes, tick, numbers, whole, lengths,
+            finish(row, x, y, z, k, w, v, p, table, lanes, tick, numbers, whole, lengths,
                    seen, reward, report)
             if moves:
-                new += ends(row, k, v, lanes, whole, over)
+                new += ends(row, k, v, lanes, whole, over, reward)
             else:
                 # A start earns nothing: with SAME_STEP the reward is the last step's.
                 reward[row] = earned if whole[RESETS] == SAME_STEP else 0.0
@@ -110,24 +121,29 @@ def period(action, places, tick, moves, seen, reward, over, report, first, last)
 
 
 @njit(cache=True, error_model="numpy", nogil=True)
-def begin_rows(X, Y, Z, K, w, v, table, tick, numbers, whole, lengths, draws, start,
-               seen, report, final, final_report, first, last):
+def begin_rows(places, tick, draws, start, seen, report, final, final_report, first, last):
     """Prepare the episodes of those rows first to last - 1 whose counters ask for one.
 
     Their references are drawn already. Of the episodes before them the last observation and report
     are kept in ``final`` and ``final_report``, where these have rows.
     """
+    X, Y = numbers_at(places, 0), numbers_at(places, 1)
+    K, table = whole_at(places, 3), cube_at(places, 4)
+    Z, numbers = small_at(places, 2), row_at(places, 5)
+    lengths, w, v = row_at(places, 6), row_at(places, 7), row_at(places, 8)
+    whole, P = whole_at(places, 9)[0], shown_at(places, 11)
     (geometry, nominal, mean, spread, lower, upper) = draws
     states, preview = whole[STATES], whole[PREVIEW]
     actions, one = 3 + 3 * (preview + 1), last - last + 1
     theta, stated = np.empty(len(nominal)), np.empty(len(mean))
+    sines = np.empty(6 * whole[TONES], np.uint16), np.empty(3 * whole[TONES], X.dtype)
     row = first - 1
     while True:
         row = next_beginning(K, row + 1, last)
         if row >= last:
             break
         b, i = row // LANES, row % LANES
-        x, y, z, k = X[b, i:], Y[b, i:], Z[b, i:], K[b, i:]
+        x, y, z, k, p = X[b, i:], Y[b, i:], Z[b, i:], K[b, i:], P[b, i:]
         if final.shape[0]:
             for column in range(seen.shape[0]):
                 final[row, column] = seen[column, row]
@@ -155,9 +171,7 @@ def begin_rows(X, Y, Z, K, w, v, table, tick, numbers, whole, lengths, draws, st
             y[(actions + field) * LANES] = 0.0
         for field in range(4):
             w[field * LANES] = 0.0
-        for ahead in range(preview):
-            slot = (tick + ahead) % (preview + 1)
-            reference(y, z, k, v, table, one, slot, ahead, numbers, whole)
+        reference_ahead(y, z, k, p, table, tick, numbers, whole, sines)
         if numbers[RESOLUTION] > 0.0:
             joint_rates(x, w, one, lengths, v[SPEED * LANES :])
             window, counts = whole[WINDOW], actions + 4 * whole[ACTIONS]
@@ -165,22 +179,30 @@ def begin_rows(X, Y, Z, K, w, v, table, tick, numbers, whole, lengths, draws, st
 
 
 @njit(cache=True, error_model="numpy", nogil=True)
-def ends(row, k, v, lanes, whole, over):
-    """Which episodes are over: by divergence, and else by their length; how many begin now."""
+def ends(row, k, v, lanes, whole, over, reward):
+    """Which episodes are over: by divergence, and else by their length; how many begin for it.
+
+    A row that began its episode in this period has earned nothing and cannot end.
+    """
     new, resets, steps = 0, whole[RESETS], whole[STEPS]
     ended, terminated, truncated = v[ENDED * LANES :], over[0, row:], over[1, row:]
     clock, pending, episode = k[CLOCK * LANES :], k[PENDING * LANES :], k[EPISODE * LANES :]
+    begun = 0
     for i in range(lanes):
-        diverged, late = ended[i] != 0.0, clock[i] >= steps
-        # With NEXT_STEP an episode that was over before this period begins in it.
-        begins = (resets == NEXT_STEP) & (pending[i] == OVER)
-        terminated[i] = diverged & (not begins)
-        truncated[i] = late & (not begins)
-        is_over = diverged | late
-        begins = begins | ((resets == SAME_STEP) & is_over)
+        began = (resets == NEXT_STEP) & (pending[i] == BEGIN)
+        diverged, late = (ended[i] != 0.0) & (not began), (clock[i] >= steps) & (not began)
+        terminated[i], truncated[i] = diverged, late
+        is_over, begun = diverged | late, begun | (1 if began else 0)
+        begins = (resets == SAME_STEP) & is_over
         pending[i] = BEGIN if begins else OVER if is_over else 0
         episode[i] += 1 if begins else 0
-        new += 1 if begins else 0
+        new += 1 if is_over & (resets != NEVER) else 0
+        # Marked, as a loop that vectorises writes to one kind of array less.
+        ended[i] = 2.0 if began else ended[i]
+    if begun:
+        for i in range(lanes):
+            if ended[i] == 2.0:
+                reward[row + i] = 0.0
     return new
 '''
 

@@ -10,6 +10,7 @@ Arrays of a block
 x : state, parameters
 y : ``Fields`` of the task: gains and coming samples of the reference, past actions, encoder counts
 z : (uint16) phases [turns / 65536] and harmonics of the reference's tones
+p : (float32) the coming samples of the reference as they are observed
 k : (int64) ``CLOCK`` ... : a row's counters
 v : workspace of the thread: ``Work``
 """
@@ -24,6 +25,7 @@ import numpy as np
 from youbot_env.caching import njit
 from youbot_env.simulation.lane_code import LANES
 from youbot_env.simulation.lane_math import (
+    fetch,
     fma,
     given,
     log_of_share,
@@ -35,7 +37,7 @@ from youbot_env.simulation.lane_math import (
     turns_of_tone,
 )
 from youbot_env.tracking.actuation import AT_LIMIT, BOUND_TOLERANCE
-from youbot_env.tracking.episode_draws import PHASES, draw_reference
+from youbot_env.tracking.episode_draws import PHASES, draw_reference, workspace
 from youbot_env.tracking.random_numbers import NOISE, words
 
 carray = numba.carray  # pyright: ignore[reportPrivateImportUsage]
@@ -125,6 +127,13 @@ def small_at(places, at):
 
 
 @njit(cache=True, error_model="numpy", nogil=True)
+def shown_at(places, at):
+    """A matrix of numbers that are observed."""
+    shape = (places[PLACE * at + 1], places[PLACE * at + 2])
+    return carray(pointer(places[PLACE * at]), shape, np.float32)
+
+
+@njit(cache=True, error_model="numpy", nogil=True)
 def whole_at(places, at):
     """A matrix of whole numbers."""
     shape = (places[PLACE * at + 1], places[PLACE * at + 2])
@@ -142,6 +151,13 @@ def cube_at(places, at):
 def row_at(places, at):
     """Numbers in a row."""
     return carray(pointer(places[PLACE * at]), (places[PLACE * at + 1],), real)
+
+
+@njit(cache=True, error_model="numpy", nogil=True)
+def ask_for(numbers, line):
+    """Let a block's numbers, ``line`` to a line of the cache, come while others are used."""
+    for at in range(0, len(numbers), line):
+        fetch(numbers, at)
 
 
 @njit(cache=True, error_model="numpy", nogil=True)
@@ -189,8 +205,8 @@ def held_torque(y, lanes, at, slot, limit, w, field):
 
 
 @njit(cache=True, error_model="numpy", nogil=True)
-def reference(y, z, k, v, table, lanes, slot, ahead, numbers, whole):
-    """The reference's twist ``ahead`` samples after the clock, into a slot of the ring."""
+def reference(y, z, k, v, p, table, lanes, slot, ahead, numbers, whole):
+    """The reference's twist ``ahead`` samples after the clock, into a slot of the rings."""
     tones = whole[TONES]
     turn, step = numbers[TURN], numbers[PERIOD] / numbers[RAMP]
     shift, bits = np.int64(ahead), whole[TURN_BITS]
@@ -213,6 +229,13 @@ def reference(y, z, k, v, table, lanes, slot, ahead, numbers, whole):
         wanted, gain = y[(3 + 3 * slot + axis) * LANES :], y[axis * LANES :]
         for i in range(lanes):
             wanted[i] = rise[i] * (gain[i] * total[i])
+    follow_tables(y, k, table, lanes, slot, shift, whole)
+    show(y, p, lanes, slot, numbers)
+
+
+@njit(cache=True, error_model="numpy", nogil=True)
+def follow_tables(y, k, table, lanes, slot, shift, whole):
+    """The same of rows that follow a table."""
     if whole[TABLES]:
         for i in range(lanes):
             number = k[TABLE * LANES + i]
@@ -220,6 +243,82 @@ def reference(y, z, k, v, table, lanes, slot, ahead, numbers, whole):
                 n = min(max(k[CLOCK * LANES + i] + shift, 0), table.shape[1] - 1)
                 for axis in range(3):
                     y[(3 + 3 * slot + axis) * LANES + i] = table[number, n, axis]
+
+
+@njit(cache=True, error_model="numpy", nogil=True)
+def show(y, p, lanes, slot, numbers):
+    """A slot of the reference's samples as it is observed, once for all the times that it is."""
+    limit = numbers[TWIST_LIMIT]
+    for axis in range(3):
+        wanted, share = y[(3 + 3 * slot + axis) * LANES :], 1.0 / numbers[SCALE + axis]
+        scaled(wanted, lanes, share, limit, p[(3 * slot + axis) * LANES :])
+
+
+@njit(cache=True, error_model="numpy", nogil=True)
+def reference_ahead(y, z, k, p, table, tick, numbers, whole, sines):
+    """All samples but the newest that the first row sees at its start; bits as ``reference``'s.
+
+    ``sines`` (2, 3 tones): workspace.
+    """
+    tones, preview, one = whole[TONES], whole[PREVIEW], whole[TONES] - whole[TONES] + 1
+    turn, step, bits = numbers[TURN], numbers[PERIOD] / numbers[RAMP], whole[TURN_BITS]
+    small, found = sines
+    for tone in range(len(small)):
+        small[tone] = z[tone * LANES]
+    for ahead in range(preview):
+        slot, n = (tick + ahead) % (preview + 1), k[CLOCK * LANES] + np.int64(ahead)
+        clock, u = ticks(n, turn, bits), real(n) * step
+        u = 1.0 if u > 1.0 else u
+        rise = u * u * u * fma(u, fma(6.0, u, -15.0), 10.0)
+        # Tones side by side, as there is but one row; their sum in turn.
+        for tone in range(3 * tones):
+            turns = turns_of_tone(small[2 * tone], small[2 * tone + 1], clock)
+            found[tone] = sine_of_turns(turns)
+        for axis in range(3):
+            total = 0.0 * turn
+            for tone in range(axis * tones, (axis + 1) * tones):
+                total += found[tone]
+            y[(3 + 3 * slot + axis) * LANES] = rise * (y[axis * LANES] * total)
+        follow_tables(y, k, table, one, slot, np.int64(ahead), whole)
+        show(y, p, one, slot, numbers)
+
+
+@njit(cache=True, error_model="numpy", nogil=True)
+def put_at_start(x, y, w, k, lanes, action, start, states):
+    """Rows of a block that begin now: where ``begin_rows`` put them before the plant moved.
+
+    ``action``: field of the actions of this period, which do not count for them.
+    """
+    pending, found = k[PENDING * LANES :], 0
+    for i in range(lanes):
+        found |= 1 if pending[i] == BEGIN else 0
+    if found == 0:
+        return
+    for i in range(lanes):
+        if pending[i] == BEGIN:
+            for field in range(states):
+                x[field * LANES + i] = start[field]
+            for wheel in range(4):
+                y[(action + wheel) * LANES + i] = 0.0
+                w[wheel * LANES + i] = 0.0
+            k[CLOCK * LANES + i] = 0
+
+
+@njit(cache=True, error_model="numpy", nogil=True)
+def renew(K, first, last):
+    """Let those rows first to last - 1 whose episode is over begin the next; how many."""
+    found = 0
+    for b in range(first // LANES, -(-last // LANES)):
+        k, over = K[b], 0
+        for i in range(LANES):
+            over |= 1 if k[PENDING * LANES + i] == OVER else 0
+        if over:
+            for i in range(min(LANES, last - b * LANES)):
+                if k[PENDING * LANES + i] == OVER:
+                    k[PENDING * LANES + i] = BEGIN
+                    k[EPISODE * LANES + i] += 1
+                    found += 1
+    return found
 
 
 @njit(cache=True, error_model="numpy", nogil=True)
@@ -313,6 +412,22 @@ def tolerance_of(square, margin):
     return value if value == value else 0.0
 
 
+@njit(cache=True, error_model="numpy", forceinline=True)
+def sharpness(numbers, term):
+    """What a squared error of a reward's term is multiplied with in ``loss_of``."""
+    return 9.0 / (numbers[MARGIN + term] * numbers[MARGIN + term])
+
+
+@njit(cache=True, error_model="numpy", forceinline=True)
+def loss_of(square, sharp):
+    """1 over the ``tolerance`` of an error whose square is given; large for NaN.
+
+    Cut where the tolerance is nothing beside 1, so that products of three stay finite.
+    """
+    value = fma(sharp, square, 1.0)
+    return value if value < 1e12 else 1e12
+
+
 @njit(cache=True, error_model="numpy", nogil=True)
 def judge(x, y, v, lanes, row, ring, at, slot, past, numbers, reward):
     """Rewards into ``reward`` from ``row`` on, and into v which episodes end (1.0: diverged).
@@ -324,23 +439,32 @@ def judge(x, y, v, lanes, row, ring, at, slot, past, numbers, reward):
     wanted, newest = y[ring * LANES :], y[(at + 4 * slot) * LANES :]
     before = y[(at + 4 * past) * LANES :]
     earned, ended = reward[row:], v[ENDED * LANES :]
+    a, b, c = numbers[WEIGHT], numbers[WEIGHT + 1], numbers[WEIGHT + 2]
+    d, e = numbers[WEIGHT + 3], numbers[WEIGHT + 4]
+    p, q, r = sharpness(numbers, 0), sharpness(numbers, 1), sharpness(numbers, 2)
+    s, t = sharpness(numbers, 3), sharpness(numbers, 4)
     for i in range(lanes):
-        found, over = 0.0 * limit, 0.0 * limit
+        over = 0.0 * limit
         for axis in range(3):
-            twist = given(x, axis * LANES + i)
-            error = given(wanted, axis * LANES + i) - twist
-            found += numbers[WEIGHT + axis] * tolerance_of(error * error, numbers[MARGIN + axis])
             # Written so that NaN ends it.
+            twist = given(x, axis * LANES + i)
             over = over if abs(twist) <= limit * numbers[SCALE + axis] else 1.0
+        ahead = given(wanted, i) - given(x, i)
+        left = given(wanted, LANES + i) - given(x, LANES + i)
+        turn = given(wanted, 2 * LANES + i) - given(x, 2 * LANES + i)
+        lost_x, lost_y = loss_of(ahead * ahead, p), loss_of(left * left, q)
+        lost_w = loss_of(turn * turn, r)
         effort, change = 0.0 * limit, 0.0 * limit
         for wheel in range(4):
             now = given(newest, wheel * LANES + i)
             moved = now - given(before, wheel * LANES + i)
             effort += now * now * 0.25
             change += moved * moved * 0.25
-        found += numbers[WEIGHT + 3] * tolerance_of(effort, numbers[MARGIN + 3])
-        found += numbers[WEIGHT + 4] * tolerance_of(change, numbers[MARGIN + 4])
-        put(earned, i, found)
+        # a / u + b / v + ...: a division takes as long as ten products.
+        found = fma(a, lost_y * lost_w, lost_x * fma(b, lost_w, c * lost_y))
+        found = found / (lost_x * (lost_y * lost_w))
+        loss, other = loss_of(effort, s), loss_of(change, t)
+        put(earned, i, found + fma(d, other, e * loss) / (loss * other))
         put(ended, i, over)
 
 
@@ -353,16 +477,19 @@ def within(value, limit):
 
 
 @njit(cache=True, error_model="numpy", nogil=True)
-def observe(y, v, lanes, row, tick, at, numbers, whole, seen):
+def observe(y, v, p, lanes, row, tick, at, numbers, whole, seen):
     """Observations of rows from ``row`` on; ``seen`` (D, n), so that rows lie side by side."""
     preview, history = whole[PREVIEW], whole[HISTORY]
     limit = numbers[TWIST_LIMIT]
     for axis in range(3):
         share = 1.0 / numbers[SCALE + axis]
         scaled(v[(MEASURED + axis) * LANES :], lanes, share, limit, seen[axis, row:])
-        for ahead in range(1 + preview):
-            wanted = y[(3 + 3 * ((tick + ahead) % (preview + 1)) + axis) * LANES :]
-            scaled(wanted, lanes, share, limit, seen[3 + 3 * ahead + axis, row:])
+    for ahead in range(1 + preview):
+        slot = (tick + ahead) % (preview + 1)
+        for axis in range(3):
+            wanted, column = p[(3 * slot + axis) * LANES :], seen[3 + 3 * ahead + axis, row:]
+            for i in range(lanes):
+                put(column, i, given(wanted, i))
     for age in range(history):
         slot = (tick - age) % whole[ACTIONS]
         for wheel in range(4):
@@ -447,10 +574,13 @@ def next_beginning(K, row, last):
 
 
 @njit(cache=True, error_model="numpy", nogil=True)
-def draw_references(Y, Z, K, whole, peaks, limits, jacobian, steps, first, last):
+def draw_references(
+    Y, Z, K, whole, peaks, limits, jacobian, steps, fine, coarse, first, last
+):  # fmt: skip
     """References of those rows first to last - 1 that begin an episode and follow no table."""
     tones = whole[TONES]
     phase, harmonic, gain = np.empty(3 * tones), np.empty(3 * tones), np.empty(3)
+    work, known = workspace(tones, steps), (fine, coarse)
     row = first - 1
     while True:
         row = next_beginning(K, row + 1, last)
@@ -462,8 +592,8 @@ def draw_references(Y, Z, K, whole, peaks, limits, jacobian, steps, first, last)
             continue
         key, episode = np.uint64(k[KEY * LANES]), k[EPISODE * LANES]
         draw_reference(
-            *(tones, whole[FIRST], whole[LAST], peaks, limits, jacobian, steps, key, episode),
-            *(phase, harmonic, gain),
+            *(tones, whole[FIRST], whole[LAST], peaks, limits, jacobian, steps, known, key),
+            *(episode, phase, harmonic, gain, work),
         )
         for tone in range(3 * tones):
             Z[b, 2 * tone * LANES + i] = np.uint16(phase[tone] * PHASES)

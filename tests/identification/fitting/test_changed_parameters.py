@@ -2,6 +2,7 @@
 
 from dataclasses import replace
 
+import numpy as np
 import pytest
 
 from controllers.recording import record
@@ -12,6 +13,7 @@ from tests.identification.recordings import recording
 from youbot_env.model.model import Model
 from youbot_env.model.model_file import load_model
 from youbot_env.motions.calibration import calibration
+from youbot_env.motions.multisine import multisine
 
 
 @pytest.fixture(scope="module")
@@ -62,6 +64,40 @@ def test_a_sum_is_told_where_its_members_are_not_known(made: Model):
     heavier = replace(heavier, covariance=made.covariance, covariance_names=made.covariance_names)
     found = changed_parameters(vague, heavier, mechanism_of(made))
     assert [row.name for row in found.changed] == ["m0 + 4 I1/R^2"]
+
+
+def test_what_was_missing_from_the_start_is_no_change(made: Model):
+    errors = {"force_error": 0.2, "noise_floor": {"force_error": 0.01}}
+    never_right = replace(made, errors=errors)
+    known = {"covariance": made.covariance, "covariance_names": made.covariance_names}
+    other = made.with_values({"m0": made.values["m0"] + 6.0})
+    heavier, more = (
+        replace(model, **known) for model in (other, other.with_effect("floor_tilt", tilt_x=0.01))
+    )
+    found = changed_parameters(never_right, more, mechanism_of(made))
+    assert found.rows == () and found.sentences == []
+    assert "20 times the noise floor) for want of floor_tilt" in found.reason
+    # Of a structure that is the same, and of a model that was right, it is a change.
+    for given, new in ((never_right, heavier), (made, more)):
+        changed = changed_parameters(given, new, mechanism_of(made)).changed
+        assert [row.name for row in changed] == ["m0"]
+
+
+@pytest.mark.slow
+def test_the_floor_of_a_model_that_lacks_much_is_that_of_its_own_logs():
+    """No motion repeats in a multisine, and trees leave a tenth of so large a residual."""
+    plant = load_model("paper").with_effect("floor_tilt", tilt_x=0.012, tilt_y=-0.006)
+    plant = plant.with_effect("wheel_coulomb_friction", torque=0.2)
+    motion = multisine(np.random.default_rng(0), duration=40.0)
+    log = record(plant, [motion], seed=3)[0]
+    truth = compare(plant, [log]).to_dict()["total"]
+    made = identify(record(plant, [calibration()], seed=1)).model
+    lacking = compare(made, [log]).to_dict()
+    unknown = compare(replace(made, errors={}), [log]).to_dict()
+    assert lacking["total"]["force_error"] > 10 * truth["force_error"]
+    assert lacking["noise_floor"]["force_error"] < 1.5 * truth["force_error"]
+    assert lacking["noise_floor"]["velocity_error"] < 2 * truth["velocity_error"]
+    assert unknown["noise_floor"]["force_error"] > 3 * truth["force_error"]
 
 
 @pytest.mark.slow

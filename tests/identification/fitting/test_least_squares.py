@@ -177,6 +177,19 @@ def test_estimates_stay_inside_physical_bounds():
     assert (found.theta >= lower - 1e-12).all() and (found.theta <= upper + 1e-12).all()
 
 
+def test_what_no_data_can_see_stays_where_it_is_where_a_bound_acts():
+    """Offsets of the torques of which a part exerts no force, and a friction that would go below
+    zero."""
+    engine = mechanism("torque_offset")
+    samples = engine.samples(recording())
+    driven = replace(samples, torque=samples.torque - 0.2 * samples.wheel_speed)
+    found = fit(engine, [driven], PAPER.with_effect("torque_offset").theta)
+    assert found.bounded
+    offsets = found.theta[-4:]
+    assert np.abs(offsets).max() < 1.0
+    assert offsets @ np.array(engine.internal) == pytest.approx(0.0, abs=1e-6)
+
+
 def test_a_fit_that_wanders_about_ends_early_with_the_best_it_has_passed():
     """A load that is not there has no place: its step has no end to arrive at."""
     engine = mechanism("payload_change")
@@ -263,5 +276,14 @@ def test_a_value_that_rounding_left_beside_its_bound_makes_no_warning():
         for _ in range(100):
             matrix, right = rng.standard_normal((8, 5)), 3 * rng.standard_normal(8)
             matrix[:, 4] = -matrix[:, 3]
-            step, _ = _bounded_step(matrix, right, np.ones(5), np.zeros(5), lower, upper)
+            step, _ = _bounded_step(
+                matrix,
+                right,
+                np.ones(5),
+                np.zeros(5),
+                lower,
+                upper,
+                np.zeros((5, 5)),
+                FitSettings(),
+            )
             assert (step >= lower).all()

@@ -127,6 +127,7 @@ def test_a_dry_force_along_one_direction_is_found_with_its_size(tmp_path: Path, 
     assert again is not None and again.found.values == found.found.values
 
 
+@pytest.mark.slow
 def test_rollers_that_turn_harder_at_some_angles_of_their_wheel(tmp_path: Path, monkeypatch):
     sizes = {"sine_fl": 1e-3, "cosine_fl": 5e-4, "cosine_br": -1.2e-3}
     ripple = FoundLaw(law_named("uneven_roller_ripple"), {"cycles": 12.0, **sizes})
