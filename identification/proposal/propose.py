@@ -90,6 +90,8 @@ def _try_everything(search: Search, grammar: Grammar, settings: ProposalSettings
     """Single laws, and products of two where single ones leave much."""
     search.add(grammar.single())
     search.refine()
+    search.add(grammar.like([item.law_at_best() for item in search.leaders[: settings.refined]]))
+    search.refine()
     best = search.leaders
     enough = settings.products_below * search.predictable
     if best and search.fall(best[0]) >= enough:
