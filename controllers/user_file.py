@@ -4,15 +4,18 @@ from __future__ import annotations
 
 import inspect
 from collections.abc import Callable
+from copy import copy
 from pathlib import Path
 from types import ModuleType
 from typing import Any
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from controllers.interface import Array, Controller, Loop, Observation, Reference
 from youbot_env.errors import InputError
 from youbot_env.model.model import Model
+from youbot_env.physics.effect import WORLD, Place
 from youbot_env.plugins import fault_in_file, run_file
 
 FACTORY = "controller"
@@ -97,6 +100,63 @@ class UserController:
             raise
         except Exception as error:
             raise fault_in_file(self._path, error) from None
+
+
+class _Watched(Model):
+    """A model that notes which places its inverse dynamics was not told."""
+
+    left_out: set[str]
+
+    def wrench(self, twist: ArrayLike, acceleration: ArrayLike, **at: ArrayLike) -> Array:
+        self.left_out.update({"pose", "wheel_angle"} - set(at))
+        return super().wrench(twist, acceleration, **at)
+
+    def inverse_dynamics(self, twist: ArrayLike, acceleration: ArrayLike, **at: ArrayLike) -> Array:
+        self.left_out.update({"pose", "wheel_angle"} - set(at))
+        return super().inverse_dynamics(twist, acceleration, **at)
+
+
+def left_out(name: str, model: Model, loop: Loop, *, show_pose: bool) -> str | None:
+    """What a user's controller does not tell its model, though effects in it read it; in words.
+
+    The controller is called once, at rest: it is what it asks of the model that is judged, not how
+    it drives. None where nothing is left out, or the call fails.
+    """
+    reads = {"pose": _names(model, WORLD), "wheel_angle": []}
+    if model.structure.depends_on_angle:
+        reads["wheel_angle"] = [n for n in model.effects if n not in reads["pose"]]
+    if not any(reads.values()):
+        return None
+    watched = copy(model)
+    # The class alone changes: the model's numbers and what it has computed of them stay.
+    object.__setattr__(watched, "__class__", _Watched)
+    object.__setattr__(watched, "left_out", set())
+    still = np.zeros(3)
+    try:
+        controller = user_controller(name, watched, loop)
+        controller.reset()
+        ahead = np.zeros((max(1, controller.preview_needed), 3))
+        pose = still if show_pose else None
+        controller(
+            Observation(0.0, np.zeros(4), still, pose, np.zeros(4)),
+            Reference(still, still, ahead, ahead),
+        )
+    except InputError:
+        return None
+    lost = [key for key, effects in reads.items() if effects and key in watched.left_out]  # pyright: ignore[reportAttributeAccessIssue]
+    if not lost:
+        return None
+    effects = ", ".join(dict.fromkeys(e for key in lost for e in reads[key]))
+    asked = ", ".join(f"{key}=..." for key in lost)
+    return (
+        f"{name} asks the model for torques without {asked}, which {effects} of the model reads: "
+        "it is fed forward as at the start (docs/controllers.md, Your own, shows how to pass it)"
+    )
+
+
+def _names(model: Model, place: Place) -> list[str]:
+    """The effects of a model that act at a place."""
+    return [name for name in model.effects if model.effect(name).acts_at is place]
 
 
 def _split(name: str) -> tuple[str, str]:

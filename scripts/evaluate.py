@@ -128,6 +128,8 @@ def main(
     common.check_pictures(plots, report)
     found = evaluate(chosen, seed=seed, jobs=jobs, folder=resume)
     out = common.console(json)
+    for words in found.warnings:
+        out.print(f"warning: {words}", style="yellow", soft_wrap=True, markup=False)
     show(out, found.tables(brief))
     if plots or report:
         _draw(out, found, brief, plots, report)

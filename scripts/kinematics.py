@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import sys
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -21,7 +21,7 @@ from youbot_scripts.shared.options import (
     write_json,
     write_result,
 )
-from youbot_scripts.shared.tables import Table, columns, percent, show
+from youbot_scripts.shared.tables import Table, columns, percent, show, to_digit_of, unit, with_std
 
 if TYPE_CHECKING:
     from rich.console import Console
@@ -76,7 +76,8 @@ def main(
     if output:
         lengths = geometry_to_dict(found.geometry)
         write_json(output, {"geometry": lengths, "logs": [motion.name for motion, _ in read]})
-    _print(out, found)
+    starts = {motion.name: float(motion.time[0]) for motion, _ in read}
+    _print(out, found, starts)
     if output:
         whose = "" if geometry else "; r, m1 and l : h in it are the youBot's (yours: --geometry)"
         out.print(f"geometry written to {output}{whose}", soft_wrap=True)
@@ -86,11 +87,11 @@ def main(
     write_result(json, found.to_dict())
 
 
-def _print(out: Console, found: Kinematics) -> None:
+def _print(out: Console, found: Kinematics, starts: Mapping[str, float]) -> None:
     for finding in found.findings:
         out.print(_line(finding), style=STYLES.get(finding.level), soft_wrap=True)
     show(out, _tables(found))
-    for line in _slip(found):
+    for line in _slip(found, starts):
         out.print(line, soft_wrap=True)
     if found.counts:
         out.print(f"position_*: {found.counts:.5g} counts a turn of the wheel")
@@ -102,16 +103,17 @@ def _line(finding: KinematicFinding) -> str:
     return f"{finding.level}: {place}{finding.message}{cure}"
 
 
-def _slip(found: Kinematics) -> Iterator[str]:
-    """The slip in all, and where there is most of it."""
+def _slip(found: Kinematics, starts: Mapping[str, float]) -> Iterator[str]:
+    """The slip in all, and where there is most of it; ``starts``: first time [s] of each log."""
     slip = found.slip
     if slip.share is not None:
         yield f"slip: {percent(slip.share)} of the way of {found.travelled:.3g} m"
     for place in slip.where[:5]:
         row = f", row {place.row}" if place.row is not None else ""
+        begin = starts.get(place.log, 0.0)
         yield (
-            f"  {place.log}: {place.start:.4g} to {place.end:.4g} s{row}: up to "
-            f"{percent(place.share)} of the usual way"
+            f"  {place.log}: {place.start - begin:.1f} to {place.end - begin:.1f} s from its "
+            f"start{row}: up to {percent(place.share)} of the usual way"
         )
 
 
@@ -122,10 +124,10 @@ def _tables(found: Kinematics) -> list[Table]:
             rows.append((name, "not shown", "", length.unit))
             continue
         reach = 1.96 * length.std
-        shown = f"{length.value:.5g} ± {length.std:.2g}"
-        interval = f"{length.value - reach:.5g} ... {length.value + reach:.5g}"
-        rows.append((name, shown, interval, length.unit))
-    head = columns("name", "value", "95 % interval", "unit")
+        ends = (length.value - reach, length.value + reach)
+        interval = " ... ".join(to_digit_of(end, length.std) for end in ends)
+        rows.append((name, with_std(length.value, length.std), interval, length.unit))
+    head = columns("name", "value", "95 % interval", unit())
     return [Table("Lengths", head, tuple(rows)), *([_wheels(found)] if found.wheels else [])]
 
 
@@ -145,6 +147,7 @@ def _write_report(path: Path, found: Kinematics, read: Sequence[tuple[Motion, An
     from identification.figures.kinematic_charts import charts_of_kinematics, in_words
     from youbot_scripts.shared.report_page import Charts, Words, write_page
 
+    starts = {motion.name: float(motion.time[0]) for motion, _ in read}
     lengths = ", ".join(
         f"{name} {in_words(length)}"
         for name, length in found.parameters.items()
@@ -159,7 +162,7 @@ def _write_report(path: Path, found: Kinematics, read: Sequence[tuple[Motion, An
         if finding.level != "info"
     ]
     parts = [
-        Words([f"{lengths or 'No length is shown'} (95 %)", *_slip(found)], "verdict"),
+        Words([f"{lengths or 'No length is shown'} (95 %)", *_slip(found, starts)], "verdict"),
         Words(told, "warning"),
         Words([_line(finding) for finding in found.findings if finding.level == "info"]),
         *(Charts([chart]) for chart in charts_of_kinematics(found, [motion for motion, _ in read])),

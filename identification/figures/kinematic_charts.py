@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator, Sequence
 from dataclasses import replace
 from typing import NamedTuple
@@ -24,20 +25,28 @@ def in_words(length: Length) -> str:
     """A number that is shown with half its 95 % interval, in a unit that people use."""
     assert length.value is not None and length.std is not None
     factor, unit = look.UNITS.get(length.unit, (1.0, length.unit))
-    return f"{factor * length.value:.5g} ± {factor * BAND * length.std:.2g} {unit}".rstrip()
+    half = factor * BAND * length.std
+    # To the digit of its uncertainty, and no further.
+    digits = max(0, 1 - math.floor(math.log10(half))) if half > 0 else 4
+    return f"{factor * length.value:.{digits}f} ± {half:.{digits}f} {unit}".rstrip()
 
 
 def charts_of_kinematics(found: Kinematics, motions: Sequence[Motion]) -> Iterator[Chart]:
-    """lengths; wheels; way_K and speeds_K of each log with a pose."""
+    """lengths; wheels; way_K and speeds_K of each log with a pose, in seconds from its start."""
     if any(length.value is not None for length in found.parameters.values()):
         yield lengths_chart(found)
     if found.wheels:
         yield wheels_chart(found)
     for k, motion in enumerate(motions):
         if motion.pose is not None:
+            begin = float(motion.time[0])
+            # A bag's clock counts from 1970: single precision and an axis would lose the seconds.
+            motion = replace(motion, time=motion.time - begin)
             rolled = _rolled(found, motion)
             yield way_chart(f"way_{k}", motion, rolled)
-            yield speeds_chart(f"speeds_{k}", found, motion, rolled)
+            places = [p for p in found.slip.where if p.log == motion.name]
+            shaded = [(place.start - begin, place.end - begin) for place in places]
+            yield speeds_chart(f"speeds_{k}", motion, rolled, shaded)
 
 
 def lengths_chart(found: Kinematics) -> Chart:
@@ -147,8 +156,10 @@ def way_chart(name: str, motion: Motion, rolled: Rolled) -> Chart:
     return Chart(name, title, figure, look.PLAN_HEIGHT)
 
 
-def speeds_chart(name: str, found: Kinematics, motion: Motion, rolled: Rolled) -> Chart:
-    """Speeds of the pose and of the wheels over time; stretches that slip are shaded."""
+def speeds_chart(
+    name: str, motion: Motion, rolled: Rolled, shaded: Sequence[tuple[float, float]] = ()
+) -> Chart:
+    """Speeds of the pose and of the wheels over time; ``shaded``: stretches [s] that slip."""
     assert motion.pose is not None
     known = np.isfinite(motion.pose).all(axis=1)
     measured = _body_speeds(motion.time[known], motion.pose[known], motion.dt)
@@ -163,13 +174,11 @@ def speeds_chart(name: str, found: Kinematics, motion: Motion, rolled: Rolled) -
                 figure, row, time, speed[:, row - 1], said, line, bins=600, legend=row == 1
             )
         figure.update_yaxes(title_text=f"{axis} [{unit}]", row=row, col=1)
-    for place in found.slip.where:
-        if place.log == motion.name:
-            figure.add_vrect(
-                x0=place.start, x1=place.end, fillcolor="rgba(224,105,31,0.2)", line_width=0,
-                layer="below",
-            )  # fmt: skip
-    figure.update_xaxes(title_text="time [s]", row=3, col=1)
+    for start, end in shaded:
+        figure.add_vrect(
+            x0=start, x1=end, fillcolor="rgba(224,105,31,0.2)", line_width=0, layer="below"
+        )
+    figure.update_xaxes(title_text="time from the log's start [s]", row=3, col=1)
     title = f"Speeds of the tracked point; shaded: the wheels slip: {motion.name}"
     return Chart(name, title, figure, height)
 

@@ -368,7 +368,44 @@ def _on_one_base(
         message = "has no value at the times of the speeds: left out; do the clocks agree?"
         made.findings.append(Finding("warning", message, column=name))
         del channels[name]
-    return replace(made, time=base[rows], channels=channels)
+    return _trimmed(replace(made, time=base[rows], channels=channels), settings)
+
+
+def _trimmed(made: Assembled, settings: ImportSettings) -> Assembled:
+    """Without the rows at both ends in which a channel has no value yet, or none any more.
+
+    Recorders start and stop one after another. A channel that covers a part of the run only is no
+    reason to lose the rest: it stays empty there.
+    """
+    first, stop, ends = 0, len(made.time), []
+    most = settings.max_trimmed_share * len(made.time)
+    for name, block in made.channels.items():
+        known = np.flatnonzero(np.isfinite(block).all(axis=1))
+        if not len(known):
+            continue
+        before, after = int(known[0]), len(block) - 1 - int(known[-1])
+        if before + after == 0:
+            continue
+        if before + after > most:
+            late = made.time[known[0]] - made.time[0]
+            early = made.time[-1] - made.time[known[-1]]
+            message = (
+                f"has no value in the first {late:.3g} s and the last {early:.3g} s of the run: "
+                "empty (nan) there"
+            )
+            made.findings.append(Finding("warning", message, column=name))
+            continue
+        first, stop = max(first, before), min(stop, len(block) - after)
+        ends.append(name)
+    if not ends:
+        return made
+    message = (
+        f"{first} row(s) at the start and {len(made.time) - stop} at the end left out: "
+        f"{' and '.join(ends)} had no value there"
+    )
+    made.findings.append(Finding("info", message, column="time"))
+    kept = {name: block[first:stop] for name, block in made.channels.items()}
+    return replace(made, time=made.time[first:stop], channels=kept)
 
 
 def _has_rate(time: Array, rate: float) -> bool:

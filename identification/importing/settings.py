@@ -137,6 +137,16 @@ class ImportSettings(Settings):
         metadata={"unit": "s", "reason": "the reader of logs bridges no longer one"},
     )
 
+    max_trimmed_share: float = field(
+        default=0.1,
+        metadata={
+            "unit": "share of the rows",
+            "reason": "most, at both ends together, that are left out where a channel "
+            "has no value: recorders of a run start within seconds; a channel that covers less of "
+            "it does not cost the others their rows",
+        },
+    )
+
     # Resampling
     min_decimation: float = field(
         default=1.2,

@@ -73,7 +73,10 @@ def frequency_chart(name: str, group: Sequence[Result]) -> Chart:
         range=[math.log10(0.85 * edges[0]), math.log10(1.18 * edges[-1])],
     )  # fmt: skip
     figure.update_xaxes(title_text="reference frequency [rad/s]", row=3, col=1)
-    figure.update_yaxes(type="log", dtick="D2", zeroline=False)
+    errors = [100 * result.mean(f"nrmse {axis}") for result in group for axis in AXES]
+    ticks = look.log_axis(errors)
+    labels = {key: ticks[key] for key in ("type", "tickvals", "ticktext")}
+    figure.update_yaxes(**labels, zeroline=False)
     return Chart(name, "Tracking error against reference frequency", figure, height)
 
 
@@ -177,6 +180,7 @@ def course_chart(name: str, title: str, traces: Mapping[str, Trace], names: Sequ
     names : of all controllers, in the order that gives them their colours
     """
     height, of = 110 + 3 * 250, colours(list(dict.fromkeys([*names, *traces])))
+    traces = {one: traces[one] for one in of if one in traces}  # in one order on all charts
     figure = look.rows_figure(6, height)
     longest = max(traces.values(), key=lambda trace: len(trace.time))
     for axis in range(3):
@@ -200,7 +204,7 @@ def course_chart(name: str, title: str, traces: Mapping[str, Trace], names: Sequ
         figure.update_yaxes(
             title_text=f"{AXES[axis]} [{UNITS[axis]}]", range=[-reach, reach], row=top, col=1
         )
-        figure.update_yaxes(title_text="error", row=strip, col=1)
+        figure.update_yaxes(title_text=f"error [{UNITS[axis]}]", row=strip, col=1)
     figure.update_xaxes(title_text="time [s]", row=6, col=1)
     return Chart(name, title, figure, height)
 
@@ -210,6 +214,7 @@ def torques_chart(
 ) -> Chart:
     """Commanded torque of each wheel over time, with the limits."""
     of = colours(list(dict.fromkeys([*names, *traces])))
+    traces = {one: traces[one] for one in of if one in traces}
     height = 110 + 4 * 150
     figure = look.rows_figure(4, height)
     for k, wheel in enumerate(WHEELS):

@@ -80,7 +80,8 @@ def overview(group: Sequence[Result], against: str) -> Table:
             f"{name} {_ratio(share)}" for name, share in found[band].items() if name != against
         ]
         if shares:
-            notes.append(f"{_band(band)}, worst axis against {against}: {', '.join(shares)}")
+            of = f"error of the worst axis over {against}'s (less is better)"
+            notes.append(f"{_band(band)}, {of}: {', '.join(shares)}")
     return Table(
         "Mean normalised RMSE [%]",
         columns("controller", *(_band(band) for band in bands)),

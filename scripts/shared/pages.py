@@ -216,15 +216,18 @@ def _of_diagnosis(result: Diagnosis, found: Found, logs: Sequence[Log]) -> Itera
 
 def _of_addition(result: Addition, found: Found, logs: Sequence[Log]) -> Iterator[Part]:
     """The parts of the web page: the verdict first, then its reasons."""
+    from identification.fitting.misfit import misfit_warning
 
+    sizes = (found["after"]["force_error"], found["noise_floor"]["force_error"])
+    misfit = found.get("misfit") or misfit_warning(*sizes)
     yield Words([result.summary(), found["words"]], "verdict")
-    yield Words(found["reasons"], "warning")
+    yield Words([*([misfit] if misfit else []), *found["reasons"]], "warning")
     charts = result.drawn()
     yield Charts([charts.pop("errors")])
     yield result_tables.addition_errors(found)
     yield Charts([charts.pop("forces_0")])
     yield from groups_of(charts)
-    model = result_tables.of_model(result.model)
+    model = result_tables.of_model(result.model, fits=not misfit)
     yield result_tables.parameters(model, "Refitted parameters")
     effects = tuple(result.model.effects)
     yield equations_with(result.model.mechanism.name, effects, [result.effect])

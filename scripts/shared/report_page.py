@@ -53,6 +53,9 @@ class Formulas:
 
 Part = Words | Table | Charts | Formulas
 
+GREEK = {"phi": "φ", "mu": "µ"}
+"""Letters of the names of parameters and angles."""
+
 
 def groups_of(charts: Mapping[str, Chart]) -> Iterator[Charts]:
     """Charts folded below their titles; the floor plans of one log side by side.
@@ -88,7 +91,7 @@ def page(
     return _template().render(
         title=title,
         parts=shown,
-        made=", ".join(f"{name} {value}" for name, value in facts.items()),
+        made=", ".join(f"{name} {value}" for name, value in facts.items() if value is not None),
         command=command or command_line(),
         plotly=_plotly() if any(part["kind"] == "charts" for part in shown) else "",
     )
@@ -120,13 +123,40 @@ def _template() -> Template:
     # Autoescape: names of logs and models are a user's, and must never be markup.
     made = jinja2.Environment(autoescape=True, trim_blocks=True, lstrip_blocks=True)
     made.filters["unbroken"] = unbroken
+    made.filters["coded"] = coded
+    made.filters["typeset"] = typeset
     return made.from_string(text)
 
 
 def unbroken(words: str) -> str:
     """Words whose numbers keep their per cent signs and deviations on their line."""
     words = words.replace(" +- ", " ± ")  # a terminal may not have the sign, a page does
+    words = re.sub(r"(?<=\d)%(?!\w)", " %", words)
     return re.sub(r"(?<=\d) (?=%)|(?<=\d) (?=±)|(?<=±) (?=[\d.])", "\u00a0", words)
+
+
+def coded(words: str) -> Any:
+    """Words as markup in which what stands between backticks is code."""
+    from markupsafe import Markup, escape
+
+    parts = words.split("`")
+    if len(parts) % 2 == 0:  # a backtick alone is a character of a name
+        return escape(words)
+    code = Markup("<code>{}</code>")
+    return Markup("").join(code.format(p) if k % 2 else escape(p) for k, p in enumerate(parts))
+
+
+def typeset(words: str) -> Any:
+    """A unit or a parameter's name as markup: powers raised, indices lowered, phi in Greek."""
+    from markupsafe import Markup, escape
+
+    text = str(escape(words)).replace("&#39;", "′")
+    text = re.sub(r"\b(phi|mu|m|I|x|M|a)_?(\d|[XY])\b", _with_index, text)
+    return Markup(re.sub(r"\^(-?\d)", r"<sup>\1</sup>", text))
+
+
+def _with_index(name: re.Match[str]) -> str:
+    return f"{GREEK.get(name[1], name[1])}<sub>{name[2]}</sub>"
 
 
 def _plotly() -> Any:
@@ -169,16 +199,34 @@ def _formulas(part: Formulas) -> Iterator[dict[str, Any]]:
     name = "latex2mathml.converter"
     converter = optional_library(name, "plots", "pages need latex2mathml", "leave --report out")
     for latex, new, note in zip(part.latex, part.new, part.notes, strict=True):
-        yield {"mathml": Markup(converter.convert(latex)), "new": new, "note": note}
+        terms = [Markup(converter.convert(term)) for term in terms_of(latex)]
+        yield {"terms": terms, "new": new, "note": note}
+
+
+def terms_of(latex: str) -> list[str]:
+    """The terms of a formula, each with its sign: a line breaks between them, never within one."""
+    found, depth, start = [], 0, 0
+    for place in re.finditer(r"\\left|\\right|(?<!\\)[{}]|(?<= )[-+=](?= )", latex):
+        mark = place[0]
+        depth += (mark in ("{", "\\left")) - (mark in ("}", "\\right"))
+        if depth == 0 and mark in ("+", "-", "="):
+            found.append(latex[start : place.start()])
+            start = place.start()
+    terms = [term for term in (*found, latex[start:]) if term.strip()]
+    # An empty term before a sign makes it one between two terms, with the space of such a sign.
+    return [terms[0], *("{} " + term for term in terms[1:])]
 
 
 def _table(table: Table) -> dict[str, Any]:
     marks = [column.is_text for column in table.columns]
+    formulas = [column.is_formula for column in table.columns]
+    # Above each other: the header's lines as one.
+    names = [header.replace("\n", " ") for header in table.headers]
     return {
         "kind": "table",
         "heading": table.heading,
         "title": table.title,
         "head": list(zip(table.headers, marks, strict=True)),
-        "rows": [list(zip(row, marks, strict=True)) for row in table.cells],
+        "rows": [list(zip(names, row, marks, formulas, strict=True)) for row in table.cells],
         "notes": table.notes,
     }

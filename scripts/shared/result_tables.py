@@ -18,6 +18,7 @@ from youbot_scripts.shared.tables import (
     percent,
     text,
     to_digit_of,
+    unit,
     with_std,
 )
 
@@ -65,8 +66,8 @@ def parameters(found: Mapping[str, Found], title: str = "Parameters") -> Table:
     found : by name value, std, interval (None where there is none) and unit
     """
     rows = tuple((name, entry, entry, entry["unit"]) for name, entry in found.items())
-    shown = (Column("value", _estimate), Column("95 % interval", _interval), text("unit"))
-    return Table(title, columns("name", *shown), rows)
+    shown = (Column("value", _estimate), Column("95 % interval", _interval), unit())
+    return Table(title, (unit("name"), *shown), rows)
 
 
 def _estimate(entry: Found) -> str:
@@ -88,17 +89,21 @@ def _is_estimated(entry: Found) -> bool:
     return entry["std"] is not None and 0 < entry["std"] < math.inf
 
 
-def of_model(model: Any) -> dict[str, dict[str, Any]]:
+def of_model(model: Any, *, fits: bool | None = None) -> dict[str, dict[str, Any]]:
     """A model's parameters and those of its effects, as :func:`parameters` takes them.
 
     Without intervals where the model did not fit the logs that it was fitted on.
+
+    Parameters
+    ----------
+    fits : whether it did, where that is known; else judged by the errors that it holds
     """
     from identification.fitting.misfit import misfit
     from identification.fitting.settings import FitSettings
 
     floor = model.errors.get("noise_floor")
     numbers = (model.errors.get("force_error"), floor and floor.get("force_error"))
-    holds = None in numbers or not misfit(*numbers)
+    holds = (None in numbers or not misfit(*numbers)) if fits is None else fits
     entries = dict(model.parameters) | {
         f"{effect}.{name}": entry
         for effect, inner in model.effects.items()
@@ -121,9 +126,7 @@ def added_parameters(found: Found) -> Table:
     if found.get("curve"):
         return _map_curve(found)
     rows = tuple((name, entry, entry["unit"]) for name, entry in found["parameters"].items())
-    return Table(
-        found["effect"], columns("parameter", Column("value", _estimate), text("unit")), rows
-    )
+    return Table(found["effect"], columns("parameter", Column("value", _estimate), unit()), rows)
 
 
 def _map_curve(found: Found) -> Table:

@@ -23,11 +23,13 @@ class Column:
     header : its name
     show : the text of a value; a value that is text already is shown as it is
     is_text : aligned to the left, and wrapped where the terminal is narrow
+    is_formula : units or names of parameters, which a page typesets
     """
 
     header: str
     show: Callable[[Any], str] = str
     is_text: bool = False
+    is_formula: bool = False
 
     def cell(self, value: object) -> str:
         """The text of one value."""
@@ -37,6 +39,11 @@ class Column:
 def text(header: str) -> Column:
     """A column of words."""
     return Column(header, is_text=True)
+
+
+def unit(header: str = "unit") -> Column:
+    """A column of units."""
+    return Column(header, is_text=True, is_formula=True)
 
 
 def columns(first: str, *others: Column | str) -> tuple[Column, ...]:

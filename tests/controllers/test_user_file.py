@@ -9,6 +9,7 @@ import pytest
 
 from controllers import registry
 from controllers.interface import Loop, Observation, Reference
+from controllers.user_file import left_out
 from youbot_env.errors import InputError
 from youbot_env.model.model_file import load_model
 
@@ -113,3 +114,48 @@ def test_a_changed_file_is_another_controller(tmp_path: Path) -> None:
 def test_a_missing_file_is_named(tmp_path: Path) -> None:
     with pytest.raises(InputError, match=r"no\.py: no such file"):
         registry.check(str(tmp_path / "no.py"))
+
+
+def of_the_page() -> str:
+    """The example of docs/controllers.md."""
+    page = (Path(__file__).parents[2] / "docs" / "controllers.md").read_text("utf-8")
+    return page.split("```py\n")[1].split("```")[0]
+
+
+LEVEL = of_the_page().replace("pose=pose, wheel_angle=self.angle, ", "")
+
+
+def test_the_documented_controller_tells_its_model_where_it_is(tmp_path: Path) -> None:
+    tilted = MODEL.with_effect("floor_tilt", tilt_x=0.02)
+    name = file(tmp_path, of_the_page())
+    for show_pose in (False, True):
+        assert left_out(name, tilted, LOOP, show_pose=show_pose) is None
+    (tmp_path / "my_controller.py").write_text(LEVEL)
+    words = left_out(name, tilted, LOOP, show_pose=True)
+    assert words is not None and "without pose=..., which floor_tilt" in words
+    assert left_out(name, MODEL, LOOP, show_pose=False) is None, "nothing in it reads a place"
+
+
+def test_what_is_left_out_costs_what_it_feeds_forward(tmp_path: Path) -> None:
+    """On a slope, turning: the torques of the example hold the robot at every heading."""
+    tilted = MODEL.with_effect("floor_tilt", tilt_x=0.02)
+    (tmp_path / "level.py").write_text(LEVEL)
+    place = np.array([0.0, 0.0, 2.0])
+    turned = SEEN._replace(pose=place)
+    still = Reference(np.zeros(3), np.zeros(3))
+    made = {}
+    for name in (file(tmp_path, of_the_page()), str(tmp_path / "level.py")):
+        controller = registry.build(name, tilted, LOOP)
+        controller.reset()
+        made[name[-8:]] = controller(turned, still)
+    needed = tilted.inverse_dynamics(np.zeros(3), np.zeros(3), pose=place)
+    assert made["oller.py"] == pytest.approx(needed)
+    assert not np.allclose(made["level.py"], needed, atol=0.05)
+
+
+def test_a_pose_that_is_not_measured_is_told(tmp_path: Path) -> None:
+    text = of_the_page().replace("pose=pose", "pose=observation.pose")
+    controller = registry.build(file(tmp_path, text), MODEL, LOOP)
+    controller.reset()
+    with pytest.raises(InputError, match="pose is None: it is not measured"):
+        controller(SEEN, WANTED)

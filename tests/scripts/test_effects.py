@@ -97,7 +97,7 @@ def test_the_equation_of_an_axis(capsys: pytest.CaptureFixture[str]):
         "M_command = M + time_constant M'",
     ]
     assert cli.main([*line, "--latex"]) == 0
-    assert r"\mathrm{inertia} \dot{v}" in capsys.readouterr().out
+    assert r"\mathrm{inertia} \, \dot{v}" in capsys.readouterr().out
 
 
 def test_json_on_standard_output_stands_alone(capsys: pytest.CaptureFixture[str]):

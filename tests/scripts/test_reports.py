@@ -49,7 +49,8 @@ def run(folder: Path, command: str, *arguments: object) -> tuple[str, dict[str, 
 
 
 def visible(page: str) -> str:
-    """A page's text without tags, pictures and scripts."""
+    """A page's text without tags and scripts; indices and powers as a terminal has them."""
+    page = re.sub(r"</?sub>|</sup>", "", page).replace("<sup>", "^").replace("µ", "mu")
     body = re.sub(r"(?s)<script.*?</script>", "", page[page.index("<body>") :])
     return html.unescape(re.sub(r"<[^>]*>", " ", body)).replace("\u00a0", " ")
 

@@ -116,7 +116,9 @@ def text(expression: Any) -> str:
 def latex(expression: Any) -> str:
     """LaTeX with dotted derivatives and upright names."""
     names = {symbol: _latex_name(symbol.name) for symbol in expression.atoms(sympy.Symbol)}
-    return _Latex({"symbol_names": names}).doprint(expression)
+    # A space of its own between factors: a name of letters and a function would run together.
+    settings = {"symbol_names": names, "mul_symbol": r" \, ", "full_prec": False}
+    return _Latex(settings).doprint(expression)
 
 
 def join(groups: Sequence[Group], show: Callable[[Any], str]) -> str:
@@ -140,7 +142,8 @@ def _product(coefficient: Any, motion: Any, show: Callable[[Any], str]) -> str:
         return inner
     is_fraction = show is text and sympy.denom(coefficient) != 1
     outer = show(coefficient)
-    return f"{_bracket(outer, show) if coefficient.is_Add or is_fraction else outer} {inner}"
+    between = " " if show is text else r" \, "
+    return (_bracket(outer, show) if coefficient.is_Add or is_fraction else outer) + between + inner
 
 
 def _bracket(shown: str, show: Callable[[Any], str]) -> str:
@@ -159,7 +162,11 @@ def _latex_name(name: str) -> str:
     dots = {0: "", 1: r"\dot", 2: r"\ddot"}[len(name) - len(stem)]
     match = re.fullmatch(r"(mu|phi|gamma|psi|VX|VY|[a-zA-Z])_?(\w*)", stem)
     if match is None or (len(stem) > 3 and match[1] not in _GREEK and "_" not in stem[:2]):
-        body, index = rf"\mathrm{{{stem}}}".replace("_", r"\_"), ""
+        # A name of words: the first, and the others as its index.
+        first, _, rest = stem.partition("_")
+        body = rf"\mathrm{{{first}}}"
+        others = rest.replace("_", r"\, ")
+        index = rf"\mathrm{{{others}}}" if rest else ""
     else:
         body, index = match[1], match[2]
         body, index = (body[0], body[1]) if body in ("VX", "VY") else (body, index)

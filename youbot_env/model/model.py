@@ -364,6 +364,8 @@ def _instant(twist: ArrayLike, acceleration: ArrayLike, at: Mapping[str, ArrayLi
     for key in at:
         if key not in known:
             raise InputError(f"unknown argument {key!r}; known are {', '.join(sorted(known))}")
+        if at[key] is None:
+            raise InputError(f"{key} is None: it is not measured; leave it out, or reckon it")
     parts = {
         key: np.asarray(value, float) if key in ("time", "start") else _parts(value)
         for key, value in at.items()

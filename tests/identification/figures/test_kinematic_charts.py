@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 import pytest
@@ -45,8 +46,23 @@ def test_speeds_of_wheels_and_pose_agree(figures):
 def test_lengths_have_intervals_in_units_that_people_use(figures):
     titles = [note.text for note in figures["lengths"].layout.annotations]
     assert "<b>R [mm]</b>" in titles and "<b>delay [ms]</b>" in titles
-    assert in_words(Length(0.0475, "m", 0.0001)) == "47.5 ± 0.2 mm"
-    assert in_words(Length(0.12, "1", 0.001)) == "0.12 ± 0.002 1"
+    assert in_words(Length(0.0475, "m", 0.0001)) == "47.50 ± 0.20 mm"
+    assert in_words(Length(9.4944e-6, "s", 1.3e-5)) == "0.009 ± 0.025 ms"
+    assert in_words(Length(0.12, "1", 0.001)) == "0.1200 ± 0.0020 1"
+
+
+def test_a_clock_that_counts_from_1970_draws_the_same_charts():
+    motion = made(TURNED, 1)
+    late = replace(motion, time=motion.time + 1.764e9)
+    charts: list[dict[str, Any]] = [
+        {chart.name: chart.figure for chart in charts_of_kinematics(found, [one])}
+        for one in (motion, late)
+        for found in [estimate_kinematics([one], GEOMETRY)]
+    ]
+    for mine, other in zip(charts[0]["speeds_0"].data, charts[1]["speeds_0"].data, strict=True):
+        assert np.allclose(mine.x, other.x, atol=1e-3) and mine.x[0] < 1 < 25 < mine.x[-1] < 31
+    shown = [chart["way_0"].data[0].customdata for chart in charts]
+    assert np.allclose(*shown, atol=1e-3)
 
 
 def test_a_logarithmic_axis_has_few_labels_inside_its_range():

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from dataclasses import replace
 from pathlib import Path
 
@@ -80,15 +81,31 @@ def test_several_topics_of_one_run_meet_on_the_stamps_of_the_wheels(tmp_path: Pa
     one = written(tmp_path, wheels, "wheels.csv")
     other = written(tmp_path, joined(["stamp", "x [m]", "y [m]", "yaw [deg]"], pose), "mocap.csv")
     made = import_source(open_source([one, other])).made
-    assert np.allclose(made.channels["velocity"], full, atol=1e-4)
+    at = np.searchsorted(LOG.time, made.time - 1e-6)
+    assert np.allclose(made.channels["velocity"], full[at], atol=1e-4)
     inner = (made.time > 0.4) & (made.time < 5.5)
     x, y, yaw = made.channels["pose"][inner].T
     at = made.time[inner]
     assert np.abs(x - np.cos(at)).max() < 1e-3
     assert np.abs(y - np.sin(at)).max() < 1e-3
     assert np.abs(yaw - at).max() < 1e-3
-    # Beyond its ends there is no pose, and none is invented.
-    assert np.isnan(made.channels["pose"][made.time < 0.04]).all()
+    # Beyond its ends there is no pose, and none is invented: these rows are left out, and told.
+    assert np.isfinite(made.values).all() and made.time[0] >= 0.05 and made.time[-1] <= 5.9
+    told = [str(f) for f in made.findings if "left out" in f.message]
+    lost = len(LOG) - len(made.time)
+    assert len(told) == 1 and "pose had no value" in told[0]
+    assert lost == sum(map(int, re.findall(r"(\d+)(?: row| at)", told[0])))
+
+
+def test_a_channel_of_half_the_run_does_not_cost_the_others_their_rows(tmp_path: Path) -> None:
+    wheels = joined(["t", *names("velocity_{}")], [row[:5] for row in rows(LOG)])
+    circle = [[f"{t:.4f}", "1.0", f"{t:.4f}", "0.1"] for t in np.arange(3.0, 5.99, 0.01)]
+    one = written(tmp_path, wheels, "wheels.csv")
+    other = written(tmp_path, joined(["stamp", "x [m]", "y [m]", "yaw [deg]"], circle), "mocap.csv")
+    made = import_source(open_source([one, other])).made
+    assert len(made.time) == len(LOG) and np.isnan(made.channels["pose"][made.time < 2.9]).all()
+    told = [str(f) for f in made.findings if f.column == "pose" and f.level == "warning"]
+    assert len(told) == 1 and "no value in the first 2.99 s" in told[0]
 
 
 def test_gaps_stay_gaps(tmp_path: Path) -> None:
