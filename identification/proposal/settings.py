@@ -315,8 +315,10 @@ class ProposalSettings(Settings):
     products_below: float = field(
         default=0.9,
         metadata={
-            "unit": "share of the squares that the motion predicts",
-            "reason": "products of two are tried only where single laws leave more",
+            "unit": "share of the squares",
+            "reason": "products of two are tried only where single laws take less. The share that "
+            "is predicted is no measure: of a drag that begins at a time trees predicted 0.65, a "
+            "law of one variable took 0.71, and the true one 0.99",
         },
     )
     factors: int = field(

@@ -198,6 +198,7 @@ class Batch:
         whole[lanes.FIRST], whole[lanes.LAST] = self._reference.first, self._reference.last
         whole[lanes.TURN_BITS] = int(setup.period / self._reference.period * 2**64) & MASK >> 1
         self._numbers, self._whole = numbers, whole
+        self._next_step = autoreset == lanes.NEXT_STEP
         self._lengths = np.asarray(model.lengths, setup.real)
 
     def _periods_late(self) -> int:
@@ -429,13 +430,13 @@ class Batch:
                 raise reject(action, bad)
             action = action.astype(np.float32)
         shown = self._free_results()
-        next_step = self._whole[lanes.RESETS] == lanes.NEXT_STEP
-        if self._threads > 1 or (next_step and self._over):
+        renews = self._next_step and self._over > 0
+        if self._threads > 1 or renews:
             bad = lanes.refused(action, 0, self.platforms)
             if bad >= 0:
                 raise reject(action.astype(float), bad)
         self._tick += 1
-        if next_step and self._over:
+        if renews:
             self._prepare_rows(shown)
         if self._threads == 1:
             begins = self._period(action, shown, 1)
@@ -445,7 +446,7 @@ class Batch:
         else:
             begins = self._step_parts(action, shown)
         self._over = begins
-        if begins and not next_step:
+        if begins and not self._next_step:
             self._begin_rows(shown, self._start)
         self.results = shown
         return shown

@@ -22,6 +22,20 @@ CASES = {
         1e-14,
         np.inf,
     ),
+    "sine_of_little": (
+        lane_math.sine_of_little,
+        np.sin,
+        RNG.uniform(-0.07, 0.07, 999),
+        1.2e-16,
+        2e-15,
+    ),
+    "cosine_of_little": (
+        lane_math.cosine_of_little,
+        np.cos,
+        RNG.uniform(-0.07, 0.07, 999),
+        3e-16,
+        np.inf,
+    ),
     "exp": (lane_math.exp, np.exp, RNG.uniform(-700, 700, 999), np.inf, 5e-16),
     "tanh": (
         lane_math.tanh,

@@ -76,6 +76,19 @@ def test_references_keep_what_multisines_promise():
     assert len({tuple(peak) for peak in peaks}) == 64
 
 
+def test_a_reference_is_the_same_with_and_without_a_table_of_carriers():
+    """Bands of many harmonics have no table: their carriers are computed for each episode."""
+    batch = Batch(tracking_setup(band=(0.5, 4.0)), 3)
+    batch.begin(keys=keys_of(range(3)))
+    other = Batch(tracking_setup(band=(0.5, 4.0)), 3)
+    peaks, limits, jacobian, steps, fine, coarse = other._reference_draws
+    assert len(fine)
+    other._reference_draws = (peaks, limits, jacobian, steps, fine[:0], coarse[:0])
+    other.begin(keys=keys_of(range(3)))
+    assert [batch.reference(row) for row in range(3)] == [other.reference(row) for row in range(3)]
+    assert np.array_equal(batch.observation, other.observation)
+
+
 def test_normal_draws_have_the_covariance():
     paper = load_model("paper")
     names = ("m0", "mu1", "mu2")
