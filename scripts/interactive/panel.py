@@ -144,14 +144,13 @@ def _compared(project: Project) -> list[Any]:
         found = project.result(one)
         if one is None or found is None:
             continue
-        errors = [
-            _error(found[which][kind])
-            for kind in ("force_error", "velocity_error")
-            for which in ("total", "noise_floor")
-        ]
-        name = html.Th(plain(one.subject), scope="row")
-        rows.append(html.Tr([name, *(html.Td(error) for error in errors)]))
-    names = ("model", "force error", "by noise alone", "velocity error", "by noise alone")
+        cells = []
+        for kind in ("force_error", "velocity_error"):
+            error, noise = (_error(found[which][kind]) for which in ("total", "noise_floor"))
+            # Under the error on a phone, where two columns more would be out of sight.
+            cells.append(html.Td([f"{error} ", html.Small(f"noise {noise}")]))
+        rows.append(html.Tr([html.Th(plain(one.subject), scope="row"), *cells]))
+    names = ("model", "force error", "velocity error")
     head = html.Thead(html.Tr([html.Th(name, scope="col") for name in names]))
     return [html.Div(html.Table([head, html.Tbody(rows)]), className="wide-table")]
 

@@ -35,6 +35,9 @@ def themed(figure: Any) -> Any:
     figure.update_layout(**_PLAIN)
     figure.update_xaxes(**_AXIS)
     figure.update_yaxes(**_AXIS)
+    for shape in figure.layout.shapes:
+        if shape.line.color is None:  # Plotly's own is black
+            shape.line.color = _AXIS["zerolinecolor"]
     return figure
 
 

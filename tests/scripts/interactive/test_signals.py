@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 import pytest
 
+from identification.figures.single_charts import errors_chart
 from youbot_scripts.interactive.drawing import save
 from youbot_scripts.interactive.parts import themed
 from youbot_scripts.interactive.signals import BINS, COLOURS, Drawn, looks_of
@@ -81,6 +82,9 @@ def test_a_chart_of_a_file_gets_faint_lines_for_the_dark_too():
     layout = themed(figure)["layout"]
     assert all("128" in layout[name]["gridcolor"] for name in ("xaxis", "yaxis", "xaxis3"))
     assert layout["xaxis3"]["title"] == "x"
+    chart = errors_chart([(None, 0.2, 0.1)], {"force_error": 0.01, "velocity_error": 0.02})
+    shapes = themed(chart.figure).layout.shapes
+    assert len(shapes) == 2 and all("128" in shape.line.color for shape in shapes)
 
 
 def test_dots_that_are_not_marked_stay_faint_where_they_overlap(tmp_path: Path):
