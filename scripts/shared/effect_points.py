@@ -18,6 +18,7 @@ FIELDS: dict[str, tuple[str, str]] = {
     "wheel.torque": ("N m", "that truly acts at the joint"),
     "roller.rate": ("rad/s", "of the roller on the floor about its axle"),
     "roller.acceleration": ("rad/s^2", "the same"),
+    "roller.wheel_angle": ("rad", "of its wheel: which roller stands on the floor, and where"),
     "world.x": ("m", "place of O in the world"),
     "world.y": ("m", "the same, along world Y"),
     "world.yaw": ("rad", "heading in the world, unwrapped"),
