@@ -171,6 +171,11 @@ def _print(out: Console, found: dict[str, Any], told_first: int) -> None:
     out.print(found["headline"])
     for sentence in [*found["words"], *found["changes"]["words"]]:
         out.print(f"- {sentence}")
+    if found["proposal"] and not found["proposal"]["file"]:
+        out.print(
+            "next: the same command with --proposal law.py -o base.json writes this law",
+            soft_wrap=True,
+        )
     for line in next_experiment(found):
         out.print(line)
     for warning in found["warnings"][told_first:]:

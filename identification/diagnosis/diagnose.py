@@ -56,6 +56,8 @@ from identification.logs.log import Log, in_order_of_time, shared_clock, warning
 from identification.mechanisms.mechanism import Mechanism
 from identification.mechanisms.registry import AnyModel, kind_of, mechanism_of
 from identification.mechanisms.residual_maps import refuse_unseen_logs
+from identification.proposal.proposal import Proposal
+from identification.residual_map.regime import Regime
 from identification.residual_map.residual_map import residual_map
 from identification.residual_map.shares import ResidualMap
 from identification.threads import side_by_side
@@ -113,6 +115,7 @@ def diagnose(
     ties = _ties(chosen.rankings, accepted)
     verdict = verdict_of(unexplained, bool(ties), bool(accepted))
     final, maps = _final_fit_and_maps(data, steps)
+    maps = [item.led_by(_told_of(regime, proposal)) for item in maps]
     final = chosen.wheels.widened(steps[-1].fitted.mechanism, final)
     given = data.given_errors(mechanism, model.theta)
     fitted_model = _model(steps[-1], final, model, logs, floor)
@@ -148,6 +151,12 @@ def diagnose(
         changes=changed_parameters(model, fitted_model, mechanism, settings.fit),
         slip_share=chosen.wheels.slip.share if slips else None,
     )
+
+
+def _told_of(regime: Regime | None, proposal: Proposal | None) -> tuple[str, ...]:
+    """Variables that a law depends on, or a rule cuts."""
+    of_law = () if proposal is None else proposal.law.law.variables
+    return (*of_law, *(() if regime is None else regime.variables))
 
 
 @dataclass(frozen=True)

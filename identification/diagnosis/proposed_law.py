@@ -149,6 +149,7 @@ def _proposal(
         verdict,
         fitted.mechanism,
         final.theta,
+        (before.force_error, before.velocity_error),
         tuple(item.effect for item in kept if item.effect),
         tuple(item.name for item in data.samples),
     )

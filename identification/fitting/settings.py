@@ -380,11 +380,12 @@ class WheelEvidenceSettings(Settings):
     )
 
     min_slip_share: float = field(
-        default=0.01,
+        default=0.0065,
         metadata={
             "unit": "share of the wheel speeds",
             "reason": "that no rigid motion explains beyond noise, from which on wheels are said "
-            "to slip: 0.004 of a contact simulator with a friction of 1, 0.05 where wheels slide",
+            "to slip: 0.004 of two contact simulators with a friction of 1, 0.0046 at 0.25, 0.0086 "
+            "at 0.15, 0.05 where wheels slide; at most 0.002 of noise of any colour",
         },
     )
     slip_deviations: float = field(

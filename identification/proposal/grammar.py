@@ -11,12 +11,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from identification.mechanisms.samples import Samples
-from identification.proposal import platform_laws
+from identification.proposal import place_laws, platform_laws, products
 from identification.proposal.axis_laws import Travel, axis_laws
 from identification.proposal.evidence import Evidence
 from identification.proposal.law import Law, Shapes
 from identification.proposal.periods import cycles_of_angles, periods_over_floor
-from identification.proposal.platform_laws import Surroundings
+from identification.proposal.surroundings import Surroundings, choices_near, choices_of
 from youbot_env.physics.effect import ROLLER, WHEEL, Place
 
 Array = NDArray[np.float64]
@@ -32,6 +32,10 @@ class Grammar(Protocol):
 
     def periodic(self) -> list[tuple[Law, Choices]]:
         """Laws that repeat themselves, near what a scan over all periods shows."""
+        ...
+
+    def like(self, leaders: Sequence[Law]) -> list[tuple[Law, Choices]]:
+        """Other laws of what the best show: at the same spot of the floor."""
         ...
 
     def products(self, leaders: Sequence[Law]) -> list[tuple[Law, Choices]]:
@@ -123,20 +127,34 @@ class PlatformGrammar:
     def _back(self) -> list[Array]:
         return self.evidence.taken_back()
 
+    def like(self, leaders: Sequence[Law]) -> list[tuple[Law, Choices]]:
+        """Forces of other shapes about the spot that a bump, or a force about a spot, found."""
+        others = {
+            place_laws.BUMP: place_laws.laws_at_a_spot,
+            place_laws.SPOT_FIELD: place_laws.fields_at_a_spot,
+        }
+        return [
+            (law, list(choices_near(law, leader, self.settings)))
+            for leader in leaders
+            if leader.name in others
+            for law in others[leader.name](self.seen, self.settings)
+        ]
+
     def products(self, leaders: Sequence[Law]) -> list[tuple[Law, Choices]]:
         """Laws of the world in a patch, beyond an edge, from a time on."""
-        factors = {law.name: law for law in platform_laws.canonical_factors(self.seen)}
+        known = *products.canonical_factors(self.seen), *products.turning_factors(self.settings)
+        factors = {law.name: law for law in known}
         factors |= {law.name: law for law in leaders if law.terms <= self.settings.max_factor_terms}
         return self._with_choices(
             [
                 law
                 for factor in factors.values()
-                for law in platform_laws.products(factor, self.seen, self.settings)
+                for law in products.products(factor, self.seen, self.settings)
             ]
         )
 
     def _with_choices(self, laws: Sequence[Law]) -> list[tuple[Law, Choices]]:
-        pick = platform_laws.choices_of
+        pick = choices_of
         return [(law, list(pick(law, self.seen, self.settings))) for law in laws]
 
 
@@ -177,6 +195,10 @@ class AxisGrammar:
 
     def periodic(self) -> list[tuple[Law, Choices]]:
         """None: a force that repeats itself along the travel is in the catalogue."""
+        return []
+
+    def like(self, leaders: Sequence[Law]) -> list[tuple[Law, Choices]]:
+        """None: an axis has no spots but tight ones, which are among its laws."""
         return []
 
     def products(self, leaders: Sequence[Law]) -> list[tuple[Law, Choices]]:

@@ -123,7 +123,8 @@ class Law:
         line = f'"""{self.meaning} [{self.unit}]: {self.formula}."""'
         if len(line) + 4 <= LINE:
             return [line]
-        return [f'"""{self.meaning} [{self.unit}].', "", f"{self.formula}.", '"""']
+        first, *more = wrap(f'"""{self.meaning} [{self.unit}].', LINE - 4)
+        return [first, *more, "", f"{self.formula}.", '"""']
 
     @property
     def unit(self) -> str:

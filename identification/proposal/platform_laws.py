@@ -7,72 +7,38 @@ before each wheel has its own. What the catalogue holds is left out: it has been
 
 from __future__ import annotations
 
-import itertools
 import math
 from collections.abc import Iterator
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
 
 from identification.proposal.forms import Form, Quantity, even_forms, speed_forms, strength
-from identification.proposal.law import Constant, Law, Shapes
+from identification.proposal.law import Constant, Law
+from identification.proposal.place_laws import laws_by_place
+from identification.proposal.products import (
+    friction_by_heading,
+    friction_by_place,
+    friction_by_speed,
+    friction_by_time,
+)
 from identification.proposal.settings import ProposalSettings
+from identification.proposal.surroundings import (
+    CIRCLE,
+    CONFIRM,
+    TURN,
+    Surroundings,
+    direction_constant,
+    instants,
+)
 from youbot_env.physics.effect import BODY, ROLLER, WHEEL, WORLD, Place
 
 Array = NDArray[np.float64]
 
 
-@dataclass(frozen=True)
-class Surroundings:
-    """What the logs show of the platform: typical speeds (rms), where it was, and for how long.
-
-    twist (3,), wheel, roller : [m/s, m/s, rad/s], [rad/s]; torque [N m]
-    place (n, 2) [m], loud (n,) : where it was, and the squares that are left there
-    """
-
-    twist: tuple[float, float, float]
-    wheel: float
-    roller: float
-    torque: float
-    place: Array
-    loud: Array
-    duration: float
-
-    @property
-    def speed(self) -> float:
-        """Of O [m/s]."""
-        return math.hypot(*self.twist[:2]) / math.sqrt(2)
-
-
-CIRCLE = (-2 * math.pi, 2 * math.pi)
-
 WORLD_SPEEDS = ("twist", "heading")
 """Variables of a force that depends on a speed along a direction of the world."""
-
-
-def _directions(count: int, half: bool) -> tuple[float, ...]:
-    turn = math.pi if half else 2 * math.pi
-    number = count if half else 2 * count
-    return tuple(k * turn / number for k in range(number))
-
-
-def _direction(settings: ProposalSettings, half: bool = True) -> Constant:
-    values = _directions(settings.directions, half)
-    return Constant("direction", "rad", *CIRCLE, 1.0, values)
-
-
-TURN = "c, s = xp.cos(direction), xp.sin(direction)"
-
-CONFIRM = {
-    "direction": "drive along that direction of the floor and across it, at one speed",
-    "heading": "turn the robot on the spot, then drive the same line at other headings",
-    "place": "drive over the place slowly, both ways, and beside it",
-    "speed": "drive at several constant speeds, both ways",
-    "wheel": "lift the robot and spin the wheels by hand",
-    "roller": "drive slowly sideways: one roller after the other takes the load",
-    "time": "record the same motion again, starting at another time",
-}
 
 
 def single_laws(seen: Surroundings, settings: ProposalSettings) -> list[Law]:
@@ -80,10 +46,12 @@ def single_laws(seen: Surroundings, settings: ProposalSettings) -> list[Law]:
     apart."""
     found = [
         *_along_directions(seen, settings),
-        *_by_place(seen, settings),
+        *laws_by_place(seen, settings),
         *_by_heading(settings),
-        *_friction_by_heading(seen),
-        *_friction_by_time(seen),
+        *friction_by_heading(seen),
+        *friction_by_time(seen),
+        *friction_by_place(seen),
+        *friction_by_speed(seen, settings),
         *_by_time(seen, settings),
         *_of_body(seen, settings),
         *_of_joints(seen, settings),
@@ -103,7 +71,7 @@ def _along_directions(seen: Surroundings, settings: ProposalSettings) -> Iterato
         one_way = form.key.startswith(("forward", "backward"))
         if form.key.startswith("backward"):
             continue  # the same as forward along the opposite direction
-        direction = _direction(settings, half=not one_way)
+        direction = direction_constant(settings, half=not one_way)
         # Away from any one speed: the full grid of a peak along all directions takes too long.
         constants = tuple(
             replace(c, values=c.values[:2]) if c.name in ("width", "peak_speed") else c
@@ -158,150 +126,6 @@ def _along_and_across(settings: ProposalSettings) -> Law:
     )
 
 
-def _by_place(seen: Surroundings, settings: ProposalSettings) -> Iterator[Law]:
-    """Forces along the world's axes that depend on the place along a direction."""
-    direction = _direction(settings)
-    where = CONFIRM["place"]
-    yield Law(
-        "line_spring",
-        WORLD,
-        ("position_x", "position_y"),
-        (Constant("stiffness", "N/m", size=5.0), Constant("pull", "N", size=5.0), direction),
-        (TURN, "along = stiffness * (world.x * c + world.y * s) - pull"),
-        "along * c, along * s, 0.0",
-        "Spring along one direction of the floor",
-        "k p - f, p = x cos(d) + y sin(d)",
-        r"k p - f,\; p = x\cos d + y\sin d",
-        "A force along one direction of the floor that grows with the way along it.",
-        where,
-    )
-    edges, low, high = _edges(seen, settings)
-    edge = Constant("edge", "m", low, high, 1.0, edges)
-    for angle, axis in ((0.0, "x"), (0.5 * math.pi, "y")):
-        held = Constant("direction", "rad", *CIRCLE, 1.0, (angle,))
-        strip = Constant("width", "m", 0.02, 1.0, 0.1, (0.1, 0.25))
-        yield Law(
-            f"strip_across_{axis}",
-            WORLD,
-            (f"position_{axis}",),
-            (Constant("force", "N", size=5.0), replace(edge, name="centre"), held, strip),
-            (
-                TURN,
-                "way = (world.x * c + world.y * s - centre) / width",
-                "along = force * way * xp.exp(0.5 - 0.5 * way**2)",
-            ),
-            "along * c, along * s, 0.0",
-            "Bump or dip across the floor: the slope of a ridge along a line",
-            "f w exp((1 - w^2)/2), w = (p - p_0)/b, p = x cos(d) + y sin(d)",
-            r"f w e^{(1 - w^2)/2},\; w = (p - p_0)/b",
-            "A force that pushes away from a line on the floor, or draws towards it, near it only.",
-            where,
-            terms=2,
-        )
-        for word, sign, mark in (("beyond", "", ">"), ("before", "-", "<")):
-            way = f"xp.maximum({sign}(world.{axis} - edge), 0.0)"
-            push = f"{sign}stiffness * {way}"
-            yield Law(
-                f"spring_{word}_an_edge_in_{axis}",
-                WORLD,
-                (f"position_{axis}",),
-                (Constant("stiffness", "N/m", size=10.0), edge),
-                (),
-                f"{push}, 0.0, 0.0" if axis == "x" else f"0.0, {push}, 0.0",
-                f"Spring {word} a line across the floor: something soft in the way",
-                f"k ({axis} - p_0) ({axis} {mark} p_0)",
-                rf"k ({axis} - p_0)\,[{axis} {mark} p_0]",
-                f"A force back that grows {word} a line on the floor, and none on its other side.",
-                where,
-                terms=2,
-            )
-    yield Law(
-        "moment_by_place",
-        WORLD,
-        ("position_x", "position_y"),
-        (Constant("along_x", "N m/m", size=1.0), Constant("along_y", "N m/m", size=1.0)),
-        (),
-        "0.0, 0.0, along_x * world.x + along_y * world.y",
-        "Moment that grows along the floor",
-        "a x + b y",
-        "a x + b y",
-        "The robot is turned, the more the farther it is on one side of the room.",
-        where,
-        terms=2,
-    )
-    yield _bump(seen, settings)
-
-
-def _edges(
-    seen: Surroundings, settings: ProposalSettings
-) -> tuple[tuple[float, ...], float, float]:
-    shares = np.linspace(0.0, 1.0, settings.edges + 2)[1:-1]
-    found = sorted({round(float(v), 3) for v in np.quantile(seen.place, shares)})
-    return tuple(found), float(seen.place.min()), float(seen.place.max())
-
-
-def spots(seen: Surroundings, settings: ProposalSettings) -> list[tuple[float, float, float]]:
-    """Centres (x, y) and radii [m] of patches and bumps to try: for each radius a grid as fine as
-    it, those places where most is left unexplained."""
-    found: list[tuple[float, float, float]] = []
-    for radius in settings.spot_radii:
-        spacing = settings.spot_spacing * radius
-        cells = np.round(seen.place / spacing).astype(int)
-        places, which = np.unique(cells, axis=0, return_inverse=True)
-        squares = np.bincount(which.ravel(), seen.loud)
-        order = np.lexsort((places[:, 1], places[:, 0], -squares))[: settings.max_spots]
-        found += [(float(x), float(y), radius) for x, y in spacing * places[order]]
-    return found
-
-
-SPOT = ("spot_x", "spot_y", "radius")
-
-
-def choices_of(law: Law, seen: Surroundings, settings: ProposalSettings) -> Iterator[Shapes]:
-    """The values of its shape constants at which a law is tried: all combinations, and around
-    every spot where it has one."""
-    names = [c.name for c in law.shapes]
-    if not set(SPOT) <= set(names):
-        yield from itertools.product(*(c.values for c in law.shapes))
-        return
-    first = names.index(SPOT[0])
-    rest = itertools.product(*(c.values for c in law.shapes if c.name not in SPOT))
-    for others in rest:
-        for spot in spots(seen, settings):
-            yield (*others[:first], *spot, *others[first:])
-
-
-def _spot_constants(seen: Surroundings, settings: ProposalSettings) -> tuple[Constant, ...]:
-    """Of a spot; what is tried of them is told by :func:`spots`."""
-    low, high = float(seen.place.min()) - 0.5, float(seen.place.max()) + 0.5
-    return (
-        Constant("spot_x", "m", low, high, 1.0, (0.0,)),
-        Constant("spot_y", "m", low, high, 1.0, (0.0,)),
-        Constant("radius", "m", 0.03, 2.0, 0.3, settings.spot_radii),
-    )
-
-
-def _bump(seen: Surroundings, settings: ProposalSettings) -> Law:
-    return Law(
-        "spot_that_pushes",
-        WORLD,
-        ("position_x", "position_y"),
-        (Constant("force", "N", size=5.0), *_spot_constants(seen, settings)),
-        (
-            "dx, dy = (world.x - spot_x) / radius, (world.y - spot_y) / radius",
-            "slope = force * xp.exp(0.5 - 0.5 * (dx**2 + dy**2))",
-        ),
-        # What the motion demands: a bump pushes away, so moving out takes less.
-        "slope * dx, slope * dy, 0.0",
-        "Round bump or dip of the floor, or a magnet under it: a potential's slope",
-        "f (r/b) exp((1 - (r/b)^2)/2) from the spot",
-        r"f \frac{r}{b} e^{(1 - (r/b)^2)/2}",
-        "A force that pushes away from one spot of the floor, or draws towards it, near it only.",
-        CONFIRM["place"],
-        terms=2,
-    )
-
-
 def _by_heading(settings: ProposalSettings) -> Iterator[Law]:
     """Forces along the world and moments that swing with the heading."""
     for order in settings.heading_orders:
@@ -312,7 +136,7 @@ def _by_heading(settings: ProposalSettings) -> Iterator[Law]:
             f"force_by_heading_{order}",
             WORLD,
             ("heading",),
-            (*pair, _direction(settings), turns),
+            (*pair, direction_constant(settings), turns),
             (TURN, f"along = {swing}"),
             "along * c, along * s, 0.0",
             "Force along one direction of the world that swings with the heading: wind",
@@ -339,95 +163,13 @@ def _by_heading(settings: ProposalSettings) -> Iterator[Law]:
         )
 
 
-def _friction_by_heading(seen: Surroundings) -> Iterator[Law]:
-    """Friction whose size swings with the heading: a brush or a caster that is not round."""
-    swings = "size = level + cosine * xp.cos(times * world.yaw) + sine * xp.sin(times * world.yaw)"
-    dry, viscous, _ = canonical_factors(seen)
-    for factor, unit in ((dry, "N"), (viscous, "N s/m")):
-        size = factor.strengths[0].size
-        for order in (1, 2):
-            yield replace(
-                _of_size(factor, swings, SWINGS, SWINGS_LATEX),
-                name=f"{factor.name}_by_heading_{order}",
-                variables=("heading", "twist"),
-                constants=_swinging(unit, size, order),
-                meaning=f"{factor.meaning}, whose size swings with the heading",
-                recognise=f"{factor.recognise}, more at some headings than at others.",
-                confirm=CONFIRM["heading"],
-                dissipative=False,
-                terms=3,
-            )
-    for order in (1, 2):
-        yield Law(
-            f"viscous_turning_by_heading_{order}",
-            WORLD,
-            ("heading", "twist"),
-            _swinging("N m s", 1.0, order),
-            (swings,),
-            "0.0, 0.0, size * world.yaw_rate",
-            "Viscous friction of turning, whose size swings with the heading",
-            f"{SWINGS} W",
-            rf"{SWINGS_LATEX}\,\Omega",
-            "A moment against turning, more at some headings than at others.",
-            CONFIRM["heading"],
-            terms=3,
-        )
-
-
-SWINGS, SWINGS_LATEX = "(a + b cos(n psi) + c sin(n psi))", r"(a + b\cos n\psi + c\sin n\psi)"
-"""A size that swings with the heading, ``times`` a turn."""
-
-
-def _swinging(unit: str, size: float, order: int) -> tuple[Constant, ...]:
-    """Constants of such a size."""
-    return (
-        Constant("level", unit, 0.0, size=size),
-        *(Constant(name, unit, size=size) for name in ("cosine", "sine")),
-        Constant("times", "1", 1.0, 8.0, 1.0, (float(order),), fitted=False, whole=True),
-    )
-
-
-def _of_size(factor: Law, line: str, formula: str, latex: str) -> Law:
-    """A canonical factor whose strength is a ``size`` that the line computes."""
-    return replace(
-        factor,
-        lines=(line, *(known.replace("force /", "size /") for known in factor.lines)),
-        result=factor.result.replace("coefficient", "size"),
-        formula=f"{formula} {factor.formula.partition(' ')[2]}",
-        latex=rf"{latex}\,{factor.latex.partition(' ')[2]}",
-    )
-
-
-def _friction_by_time(seen: Surroundings) -> Iterator[Law]:
-    """Friction that grows steadily from the start of each log: something winds up, or wears."""
-    for factor in canonical_factors(seen)[:2]:
-        (strength_of,) = factor.strengths
-        growth = Constant("growth", f"{strength_of.unit}/s", size=strength_of.size / 60.0)
-        yield replace(
-            _of_size(factor, "size = level + growth * world.time", "(a + b t)", "(a + b t)"),
-            name=f"{factor.name}_that_grows",
-            variables=("twist", "time"),
-            constants=(replace(strength_of, name="level"), growth),
-            meaning=f"{factor.meaning}, which grows from the start of each log",
-            recognise=f"{factor.recognise}, more from minute to minute.",
-            confirm=CONFIRM["time"],
-            dissipative=False,
-            terms=2,
-        )
-
-
 # --- time ------------------------------------------------------------------------------------
-
-
-def _instants(seen: Surroundings, settings: ProposalSettings) -> tuple[float, ...]:
-    inner = np.linspace(0.0, seen.duration, settings.instants + 2)[1:-1]
-    return tuple(float(round(t, 2)) for t in inner)
 
 
 def _by_time(seen: Surroundings, settings: ProposalSettings) -> Iterator[Law]:
     """A pull that comes and goes."""
     pull = (Constant("force_x", "N", size=5.0), Constant("force_y", "N", size=5.0))
-    instant = Constant("instant", "s", 0.0, seen.duration, 10.0, _instants(seen, settings))
+    instant = Constant("instant", "s", 0.0, seen.duration, 10.0, instants(seen, settings))
     width = Constant("width", "s", 1.0, seen.duration, 5.0, (3.0, 10.0))
     yield Law(
         "pull_for_a_while",
@@ -595,6 +337,7 @@ def _of_joints(seen: Surroundings, settings: ProposalSettings) -> Iterator[Law]:
             if form.key not in TRIED.get(f"each {point}", ()):
                 yield _each(_joint_law(place, point, form, (variable,)))
         yield from _joints_by_time(place, point, u, seen, settings)
+    yield from _wheels_by_angle(seen, settings)
     # Even: in the catalogue for all wheels together, not for each.
     u = Quantity(
         "wheel.rate", "w", r"\omega", "wheel speed", "rad/s", seen.wheel, settings.smoothing[2]
@@ -680,7 +423,7 @@ def _joints_by_time(
     place: Place, point: str, u: Quantity, seen: Surroundings, settings: ProposalSettings
 ) -> Iterator[Law]:
     """Friction that begins at a time."""
-    instant = Constant("instant", "s", 0.0, seen.duration, 10.0, _instants(seen, settings))
+    instant = Constant("instant", "s", 0.0, seen.duration, 10.0, instants(seen, settings))
     share = f"share = 0.5 + 0.5 * xp.tanh(({point}.time - instant) / {settings.switch_time:g})"
     for form in speed_forms(u, "torque", "N m", settings):
         if form.key in ("dry", "viscous"):
@@ -698,6 +441,41 @@ def _joints_by_time(
                 terms=2,
             )
             yield from (late, _each(late))
+
+
+def _wheels_by_angle(seen: Surroundings, settings: ProposalSettings) -> Iterator[Law]:
+    """Friction of a wheel that rubs over a part of its turn: its size swings with the angle."""
+    u = Quantity(
+        "wheel.rate", "w", r"\omega", "wheel speed", "rad/s", seen.wheel, settings.smoothing[2]
+    )
+    swings = "size = level + cosine * xp.cos(times * angle) + sine * xp.sin(times * angle)"
+    for form in speed_forms(u, "torque", "N m", settings):
+        if form.key not in ("dry", "viscous"):
+            continue
+        law = _joint_law(WHEEL, "wheel", form, ("wheel_angle", "wheel_speed"))
+        (strength_of,) = law.strengths
+        for order in settings.wheel_orders:
+            sizes = ("level", "cosine", "sine")
+            times = Constant("times", "1", 1.0, 8.0, 1.0, (float(order),), fitted=False, whole=True)
+            yield replace(
+                law,
+                name=f"uneven_{law.name}_by_angle_{order}",
+                constants=(
+                    *(replace(strength_of, name=name, each_wheel=True) for name in sizes),
+                    *law.shapes,
+                    times,
+                ),
+                lines=("angle = wheel.angle", swings),
+                result=law.result.replace(f"{strength_of.name} ", "size "),
+                meaning=f"{law.meaning}, of a size that swings with its angle: it rubs over a part "
+                "of the turn",
+                formula=f"(a + b cos(n phi) + c sin(n phi)) {law.formula.partition(' ')[2]}",
+                latex=rf"(a + b\cos n\varphi + c\sin n\varphi)\,{law.latex.partition(' ')[2]}",
+                recognise="A friction that swings with the angle of certain wheels, and turns its "
+                "sign with the speed.",
+                dissipative=False,
+                terms=2,
+            )
 
 
 def _variables(point: str) -> tuple[str, ...]:
@@ -782,91 +560,4 @@ def ripple_of_rollers(cycles: float, each: bool) -> Law:
         "rollers, most plainly where a wheel hardly turns.",
         CONFIRM["roller"],
         terms=2,
-    )
-
-
-# --- products ------------------------------------------------------------------------------------
-
-
-def canonical_factors(seen: Surroundings) -> list[Law]:
-    """Laws that the catalogue has everywhere, and that may act in a part of the motion alone."""
-    speed = "speed = xp.sqrt(world.velocity_x**2 + world.velocity_y**2 + 2.5e-05)"
-    dry = Law(
-        "dry_drag", WORLD, ("twist",), (Constant("force", "N", 0.0, size=5.0),),
-        (speed, "per_speed = force / speed"),
-        "per_speed * world.velocity_x, per_speed * world.velocity_y, 0.0",
-        "Dry friction against the motion", "f v/|v|", r"f v/|v|",
-        "A constant force against the motion", CONFIRM["place"], dissipative=True,
-    )  # fmt: skip
-    viscous = replace(
-        dry, name="viscous_drag",
-        constants=(Constant("coefficient", "N s/m", 0.0, size=5.0 / max(seen.speed, 1e-3)),),
-        lines=(),
-        result="coefficient * world.velocity_x, coefficient * world.velocity_y, 0.0",
-        meaning="Viscous friction against the motion", formula="k v", latex="k v",
-        recognise="A force against the motion that grows with it",
-    )  # fmt: skip
-    pull = Law(
-        "pull", WORLD, (), (Constant("force_x", "N", size=5.0), Constant("force_y", "N", size=5.0)),
-        (), "force_x, force_y, 0.0", "Constant force along the world", "f", "f",
-        "A constant force along one direction of the world", CONFIRM["place"],
-    )  # fmt: skip
-    return [dry, viscous, pull]
-
-
-def products(factor: Law, seen: Surroundings, settings: ProposalSettings) -> Iterator[Law]:
-    """A law of the world inside of a patch, or beyond an edge of the floor; from a time on."""
-    if factor.place is not WORLD:
-        return
-    radius = _spot_constants(seen, settings)
-    far = "far = xp.sqrt((world.x - spot_x) ** 2 + (world.y - spot_y) ** 2 + 1e-06)"
-    inside = f"inside = 0.5 - 0.5 * xp.tanh((far - radius) / {settings.edge_width:g})"
-    yield _times(
-        *(factor, "in_a_patch", "inside", radius, (far, inside), ("position_x", "position_y")),
-        *("inside of a round patch of the floor", "(r < r_0)", "place"),
-    )
-    edges, low, high = _edges(seen, settings)
-    edge = Constant("edge", "m", low, high, 1.0, edges)
-    for axis in "xy":
-        for word, sign, mark in (("beyond", 1, ">"), ("before", -1, "<")):
-            width = sign * settings.edge_width
-            share = f"inside = 0.5 + 0.5 * xp.tanh((world.{axis} - edge) / {width:g})"
-            yield _times(
-                *(factor, f"{word}_an_edge_in_{axis}", "inside", (edge,), (share,)),
-                *((f"position_{axis}",), f"{word} a line across the floor", f"({axis} {mark} p_0)"),
-                "place",
-            )
-    if "time" not in factor.variables:
-        instant = Constant("instant", "s", 0.0, seen.duration, 10.0, _instants(seen, settings))
-        share = f"inside = 0.5 + 0.5 * xp.tanh((world.time - instant) / {settings.switch_time:g})"
-        yield _times(
-            *(factor, "from_a_time_on", "inside", (instant,), (share,), ("time",)),
-            *("from a time of each log on", "(t > t_0)", "time"),
-        )
-
-
-def _times(
-    factor: Law,
-    name: str,
-    share: str,
-    constants: tuple[Constant, ...],
-    lines: tuple[str, ...],
-    variables: tuple[str, ...],
-    word: str,
-    mark: str,
-    confirm: str,
-) -> Law:
-    return replace(
-        factor,
-        name=f"{factor.name}_{name}",
-        constants=(*factor.constants, *constants),
-        lines=(*factor.lines, *lines, f"fx, fy, mz = {factor.result}"),
-        result=f"{share} * fx, {share} * fy, {share} * mz",
-        variables=(*factor.variables, *(v for v in variables if v not in factor.variables)),
-        meaning=f"{factor.meaning}, {word}",
-        formula=f"{factor.formula} {mark}",
-        latex=rf"{factor.latex}\,[{mark.strip('()')}]",
-        recognise=f"{factor.recognise.rstrip('.')}, {word}, and none elsewhere.",
-        confirm=CONFIRM[confirm],
-        terms=factor.terms + 1,
     )

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import re
 from dataclasses import dataclass, field
 from typing import Any
@@ -10,7 +11,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from identification.mechanisms.mechanism import Mechanism
-from identification.proposal.law import FoundLaw, Verdict
+from identification.proposal.law import FoundLaw, Law, Verdict
+from identification.proposal.settings import ProposalSettings
 
 
 @dataclass(frozen=True)
@@ -22,6 +24,7 @@ class Proposal:
     law : with the values of its joint fit
     parameters : by name its value, unit, std, and 95 % interval
     force_error, velocity_error : held out, of the model with it
+    before : (force error, velocity error), held out, of the model without it
     share : of what the motion predicts beyond the model, held out, that it takes
     verdict : what the search says for it
     mechanism, theta : the structure with the law, and its parameters (P,) of the joint fit
@@ -37,6 +40,7 @@ class Proposal:
     verdict: Verdict
     mechanism: Mechanism[Any] = field(repr=False)
     theta: NDArray[np.float64] = field(repr=False)
+    before: tuple[float, float] = (math.nan, math.nan)
     beside: tuple[str, ...] = ()
     logs: tuple[str, ...] = ()
 
@@ -57,29 +61,58 @@ class Proposal:
 
     @property
     def sentences(self) -> list[str]:
-        """What it is, in plain words."""
+        """What it is, with its site, size, share and errors; what speaks for it; what to do."""
         law = self.law.law
-        part = "" if self.share is None else f" and takes {self.share:.0%} of what was missing"
-        values = ", ".join(
-            f"{name} {entry['value']:.3g} {_plain_unit(entry['unit'])}".strip()
-            for name, entry in self.parameters.items()
-        )
-        beside = f" beside {' and '.join(self.beside)}" if self.beside else ""
+        share = "" if self.share is None else f"takes {self.share:.0%} of what was missing: "
+        beside = f", beside {' and '.join(self.beside)}" if self.beside else ""
         return [
-            f"a law that is in no catalogue explains it{part}: {_small(law.meaning)}, "
-            f"{law.formula}{beside}; {values}",
-            f"with it the force error is {self.force_error:.2%} and the velocity error "
-            f"{self.velocity_error:.2%}, held out; chance does as much on stretches that the "
-            f"search had not seen in {self.verdict.unseen_p_value:.1%} of cases",
+            f"proposed law: {law.name} (site {_site(law)}) {share}{self._falls}. In words: "
+            f"{_small(law.meaning)}{beside}; as a formula: {law.formula} with {self._sizes}",
+            "chance does as much on stretches that the search had not seen in "
+            f"{self.verdict.unseen_p_value:.1%} of cases{self._others}",
             f"{_small(law.recognise.rstrip('.'))}; to confirm, {law.confirm}",
         ]
+
+    @property
+    def _falls(self) -> str:
+        """How the held-out errors fall."""
+        force, velocity = self.before
+        parts = [f"the force error {_fall(force, self.force_error)}"]
+        if math.isfinite(self.velocity_error):
+            parts.append(f"the velocity error {_fall(velocity, self.velocity_error)}")
+        return " and ".join(parts) + ", held out"
+
+    @property
+    def _sizes(self) -> str:
+        """Its numbers with 95 % intervals; of those of the wheels, such as are not zero."""
+        of_unit: dict[str, float] = {}
+        for entry in self.parameters.values():
+            unit = entry["unit"]
+            of_unit[unit] = max(of_unit.get(unit, 0.0), abs(entry["value"]))
+        small = {
+            name
+            for name, entry in self.parameters.items()
+            if name.endswith(tuple(f"_{wheel}" for wheel in WHEELS))
+            and abs(entry["value"]) < SETTINGS.min_shown_share * of_unit[entry["unit"]]
+        }
+        parts = [_sized(n, entry) for n, entry in self.parameters.items() if n not in small]
+        rest = " (the other wheels' are near zero)" if small else ""
+        return ", ".join(parts) + rest
+
+    @property
+    def _others(self) -> str:
+        """Laws that the logs cannot tell from it."""
+        names = [
+            found.law.name for found, _ in self.verdict.alternatives[: SETTINGS.shown_alternatives]
+        ]
+        return f"; these logs cannot tell it from {' or '.join(names)}" if names else ""
 
     def to_dict(self) -> dict[str, Any]:
         """JSON form."""
         law, verdict = self.law.law, self.verdict
         return {
             "name": law.name,
-            "site": SITES.get(law.place.name, law.place.name),
+            "site": _site(law),
             "variables": list(law.variables),
             "formula": law.formula,
             "latex": law.latex,
@@ -89,6 +122,7 @@ class Proposal:
             "source": self.file_text,
             "force_error": self.force_error,
             "velocity_error": self.velocity_error,
+            "before": {"force_error": self.before[0], "velocity_error": self.before[1]},
             "share": self.share,
             "beside": list(self.beside),
             "recognise": law.recognise,
@@ -121,6 +155,10 @@ class Proposal:
         }
 
 
+SETTINGS = ProposalSettings()
+
+WHEELS = ("fl", "fr", "bl", "br")
+
 SHOWN_LOGS = 4
 """Logs that a file's first line names."""
 
@@ -137,6 +175,24 @@ SITES = {
 
 def _small(sentence: str) -> str:
     return sentence[:1].lower() + sentence[1:]
+
+
+def _site(law: Law) -> str:
+    return SITES.get(law.place.name, law.place.name)
+
+
+def _fall(before: float, after: float) -> str:
+    return f"falls from {before:.2%} to {after:.2%}" if after < before else f"is {after:.2%}"
+
+
+def _sized(name: str, entry: dict[str, Any]) -> str:
+    """A number with its unit and interval; a constant that was not fitted without one."""
+    interval, unit = entry["interval"], _plain_unit(entry["unit"])
+    size = f"{name} {entry['value']:.3g} {unit}".rstrip()
+    if interval is None:
+        return size
+    low, high = interval
+    return f"{size} ({low:.3g} to {high:.3g})"
 
 
 def _plain_unit(unit: str) -> str:

@@ -87,12 +87,17 @@ def find_law(
 
 
 def _try_everything(search: Search, grammar: Grammar, settings: ProposalSettings) -> None:
-    """Single laws, and products of two where single ones leave much."""
+    """Single laws, and products of two where single ones leave much.
+
+    Of all that is there, noise included: what the motion is known to predict is less than a law
+    can take, since trees do not learn all of it.
+    """
     search.add(grammar.single())
     search.refine()
+    search.add(grammar.like([item.law_at_best() for item in search.leaders[: settings.refined]]))
+    search.refine()
     best = search.leaders
-    enough = settings.products_below * search.predictable
-    if best and search.fall(best[0]) >= enough:
+    if best and search.fall(best[0]) >= settings.products_below:
         return
     factors = [item.law_at_best() for item in best[: settings.factors]]
     search.add(grammar.products(factors))

@@ -33,6 +33,7 @@ class Tried:
     square : held-out squares of the stretches that the search sees
     score : (blocks,) of the best choice, as a strength of its own direction
     scores : per choice (blocks, q), for the family that chance has had
+    refined : whether its shape constants have been sought
     """
 
     trial: Trial
@@ -40,6 +41,7 @@ class Tried:
     square: float
     sums: Sums | None = field(repr=False)
     scores: tuple[Array, ...] = field(default=(), repr=False)
+    refined: bool = False
 
     @property
     def law(self) -> Law:
@@ -118,8 +120,12 @@ class Search:
         return 1.0 - item.square / self.evidence.own_held_out
 
     def refine(self) -> None:
-        """Seek the shape constants of the laws in the lead."""
-        leaders = [item for item in self.leaders[: self.settings.refined] if self.fall(item) > 0]
+        """Seek the shape constants of the laws in the lead, of each once."""
+        leaders = [
+            item
+            for item in self.leaders[: self.settings.refined]
+            if self.fall(item) > 0 and not item.refined
+        ]
         better = side_by_side(self._refined, leaders, self.progress)
         moved = {id(old): new for old, new in zip(leaders, better, strict=True)}
         self.known = [moved.get(id(item), item) for item in self.known]
@@ -128,7 +134,8 @@ class Search:
         own = self.evidence.own_held_out
         shapes = self._minimum(item, lambda tried: tried.square / own)
         best = self._at(item.trial, shapes)
-        return replace(best, scores=item.scores) if best.square < item.square else item
+        better = best if best.square < item.square else item
+        return replace(better, scores=item.scores, refined=True)
 
     def _minimum(self, item: Tried, cost: Callable[[Tried], float]) -> Shapes:
         """Shape constants near those of a law at which a cost is least: a simplex search."""

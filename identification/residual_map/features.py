@@ -75,11 +75,15 @@ class FeatureGroup:
     (2, N - 1, Q) at the ends of its intervals.
 
     pairs: features are cosine and sine of one order after another, of which only a few are used.
+    may_lie_elsewhere: whether one log may have it in another range than the others
+    follows_twist: whether the twist and the model determine it
     """
 
     variable: str
     features: Callable[[MotionVariables, FeatureScales], Array]
     pairs: bool = False
+    may_lie_elsewhere: bool = False
+    follows_twist: bool = False
 
 
 def feature_groups(variables: MotionVariables) -> list[FeatureGroup]:
@@ -87,18 +91,21 @@ def feature_groups(variables: MotionVariables) -> list[FeatureGroup]:
     groups = [FeatureGroup("twist", _of_twist)]
     for k, joint in enumerate(variables.joints):
         if variables.departure is not None:
-            groups.append(FeatureGroup(_named("wheel_speed", joint), partial(_of_speed, k=k)))
+            speed = partial(_of_speed, k=k)
+            groups.append(FeatureGroup(_named("wheel_speed", joint), speed, follows_twist=True))
         if variables.angle is not None:
             angle = partial(_of_angle, k=k)
             groups.append(FeatureGroup(_named("wheel_angle", joint), angle, pairs=True))
-        groups.append(FeatureGroup(_named("torque", joint), partial(_of_torque, k=k)))
+        torque = partial(_of_torque, k=k)
+        groups.append(FeatureGroup(_named("torque", joint), torque, follows_twist=True))
     for k, axis in enumerate(variables.axes):
         groups.append(FeatureGroup(_named("acceleration", axis), partial(_of_acceleration, k=k)))
     if variables.heading is not None:
-        groups.append(FeatureGroup("heading", _of_heading))
+        groups.append(FeatureGroup("heading", _of_heading, may_lie_elsewhere=True))
     for k, place in enumerate(variables.places):
-        groups.append(FeatureGroup(_named("position", place), partial(_of_position, k=k)))
-    return [*groups, FeatureGroup("time", _of_time)]
+        where = partial(_of_position, k=k)
+        groups.append(FeatureGroup(_named("position", place), where, may_lie_elsewhere=True))
+    return [*groups, FeatureGroup("time", _of_time, may_lie_elsewhere=True)]
 
 
 def _named(kind: str, which: str) -> str:
@@ -121,7 +128,9 @@ def _of_speed(variables: MotionVariables, scales: FeatureScales, k: int) -> Arra
     speed = scales.scaled(variables, "speed")[:, k]
     slip = scales.scaled(variables, "departure")[:, k]
     signs = [np.tanh(speed / width) for width in scales.settings.step_widths]
-    return np.column_stack([*signs, speed, speed**3, slip, slip * speed])
+    # Even ones and a constant: of a friction that acts one way alone.
+    even = [np.ones_like(speed), np.abs(speed), speed**2]
+    return np.column_stack([*signs, speed, speed**3, *even, slip, slip * speed])
 
 
 def _of_angle(variables: MotionVariables, scales: FeatureScales, k: int) -> Array:
@@ -131,7 +140,13 @@ def _of_angle(variables: MotionVariables, scales: FeatureScales, k: int) -> Arra
     powers = np.cumprod(np.broadcast_to(turn[:, None], (len(turn), orders)), axis=1)
     # A view of complex numbers as floats is cosine, sine, cosine, ... of each order. Powers of one
     # number are much cheaper than a cosine and a sine of each order. sqrt(2) makes the rms one.
-    return np.sqrt(2.0) * powers.view(float)
+    waves = np.sqrt(2.0) * powers.view(float)
+    if variables.speed is None:
+        return waves
+    # Times the sign of its speed: it rubs over a part of its turn.
+    speed = scales.scaled(variables, "speed")[:, [k]]
+    rubbing = np.tanh(speed / scales.settings.step_widths[0])
+    return np.column_stack([waves, rubbing * waves[:, : 2 * scales.settings.rubbing_wheel_orders]])
 
 
 def _of_torque(variables: MotionVariables, scales: FeatureScales, k: int) -> Array:
@@ -142,7 +157,10 @@ def _of_torque(variables: MotionVariables, scales: FeatureScales, k: int) -> Arr
     speed = scales.scaled(variables, name)[:, k]
     load = scales.scaled(variables, "load")[:, k]
     signed = [load * np.tanh(speed / width) for width in scales.settings.step_widths[:2]]
-    return np.concatenate([torque[..., None], at_ends(np.column_stack([rate, *signed]))], axis=-1)
+    # Even ones and a constant: of a drive that is weak one way alone.
+    even = [np.ones_like(load), load, load**2]
+    smooth_ones = at_ends(np.column_stack([rate, *signed, *even]))
+    return np.concatenate([torque[..., None], smooth_ones], axis=-1)
 
 
 def _of_acceleration(variables: MotionVariables, scales: FeatureScales, k: int) -> Array:

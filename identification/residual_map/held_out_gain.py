@@ -13,7 +13,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass, fields
 from functools import cached_property
-from typing import Self, TypeVar
+from typing import NamedTuple, Self, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -56,12 +56,27 @@ class FoldRows:
             for a, b in zip(edges, edges[1:], strict=False)
         ]
 
+    def taken(self, rows: Indices) -> FoldRows:
+        """Some of the rows."""
+        chosen = self.features[rows], self.columns[rows], self.residual[rows]
+        return FoldRows(*chosen, self.block)
+
     def scores(self, residual: Array) -> tuple[Array, Array]:
         """Sums of columns (blocks, P) and features (blocks, A, Q) times a residual, by block."""
         starts = np.arange(0, len(residual), self.block)
         model = np.add.reduceat(np.einsum("na,nap->np", residual, self.columns), starts)
         blocks = [slice(a, a + self.block) for a in starts]
         return model, np.stack([residual[rows].T @ self.features[rows] for rows in blocks])
+
+
+def joined(parts: Sequence[FoldRows]) -> FoldRows:
+    """All rows of some."""
+    return FoldRows(
+        np.concatenate([part.features for part in parts]),
+        np.concatenate([part.columns for part in parts]),
+        np.concatenate([part.residual for part in parts]),
+        parts[0].block,
+    )
 
 
 @dataclass(frozen=True)
@@ -194,6 +209,10 @@ class HeldOutGain:
         """(D,) over all folds, with the ridge that does best for each residual."""
         return self.by_ridge.sum(axis=1).max(axis=0)
 
+    def at(self, ridge: float) -> float:
+        """The gain of the real residual with a ridge."""
+        return float(self.by_ridge[self.ridges.index(ridge), :, 0].sum())
+
     @property
     def best(self) -> tuple[float, float]:
         """The ridge that does best for the real residual, and its gain."""
@@ -201,24 +220,35 @@ class HeldOutGain:
         return self.ridges[int(real.argmax())], float(real.max())
 
 
+class Held(NamedTuple):
+    """What is held out together: both sides of its normal equations."""
+
+    matrices: NormalMatrices
+    sides: RightHandSides
+
+    @classmethod
+    def together(cls, parts: Sequence[Held]) -> Held:
+        """Of several parts."""
+        return cls(added([part.matrices for part in parts]), added([part.sides for part in parts]))
+
+
 def held_out_gains(
-    folds: Sequence[FoldRows],
-    sides: Sequence[RightHandSides],
+    parts: Sequence[Held],
     nuisance: NuisanceRegressors,
     groups: Sequence[tuple[Indices, int | None]],
     ridges: tuple[float, ...],
 ) -> list[HeldOutGain]:
-    """What each group of features explains of each fold when it is held out.
+    """What each group of features explains of each part when it is held out.
 
     Parameters
     ----------
-    sides : of each fold
     groups : indices of each group's features; of a group in pairs, how many orders are fitted
     """
-    matrices, side = _total([fold.matrices for fold in folds]), _total(sides)
+    matrices, side = Held.together(parts)
     found: list[list[Array]] = [[] for _ in groups]
-    for fold, held in zip(folds, sides, strict=True):
-        split = HeldOutSplit(nuisance, matrices - fold.matrices, side - held, fold.matrices, held)
+    for held in parts:
+        known = matrices - held.matrices, side - held.sides
+        split = HeldOutSplit(nuisance, *known, *held)
         for gained, (group, orders) in zip(found, groups, strict=True):
             gained.append(split.partial_regression(group).gain(ridges, orders))
     return [HeldOutGain(ridges, np.stack(by_fold, axis=1)) for by_fold in found]
@@ -330,25 +360,34 @@ class PartialRegression:
 Sums = TypeVar("Sums", bound=_Additive)
 
 
-def _total(items: Sequence[Sums]) -> Sums:
+def added(items: Sequence[Sums]) -> Sums:
+    """The sum of some."""
     first, *rest = items
     return sum(rest, start=first)
 
 
-def model_held_out_square(folds: Sequence[FoldRows], sides: Sequence[RightHandSides]) -> float:
-    """Held-out squares of the residual with the model's own parameters fitted without each fold."""
+def model_held_out_square(parts: Sequence[Held], rows: Sequence[FoldRows]) -> float:
+    """Held-out squares of the residual with the model's own parameters fitted without each part.
+
+    rows : of each part
+    """
     model_alone = NuisanceRegressors(np.zeros(0, np.intp), 0.0)
-    matrices, side = _total([fold.matrices for fold in folds]), _total(sides)
+    matrices, side = Held.together(parts)
     total = 0.0
-    for fold, held in zip(folds, sides, strict=True):
-        fitted = model_alone.inverse(matrices - fold.matrices) @ (side - held).model[:, 0]
-        total += float(((fold.residual - fold.columns @ fitted) ** 2).sum())
+    for held, part in zip(parts, rows, strict=True):
+        known = model_alone.inverse(matrices - held.matrices)
+        fitted = known @ (side - held.sides).model[:, 0]
+        total += float(((part.residual - part.columns @ fitted) ** 2).sum())
     return total
 
 
-def residuals_after(folds: Sequence[FoldRows], nuisance: NuisanceRegressors) -> list[Array]:
-    """Residuals (n, A) of each fold after a fit of the nuisance to all of them."""
-    matrices = _total([fold.matrices for fold in folds])
+def residuals_after(
+    folds: Sequence[FoldRows], matrices: NormalMatrices, nuisance: NuisanceRegressors
+) -> list[Array]:
+    """Residuals (n, A) of each fold after a fit of the nuisance to all of them.
+
+    matrices : of all folds together
+    """
     model = sum(np.einsum("na,nap->p", fold.residual, fold.columns) for fold in folds)
     flexible = sum(fold.residual.T @ fold.features[:, nuisance.features] for fold in folds)
     fitted = nuisance.inverse(matrices) @ np.concatenate([model, np.ravel(flexible)])

@@ -58,7 +58,9 @@ def log_shares(
         for fold, reduction in zip(folds, reductions, strict=True)
     ]
     before = _held_out(design, residual, stretches)
-    whole = sum(float(part.sum()) for part in before)
+    # As of all other variables: a share of what the model's own parameters leave.
+    model = _held_out([fold.columns for fold in folds], residual, stretches)
+    whole = sum(float(part.sum()) for part in model)
     for name, way in ways.items():
         after = _held_out(way, residual, stretches)
         found.append(_share(name, before, after, whole, stretches, settings))

@@ -9,6 +9,7 @@ that it was not chosen on.
 
 from __future__ import annotations
 
+import re
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from itertools import combinations
@@ -46,6 +47,20 @@ class Regime:
     rule: str
     share: float
     rows: float
+
+    @property
+    def variables(self) -> tuple[str, ...]:
+        """What the rule cuts, in the words of a residual map."""
+        if self.rule.startswith(TIMES):
+            return ("time",)
+        columns = {"pose_yaw": "heading", "pose_": "position_", "velocity_": "wheel_speed_"}
+        found = []
+        for word in re.findall(r"[a-z]+_[a-z]+", self.rule):
+            for column, variable in columns.items():
+                if word.startswith(column):
+                    found.append(word.replace(column, variable))
+                    break
+        return tuple(found)
 
     @property
     def sentence(self) -> str:

@@ -2,14 +2,16 @@
 
 Flexible functions of each variable are fitted to the filtered force residual, together with the
 model's own columns, so that what its parameters could absorb is not counted. Each log in turn is
-held out. The same computation on residuals with random signs, block by block, shows what chance
-alone explains: see :mod:`identification.residual_map.bootstrap`.
+held out; for the pose and the time, which may lie elsewhere in each log, stretches of all logs too,
+since what was learnt of one place says nothing of another. The larger share counts. The same
+computation on residuals with random signs, block by block, shows what chance alone explains: see
+:mod:`identification.residual_map.bootstrap`.
 """
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import replace
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, replace
 from functools import partial
 
 import numpy as np
@@ -22,11 +24,16 @@ from identification.mechanisms.mechanism import Mechanism
 from identification.mechanisms.samples import Samples
 from identification.residual_map.bootstrap import family_wise_p_values, random_signs
 from identification.residual_map.curves import Curve, curves_of
+from identification.residual_map.features import FeatureGroup
 from identification.residual_map.held_out_gain import (
+    FoldRows,
+    Held,
     HeldOutGain,
     NuisanceRegressors,
+    added,
     blocks_of,
     held_out_gains,
+    joined,
     model_held_out_square,
     residuals_after,
     right_hand_sides,
@@ -39,6 +46,7 @@ from identification.residual_map.shares import ResidualMap, Share
 from identification.residual_map.table import ResidualTable, residual_table
 
 Array = NDArray[np.float64]
+Indices = NDArray[np.intp]
 
 
 def residual_map(
@@ -71,32 +79,48 @@ def residual_map(
     if seconds < settings.min_duration:
         return ResidualMap((), seconds=seconds)
     table = residual_table(mechanism, np.asarray(theta, float), logs, settings, fit)
-    folds = table.folds
+    rows = _DealtRows(table)
     rng = np.random.default_rng(seed)
-    signs = random_signs(rng, settings.bootstrap_draws, blocks_of(folds))
+    signs = random_signs(rng, settings.bootstrap_draws, blocks_of(rows.cells))
     # The twist first, since friction and inertia act through it; then every other variable beside
     # the twist, so that a variable that only moves with the twist gets no share.
     model_alone = NuisanceRegressors(np.zeros(0, np.intp), 0.0)
-    residual = residuals_after(folds, model_alone)
-    sides = right_hand_sides(folds, residual, signs)
-    total = model_held_out_square(folds, sides)
-    given = sum((fold.residual**2).sum() for fold in folds)
+    residual = rows.after(model_alone)
+    given = sum((fold.residual**2).sum() for fold in table.folds)
     twist, *others = table.groups
+    ways = rows.held_out(residual, signs)
+    squares = [model_held_out_square(*way) for way in ways]
     groups = [(table.index[twist.variable], None)]
-    (of_twist,) = held_out_gains(folds, sides, model_alone, groups, settings.ridge_strengths)
-    ridge, twist_gain = of_twist.best
-    with_twist = NuisanceRegressors(table.index[twist.variable], ridge)
-    beyond = residuals_after(folds, with_twist)
-    sides = right_hand_sides(folds, beyond, signs)
-    groups = [
-        (table.index[g.variable], settings.fitted_wheel_orders if g.pairs else None) for g in others
+    of_twist = [
+        held_out_gains(parts, model_alone, groups, settings.ridge_strengths)[0] for parts, _ in ways
     ]
-    rest = held_out_gains(folds, sides, with_twist, groups, settings.ridge_strengths)
-    shares = _shares(table, [of_twist, *rest], twist_gain, total, signs.shape[1], beyond)
-    own = _beyond_twist(log_shares(folds, table.variables, table.reductions, settings), shares)
+    ridge, _ = of_twist[0].best
+    with_twist = NuisanceRegressors(table.index[twist.variable], ridge)
+    beyond = rows.after(with_twist)
+    # Few blocks allow few different sign patterns. Chance then explains the share of one block more
+    # often than the draws show.
+    least = max(settings.min_share_of_residual, 1.0 / signs.shape[1])
+    judged = [_Judged(twist, of_twist[0], 0.0, squares[0], least)]
+    for k, (parts, _) in enumerate(rows.held_out(beyond, signs)):
+        chosen = [group for group in others if k == 0 or group.may_lie_elsewhere]
+        # Gains count from the fit with the twist. If that predicts worse than no fit (a negative
+        # gain), its loss is taken off them.
+        loss = min(of_twist[k].at(ridge), 0.0)
+        enough = max(least, settings.min_stretch_share) if k else least
+        gains = _gains(table, parts, with_twist, chosen)
+        judged += [_Judged(g, gain, loss, squares[k], enough) for g, gain in gains]
+    chosen = [group for group in others if group.follows_twist]
+    alone = _gains(table, ways[0][0], model_alone, chosen)
+    by_itself = [_Judged(g, gain, 0.0, squares[0], least) for g, gain in alone]
+    shares = _with_parts_of_twist(
+        _shares(table, judged, beyond), _shares(table, by_itself, residual)
+    )
+    own = _beyond_twist(
+        log_shares(table.folds, table.variables, table.reductions, settings), shares
+    )
     shares = _with_periods(shares, _beyond_twist(_periodic(mechanism, theta, logs, fit), shares))
-    refit = 1.0 - total / given if given > 0 else 0.0
-    shares = tuple(sorted([*shares, *own], key=lambda item: (-item.share, item.p_value)))
+    refit = 1.0 - squares[0] / given if given > 0 else 0.0
+    shares = tuple(sorted([*shares, *own], key=lambda item: item.order))
     return ResidualMap(shares, float(refit), seconds, partial(_curves, table, residual, beyond))
 
 
@@ -156,40 +180,130 @@ def _curves(
     )
 
 
-def _shares(
+_Way = tuple[list[Held], list[FoldRows]]
+"""What is held out together, one part after the other, and the rows of each."""
+
+
+class _DealtRows:
+    """The rows of a table, dealt into cells: of each log those of one stretch in so many."""
+
+    def __init__(self, table: ResidualTable) -> None:
+        self.table, settings, first = table, table.settings, 0
+        step = table.reductions[0].step
+        # Whole blocks, whose signs are drawn together.
+        block = table.folds[0].block
+        size = block * max(1, round(settings.log_stretch / (step * block)))
+        self.cells: list[FoldRows] = []
+        self._where: list[tuple[int, int, Indices]] = []
+        for k, fold in enumerate(table.folds):
+            stretch = first + np.arange(len(fold.residual)) // size
+            first = int(stretch[-1]) + 1
+            for turn in range(settings.stretch_folds):
+                rows = np.flatnonzero(stretch % settings.stretch_folds == turn)
+                if len(rows):
+                    self.cells.append(fold.taken(rows))
+                    self._where.append((k, turn, rows))
+        self.total = added([cell.matrices for cell in self.cells])
+
+    def after(self, nuisance: NuisanceRegressors) -> list[Array]:
+        """Residuals (n, A) of each fold of the table after a fit of the nuisance to all rows."""
+        return residuals_after(self.table.folds, self.total, nuisance)
+
+    def held_out(
+        self, null: Sequence[Array], signs: Array
+    ) -> list[tuple[list[Held], list[FoldRows]]]:
+        """What is held out together, with its rows: the table's folds, and then stretches of all.
+
+        Parameters
+        ----------
+        null : of each fold of the table (n, A); signs : (draws, blocks of all cells)
+        """
+        of_cells = [null[k][rows] for k, _, rows in self._where]
+        sides = right_hand_sides(self.cells, of_cells, signs)
+        held = [Held(cell.matrices, side) for cell, side in zip(self.cells, sides, strict=True)]
+        ways = []
+        for owner in ([k for k, _, _ in self._where], [turn for _, turn, _ in self._where]):
+            groups = [[i for i, k in enumerate(owner) if k == one] for one in sorted({*owner})]
+            parts = [Held.together([held[i] for i in group]) for group in groups]
+            rows = [joined([self.cells[i] for i in group]) for group in groups]
+            ways.append((parts, rows))
+        return ways
+
+
+@dataclass(frozen=True)
+class _Judged:
+    """What a group explains in one way of holding out.
+
+    loss : of the fit beside which it is judged; total : held-out squares of the residual
+    least : share of them that is told
+    """
+
+    group: FeatureGroup
+    gain: HeldOutGain
+    loss: float
+    total: float
+    least: float
+
+
+def _gains(
     table: ResidualTable,
-    gains: Sequence[HeldOutGain],
-    twist_gain: float,
-    total: float,
-    blocks: int,
-    beyond: Sequence[Array],
+    parts: Sequence[Held],
+    beside: NuisanceRegressors,
+    groups: Sequence[FeatureGroup],
+) -> Iterator[tuple[FeatureGroup, HeldOutGain]]:
+    """What each of some groups explains of what is held out."""
+    orders = table.settings.fitted_wheel_orders
+    chosen = [(table.index[g.variable], orders if g.pairs else None) for g in groups]
+    return zip(
+        groups, held_out_gains(parts, beside, chosen, table.settings.ridge_strengths), strict=True
+    )
+
+
+def _shares(
+    table: ResidualTable, judged: Sequence[_Judged], beyond: Sequence[Array]
 ) -> tuple[Share, ...]:
-    """Shares by variable, the largest first.
+    """Shares by variable, the largest first; of one that is judged twice, the larger.
 
     Parameters
     ----------
-    gains : of each group of the table, the twist's first; ``twist_gain``: with the ridge taken
-    total : held-out squares of the residual, in ``blocks`` blocks
     beyond : residuals of each fold after the twist, which tell a wheel's order
     """
     settings = table.settings
-    by_group = np.stack([gain.total for gain in gains])
-    comparable = standardised_gains(
-        by_group, total, settings.null_tail_share, settings.min_null_share_of_residual
+    comparable = np.stack(
+        [
+            standardised_gains(
+                one.gain.total[None],
+                one.total,
+                settings.null_tail_share,
+                settings.min_null_share_of_residual,
+            )[0]
+            for one in judged
+        ]
     )
     p_values = family_wise_p_values(comparable[:, 0], comparable[:, 1:])
-    # Gains of other variables count from the fit with the twist. If that predicts worse than no fit
-    # (a negative gain), its loss is taken off their gains.
-    loss = [0.0, *[min(twist_gain, 0.0)] * (len(gains) - 1)]
-    # Few blocks allow few different sign patterns. Chance then explains the share of one block more
-    # often than the draws show.
-    least = total * max(settings.min_share_of_residual, 1.0 / blocks)
-    shares = []
-    for group, gain, lost, p_value in zip(table.groups, by_group, loss, p_values, strict=True):
-        told = p_value <= settings.max_p_value and gain[0] + lost > least
-        share = float((gain[0] + lost) / total) if told else 0.0
+    found: dict[str, Share] = {}
+    for one, p_value in zip(judged, p_values, strict=True):
+        name, gain = one.group.variable, float(one.gain.total[0] + one.loss)
+        likely = gain > one.least * one.total and p_value <= settings.max_p_value_with_a_law
+        told = likely and p_value <= settings.max_p_value
         cycles = None
-        if group.pairs and told:
-            cycles = 1 + strongest_order(table.folds, beyond, table.index[group.variable])
-        shares.append(Share(group.variable, share, float(p_value), cycles))
-    return tuple(sorted(shares, key=lambda item: (-item.share, item.p_value)))
+        if one.group.pairs and told:
+            order = strongest_order(table.folds, beyond, table.index[name])
+            cycles = 1 + order % settings.max_wheel_order
+        size = gain / one.total if likely else 0.0
+        share = Share(name, size if told else 0.0, float(p_value), cycles, likely=size)
+        found[name] = min(found.get(name, share), share, key=_larger)
+    return tuple(sorted(found.values(), key=lambda item: item.order))
+
+
+def _larger(share: Share) -> tuple[float, float, float]:
+    return -share.share, -share.likely, share.p_value
+
+
+def _with_parts_of_twist(shares: Sequence[Share], alone: Sequence[Share]) -> tuple[Share, ...]:
+    """The shares with what variables that the twist determines explain by themselves.
+
+    Beyond the twist a wheel's speed explains nothing; but it may be all that matters of the twist.
+    """
+    known = {item.variable: item.share for item in alone}
+    return tuple(replace(item, alone=known.get(item.variable, 0.0)) for item in shares)

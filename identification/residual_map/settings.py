@@ -43,6 +43,15 @@ class ResidualMapSettings(Settings):
             "chance made",
         },
     )
+    max_p_value_with_a_law: float = field(
+        default=0.05,
+        metadata={
+            "unit": "1",
+            "reason": "of variables that a rule or a law depends on too, which have been judged on "
+            "stretches of their own: what acts in one corner of the floor is a few blocks, and "
+            "signs of these are often enough alike by chance",
+        },
+    )
     min_share_of_residual: float = field(
         default=0.01,
         metadata={
@@ -57,6 +66,23 @@ class ResidualMapSettings(Settings):
             "unit": "s",
             "reason": "of each log that is held out together, where it is asked what differs "
             "between logs: as where it is asked whether anything can be predicted",
+        },
+    )
+    stretch_folds: int = field(
+        default=4,
+        metadata={
+            "unit": "1",
+            "reason": "of stretches of that length, held out in turn: each time three quarters of "
+            "the floor's places are known",
+        },
+    )
+    min_stretch_share: float = field(
+        default=0.1,
+        metadata={
+            "unit": "share of the residual's squares",
+            "reason": "of what is told by stretches alone, which lie between known ones in time: "
+            "noise that wanders reached 0.07 (of 13 logs without anything), laws of the floor "
+            "0.12 and more",
         },
     )
     min_log_share: float = field(
@@ -164,6 +190,14 @@ class ResidualMapSettings(Settings):
         metadata={
             "unit": "cycles a turn",
             "reason": "up to which a wheel's angle is searched",
+        },
+    )
+    rubbing_wheel_orders: int = field(
+        default=4,
+        metadata={
+            "unit": "cycles a turn",
+            "reason": "up to which a friction may swing with a wheel's angle: once, where it is "
+            "not round, up to the number of its spokes",
         },
     )
     max_heading_harmonic: int = field(

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from dataclasses import dataclass, field
+from collections.abc import Callable, Collection
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 from identification.residual_map.curves import Curve
@@ -17,6 +17,9 @@ class Share:
     share : beyond the twist, of the twist alone; 0 where chance could have made it
     p_value : family-wise, over all variables
     cycles : per turn, of a wheel's angle that has a share
+    alone : what it explains if the twist is left out, of what the twist determines: a wheel's
+        speed may be all that matters of it
+    likely : the share, also where chance could have made it in some per cent of cases
     period : after which it repeats, of a place that has its share by that, in ``unit``
     """
 
@@ -26,10 +29,17 @@ class Share:
     cycles: int | None = None
     period: float | None = None
     unit: str = ""
+    alone: float = 0.0
+    likely: float = 0.0
+
+    @property
+    def order(self) -> tuple[float, float, float]:
+        """The largest first; of those with none, what explains most if the twist is left out."""
+        return -self.share, -self.alone, self.p_value
 
     def to_dict(self) -> dict[str, Any]:
         """JSON form."""
-        known = {"cycles": self.cycles, "period": self.period}
+        known = {"cycles": self.cycles, "period": self.period, "alone": self.alone or None}
         return {
             "variable": self.variable,
             "share": self.share,
@@ -63,6 +73,25 @@ class ResidualMap:
     def to_list(self) -> list[dict[str, Any]]:
         """JSON form, as the design fixes it."""
         return [share.to_dict() for share in self.shares]
+
+    def led_by(self, variables: Collection[str]) -> ResidualMap:
+        """The same with what a rule or a law says of some variables.
+
+        They come before all others of their share, and so lead those that have none: a patch of
+        floor is met for some seconds in all. What is likely of them is told: there is a second
+        evidence for it.
+        """
+
+        def named(item: Share) -> bool:
+            return any(item.variable.startswith(name) for name in variables)
+
+        told = [
+            replace(item, share=max(item.share, item.likely)) if named(item) else item
+            for item in self.shares
+        ]
+        return replace(
+            self, shares=tuple(sorted(told, key=lambda item: (-item.share, not named(item))))
+        )
 
     @property
     def leading(self) -> tuple[str, ...]:

@@ -17,6 +17,7 @@ from youbot_scripts.blind_bench.scores import (
     verdict,
     wrongly_named,
 )
+from youbot_scripts.blind_bench.sensors import NOISES
 from youbot_scripts.blind_bench.trials import Record
 
 LEVELS = (0.01, 0.05, 0.2)
@@ -47,6 +48,7 @@ def rows_of(records: Sequence[Record], fits: Sequence[Record]) -> dict[str, list
     tables = {
         "Intervals of 95 %": _intervals(trials, null),
         "p-values where nothing is missing": _p_values(null),
+        "p-values by kind of noise": _p_values_by_noise(null.get("noise", [])),
         "Verdicts": _verdicts(trials, null),
     }
     return {heading: [row for row in rows if row is not None] for heading, rows in tables.items()}
@@ -103,6 +105,26 @@ def _p_values(null: dict[str, list[Record]]) -> list[Row | None]:
                 name = f"least p-value of all {what} is {level:g} or less, {NOISE[kind]}"
                 found.append(row_of(name, f"{level:.0%}", map(below, rows), 0.0, level))
     return found
+
+
+def _p_values_by_noise(rows: Sequence[Record]) -> list[Row | None]:
+    level = LEVELS[1]
+    below = partial(_is_below, "p_value", level)
+    return [
+        row_of(
+            f"least p-value of all candidates is {level:g} or less, {name.replace('_', ' ')}",
+            "that is there" if name in OFFSETS else f"{level:.0%}",
+            (below(record) for record in rows if record["case"]["sensing"]["name"] == name),
+            0.0,
+            1.0 if name in OFFSETS else level,
+        )
+        for name in NOISES
+    ]
+
+
+OFFSETS = ("torque_wander", "offset_wander", "outliers")
+"""Noises that leave an offset of a torque channel in a log: they wander more slowly than a log
+lasts, or are outliers to one side. A small p-value of an offset is no false alarm there."""
 
 
 def _is_below(key: str, level: float, record: Record) -> list[bool]:

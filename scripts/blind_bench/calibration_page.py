@@ -36,6 +36,21 @@ Commit {commit}. {fits} fits, {trials} diagnoses.
 """
 
 
+NOTES = {
+    "p-values by kind of noise": """\
+Random signs of blocks of 2 s tell chance from a cause where noise is forgotten within a block.
+An offset that wanders more slowly than a log lasts, and outliers that are all to one side, leave
+an offset of the channel in the log: a small p-value of `torque_offset` is right there.
+Noise of speeds that lasts (AR(1), hum, coarse steps) is in the acceleration, and so in the
+residual and in the columns of effects of the drives; it is taken off as if it were white, which
+leaves too small a p-value of `drive_resonance`. No verdict rests on a p-value alone: an effect
+must take away a share of what can be predicted on held-out stretches, and of noise nothing can.
+
+"""
+}
+"""What a reader must know of a table."""
+
+
 Tables = Mapping[str, Sequence[Row]]
 """Rows by heading."""
 
@@ -56,7 +71,7 @@ def page(tables: Tables, fits: int, trials: int) -> str:
     told = INTRODUCTION.format(command=COMMAND, commit=commit(), fits=fits, trials=trials)
     for heading, rows in tables.items():
         if rows:
-            told += f"\n## {heading}\n\n" + _table(rows)
+            told += f"\n## {heading}\n\n" + NOTES.get(heading, "") + _table(rows)
     return told
 
 

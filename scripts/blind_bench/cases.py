@@ -69,9 +69,8 @@ friction in every other case; one effect of about its size; a quarter of it unde
 one of about its size under twice the noise; two of about their size; one outside the catalogue;
 one of about its size in some logs only; one outside the catalogue in a part of the motion;
 one at each of `SWEEP` times its size; one effect of kinematics of about its size; one of all
-outside the catalogue that a law of the grammar states; one that none does; one effect of about its
-size in
-one of `FAULTY_ONE_IN` cases, of calibration and one multisine."""
+outside the catalogue that the grammar was built with; one of those it was not; one effect of about
+its size in one of `FAULTY_ONE_IN` cases, of calibration and one multisine."""
 
 SWEEP = (1 / 16, 1 / 8, 1 / 4, 1 / 2, 1.0, 2.0, 4.0)
 ALL_RATES = (50.0, 100.0, 250.0)

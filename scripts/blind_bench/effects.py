@@ -448,8 +448,8 @@ FOREIGN = {
     )
 }  # fmt: skip
 """Effects that the search was not built with: products of two variables, two directions at once,
-shapes with a corner, one-sided torques, roots. The grammar has got laws since for most of them (see
-`FORMS`); for the others it has none."""
+shapes with a corner, one-sided torques, roots. The grammar has got laws since for all of them (see
+`FORMS`)."""
 
 FORMS = {
     "carpet_nap": ("dry_nap",),
@@ -478,6 +478,9 @@ FORMS = {
     "carpet_pile": ("viscous_turning_by_heading_2",),
     "side_fan": ("moment_by_place",),
     "root_drag": ("root_drag",),
+    "springy_mat": ("spring_in_a_patch",),
+    "saddle_floor": ("saddle",),
+    "eccentric_rub": ("uneven_dry_wheel_friction_by_angle_1",),
 }
 """Of the laws outside the catalogue, the laws of the grammar that state them."""
 

@@ -10,11 +10,12 @@ from typing import Any
 
 from identification.figures.chart_style import PLAN_HEIGHT
 from youbot_env.errors import InputError
-from youbot_scripts.interactive import views
+from youbot_scripts.interactive import panel, views
 from youbot_scripts.interactive.guard import protect
+from youbot_scripts.interactive.parts import HIDDEN, NOTHING, themed
 from youbot_scripts.interactive.project import Project, Step
 from youbot_scripts.interactive.signals import DRIVE_HEIGHT, Drawn, stretches
-from youbot_scripts.interactive.worker import DRAWN, Worker
+from youbot_scripts.interactive.worker import DRAWN, Worker, shown_now
 
 REFRESH = 700
 """Milliseconds between two looks at the project."""
@@ -43,6 +44,8 @@ def build(project: Project, worker: Worker, token: str, port: int) -> Any:
     app.layout = lambda: views.layout(project, REFRESH)
     hashes = [text.strip("'") for text in app.csp_hashes()]
     protect(app.server, token, port, hashes)
+    # The page asks whether the server is still there, and says so when it is not.
+    app.server.add_url_rule("/alive", view_func=lambda: ("", 204))
     Callbacks(project, worker).register(app)
     return app
 
@@ -60,6 +63,8 @@ class Callbacks:
 
         app.callback(
             Output("panel", "children"),
+            Output("driven", "children"),
+            Output("commands", "children"),
             Output("revision", "data"),
             Output("logs", "options"),
             Output("logs", "value"),
@@ -68,6 +73,7 @@ class Callbacks:
             Output("log", "value"),
             Output("plant", "options"),
             Output("beside", "options"),
+            Output("pictures", "style"),
             Input("tick", "n_intervals"),
             Input("said", "data"),
             State("revision", "data"),
@@ -122,6 +128,7 @@ class Callbacks:
             Input("signals", "relayoutData"),
             Input("log", "value"),
             Input("drawn", "data"),
+            Input("marked", "data"),
             State("span", "data"),
             prevent_initial_call=True,
         )(self.zoomed)
@@ -149,19 +156,20 @@ class Callbacks:
 
         project = self.project
         if known == project.revision and ctx.triggered_id != "said":
-            return (no_update,) * 9
+            return (no_update,) * 12
         with project.lock:
-            drawn = {kind: self._latest(kinds) for kind, kinds in _DRAWS.items()}
+            drawn = {what: step and step.number for what, step in shown_now(project).items()}
             shown = self._open(drawn["model"])
             names = shown.about["logs"] if shown else []
             choices = [{"label": name, "value": k} for k, name in enumerate(names)]
             chosen = log if log is not None and log < len(names) else 0
             return (
-                views.panel(project), project.revision,
+                panel.panel(project), panel.driven(project), panel.commands(project),
+                project.revision,
                 [{"label": name, "value": name} for name in project.logs], project.chosen,
                 drawn, choices, chosen,
-                views.models_of(project, {views.ACTIVE: "the model itself"}),
-                views.models_of(project, {"": "the version before it"}),
+                views.models_of(project, views.PLANT), views.models_of(project, views.BESIDE),
+                {} if shown else HIDDEN,
             )  # fmt: skip
 
     def clicked(
@@ -180,7 +188,7 @@ class Callbacks:
 
     def _do(self, what: str, which: str, plant: str, controllers: list[str], beside: str) -> None:
         project = self.project
-        acts: Mapping[str, Callable[[], Step | None]] = {
+        acts: Mapping[str, Callable[[], Step | list[Step] | None]] = {
             "doctor": project.doctor,
             "identify": project.identify,
             "compare": lambda: project.compare(beside or ""),
@@ -193,8 +201,8 @@ class Callbacks:
             "undo": project.undo,
             "cancel": lambda: self.worker.cancel(int(which)),
         }
-        step = acts[what]()
-        if step is not None:
+        steps = acts[what.removeprefix("next-")]()
+        for step in steps if isinstance(steps, list) else [steps] if steps else []:
             self.worker.put(step)
 
     @staticmethod
@@ -253,14 +261,6 @@ class Callbacks:
 
     # --- charts -----------------------------------------------------------------------------
 
-    def _latest(self, kinds: tuple[str, ...]) -> int | None:
-        """Number of the last step of these kinds that has been drawn."""
-        for step in reversed(self.project.kept):
-            there = self.project.home / DRAWN / str(step.number) / "charts.json"
-            if step.kind in kinds and there.exists():
-                return step.number
-        return None
-
     def _open(self, number: int | None) -> Drawn | None:
         if number is None:
             return None
@@ -275,13 +275,14 @@ class Callbacks:
         """Measured and predicted signals."""
         shown = self._open((drawn or {}).get("model"))
         if shown is None or log is None or log >= len(shown.about["logs"]):
-            return views.NOTHING, views.HIDDEN
+            return NOTHING, HIDDEN
         seen = (span[0], span[1]) if span else None
-        figure, height = shown.signals(kind, log, seen, [(a, b) for a, b in marked or []])
+        order = [Path(item["value"]).stem for item in views.models_of(self.project, {})]
+        figure, height = shown.signals(kind, log, seen, [(a, b) for a, b in marked or []], order)
         figure.update_layout(uirevision=f"{log}", selectdirection="h")
         if seen:
             figure.update_xaxes(range=list(seen))
-        return views.themed(figure), {"height": f"{height}px"}
+        return themed(figure), {"height": f"{height}px"}
 
     def plan(
         self, drawn: dict[str, int | None] | None, log: int | None, marked: list[list[float]] | None
@@ -289,33 +290,39 @@ class Callbacks:
         """The floor plan of a log."""
         shown = self._open((drawn or {}).get("model"))
         if shown is None or log is None or log >= len(shown.about["logs"]):
-            return views.NOTHING, views.HIDDEN
+            return NOTHING, HIDDEN
         figure = shown.plan(log, [(a, b) for a, b in marked or []])
         if figure is None:
-            return views.NOTHING, views.HIDDEN
-        return views.themed(figure), {"height": f"{PLAN_HEIGHT}px"}
+            return NOTHING, HIDDEN
+        return themed(figure), {"height": f"{PLAN_HEIGHT}px"}
 
     def residual(self, drawn: dict[str, int | None] | None) -> tuple[Any, dict[str, str]]:
         """The residual over the variables that it depends on most."""
         shown = self._open((drawn or {}).get("model"))
         if shown is None or not shown.about["residual"]:
-            return views.NOTHING, views.HIDDEN
+            return NOTHING, HIDDEN
         height = shown.about["heights"][0]
-        return views.themed(shown.about["residual"][0]), {"height": f"{height}px"}
+        return themed(shown.about["residual"][0]), {"height": f"{height}px"}
 
     def drive(self, drawn: dict[str, int | None] | None) -> tuple[Any, dict[str, str]]:
         """Reference and response of the controllers that were driven last."""
         shown = self._open((drawn or {}).get("drive"))
         if shown is None:
-            return views.NOTHING, views.HIDDEN
-        return views.themed(shown.drive()), {"height": f"{DRIVE_HEIGHT}px"}
+            return NOTHING, HIDDEN
+        return themed(shown.drive()), {"height": f"{DRIVE_HEIGHT}px"}
 
     def zoomed(
-        self, moved: dict[str, Any] | None, log: int, drawn: object, span: list[float] | None
-    ) -> Any:
-        """The stretch of time that is looked at: its rows are drawn in full."""
+        self, moved: dict[str, Any] | None, log: int, drawn: object,
+        marked: list[list[float]] | None, span: list[float] | None,
+    ) -> Any:  # fmt: skip
+        """The stretch of time that is looked at: its rows are drawn in full.
+
+        All of the log where something was marked outside of it: nobody would see the mark.
+        """
         from dash import ctx, no_update
 
+        if ctx.triggered_id == "marked":
+            return None if is_out_of_sight(marked or [], span) else no_update
         if ctx.triggered_id != "signals":
             return None
         found: dict[str, float] = {}
@@ -345,5 +352,8 @@ class Callbacks:
         return no_update if ctx.triggered_id in ("plan", "signals") else []
 
 
-_DRAWS = {"model": ("identify", "compare", "diagnose", "add"), "drive": ("drive",)}
-"""Charts, and the kinds of steps whose last one they show."""
+def is_out_of_sight(marked: list[list[float]], span: list[float] | None) -> bool:
+    """Whether all marked stretches [s] lie outside the one that is looked at (None: all)."""
+    if span is None or not marked:
+        return False
+    return all(end < span[0] or start > span[1] for start, end in marked)

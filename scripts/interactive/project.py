@@ -42,6 +42,7 @@ class Step:
     share : done so far, 0 to 1
     undone : whether its model was taken back
     beside : model that its charts show beside, or ""
+    seconds : that it took, once it is done
     """
 
     number: int
@@ -55,6 +56,7 @@ class Step:
     share: float = 0.0
     undone: bool = False
     beside: str = ""
+    seconds: float = 0.0
 
     @property
     def command(self) -> str:
@@ -65,6 +67,29 @@ class Step:
     def is_open(self) -> bool:
         """Whether it waits or runs."""
         return self.state in (WAITING, RUNNING)
+
+    @property
+    def read_models(self) -> list[str]:
+        """The models that its command reads."""
+        if self.kind == "drive":
+            named = dict(zip(self.arguments[1::2], self.arguments[2::2], strict=False))
+            return [named["--plant"], named["--model"]]
+        return [self.arguments[1]] if self.kind in ("compare", "diagnose", "add") else []
+
+    @property
+    def subject(self) -> str:
+        """The model of which its result speaks: made or read by it; "" where it speaks of logs."""
+        return self.model or next(reversed(self.read_models), "")
+
+    @property
+    def effect(self) -> str:
+        """The effect that it adds, or ""."""
+        return self.arguments[2] if self.kind == "add" else ""
+
+    @property
+    def logs(self) -> list[str]:
+        """The logs that its command reads."""
+        return [name for name in self.arguments[1:] if name.endswith(ENDINGS)]
 
 
 _NAMES: Schema = {"type": "array", "items": {"type": "string"}}
@@ -78,6 +103,7 @@ _STEP: Schema = {
         "arguments": _NAMES,
         "state": {"enum": [WAITING, RUNNING, DONE, FAILED, CANCELLED]},
         "share": {"type": "number", "minimum": 0, "maximum": 1},
+        "seconds": {"type": "number", "minimum": 0},
         "undone": {"type": "boolean"},
     },
     "required": ["number", "kind", "title", "arguments", "result"],
@@ -111,6 +137,8 @@ class Project:
     model : the active model, a file or "paper"; ``versions`` : all before it, the active one last
     steps : commands, in order
     revision : grows with each change, so that a browser knows when to draw again
+    since : [s of the epoch] when what runs now began; drawing : model whose charts are being
+        drawn, or "". Both are of this server's run, and not kept
     """
 
     folder: Path
@@ -123,6 +151,7 @@ class Project:
     def __post_init__(self) -> None:
         # The server's threads and the worker change it.
         self.lock = threading.RLock()
+        self.since, self.drawing = 0.0, ""
 
     @property
     def model(self) -> str:
@@ -246,8 +275,10 @@ class Project:
         """Fit the base model."""
         return self._add("identify", "Identify", ["identify", *self._logs()], makes="identified")
 
-    def compare(self, beside: str = "") -> Step:
-        """Errors of the active model; charts show another one beside it, by default the last.
+    def compare(self, beside: str = "") -> list[Step]:
+        """Errors of the active model and of another one, by default the version before it.
+
+        Two commands, unless the other's errors on these logs are known.
 
         Raises
         ------
@@ -256,11 +287,24 @@ class Project:
         """
         if beside and beside not in self._models():
             raise InputError(f"{beside!r}: is no model of this workbench")
-        line = ["compare", self.model, *self._logs()]
-        step = self._add("compare", f"Compare {self.model}", line)
         other = beside or (self.versions[-2] if len(self.versions) > 1 else "")
-        step.beside = other if other != self.model else ""
-        return step
+        other = other if other != self.model else ""
+        steps = []
+        if other and self.comparison(other, self._logs()) is None:
+            steps.append(self._compare(other))
+        return [*steps, self._compare(self.model, other)]
+
+    def _compare(self, model: str, beside: str = "") -> Step:
+        line = ["compare", model, *self._logs()]
+        return self._add("compare", f"Compare {model}", line, beside=beside)
+
+    def comparison(self, model: str, logs: Sequence[str]) -> Step | None:
+        """The last finished comparison of a model with these logs."""
+        for step in reversed(self.steps):
+            is_one = step.kind == "compare" and step.state == DONE
+            if is_one and step.subject == model and step.logs == list(logs):
+                return step
+        return None
 
     def _models(self) -> set[str]:
         made = {step.model for step in self.steps if step.model and step.state == DONE}
@@ -282,7 +326,8 @@ class Project:
         if not effect.isidentifier():
             raise InputError(f"{effect!r}: is no name of an effect")
         line = ["add", self.model, effect, *self._logs()]
-        return self._add("add", f"Add {effect}", line, makes=f"with_{effect}")
+        makes = f"with_{effect}"
+        return self._add("add", f"Add {effect}", line, makes=makes, beside=self.model)
 
     def drive(self, plant: str, controllers: Sequence[str]) -> Step:
         """Drive controllers that believe the active model on a plant.
@@ -303,13 +348,15 @@ class Project:
             raise InputError("choose a log first")
         return list(self.chosen)
 
-    def _add(self, kind: str, title: str, line: list[str], makes: str = "") -> Step:
+    def _add(
+        self, kind: str, title: str, line: list[str], makes: str = "", beside: str = ""
+    ) -> Step:
         with self.lock:
             number = len(self.steps) + 1
             model = f"{FOLDER}/{number:02d}_{makes}.json" if makes else ""
             result = f"{FOLDER}/{number:02d}_{kind}_result.json"
             line = line + (["-o", model] if model else []) + ["--json", result]
-            step = Step(number, kind, title, line, result, model)
+            step = Step(number, kind, title, line, result, model, beside=beside)
             self.steps.append(step)
             self.changed()
             return step
@@ -333,8 +380,19 @@ class Project:
                 self.changed()
 
     def last(self, *kinds: str) -> Step | None:
-        """The last finished command of some kinds that was not taken back."""
-        return next((step for step in reversed(self.kept) if step.kind in kinds), None)
+        """The last finished command of some kinds that speaks of the active model, or of logs."""
+        return self.last_of(self.model, *kinds)
+
+    def last_of(self, model: str, *kinds: str) -> Step | None:
+        """:meth:`last` of another model."""
+        for step in reversed(self.steps):
+            if step.kind in kinds and step.state == DONE and step.subject in (model, ""):
+                return step
+        return None
+
+    def maker(self, model: str) -> Step | None:
+        """The command that made a model; None of a file that was there before."""
+        return next((step for step in self.steps if step.model == model), None)
 
     def result(self, step: Step | None) -> dict[str, Any] | None:
         """What a finished command found."""
@@ -349,8 +407,18 @@ class Project:
 
     @property
     def kept(self) -> list[Step]:
-        """The commands that led to what is there now: finished, and not taken back."""
-        return [step for step in self.steps if step.state == DONE and not step.undone]
+        """The commands that led to what is there now, and all that they need.
+
+        Those about a model that was taken back are left out, unless one that is kept reads it.
+        """
+        done = [step for step in self.steps if step.state == DONE]
+        needed = {*self.versions, ""}
+        while True:
+            kept = [step for step in done if step.subject in needed]
+            read = {name for step in kept for name in (*step.read_models, step.beside)}
+            if read <= needed:
+                return kept
+            needed |= read
 
     def script(self) -> str:
         """All kept commands as a shell script."""

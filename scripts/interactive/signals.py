@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
@@ -31,7 +32,14 @@ class Drawn:
         """An array of the folder, mapped from its file."""
         return np.load(self.folder / f"{name}.npy", mmap_mode="r", allow_pickle=False)
 
-    def signals(self, kind: str, log: int, span: Span | None, marked: list[Span]) -> Any:
+    def signals(
+        self,
+        kind: str,
+        log: int,
+        span: Span | None,
+        marked: list[Span],
+        order: Sequence[str] = (),
+    ) -> Any:
         """Measured and predicted signals of a log, thinned to what is seen of it.
 
         Parameters
@@ -39,11 +47,12 @@ class Drawn:
         kind : "velocity" or "force"
         span : [s] the stretch that is looked at; None: all
         marked : [s] stretches to be shaded
+        order : all models by name: each keeps its colour, whatever it is compared with
         """
         time = self.array(f"{kind}_{log}_time")
         rows = _rows(time, span)
         names = self.about["models"]
-        looks = [look.AFTER] if len(names) == 1 else [look.BEFORE, look.AFTER]
+        looks = looks_of(names, order)
         lines = [
             Line(name, np.asarray(self.array(f"{kind}_{log}_predicted_{j}")[rows], float), how)
             for j, (name, how) in enumerate(zip(names, looks, strict=False))
@@ -71,6 +80,8 @@ class Drawn:
         # As a list: of an array, which travels as bytes, Dash does not tell what was selected.
         figure.data[0].customdata = None  # or Plotly finds the list equal, and keeps the array
         figure.data[0].customdata = at.tolist()
+        # Dots lie on top of each other: what is faint must stay so where the way crosses itself.
+        figure.data[0].unselected = {"marker": {"opacity": 0.06}}
         if marked:
             inside = np.zeros(len(at), bool)
             for start, end in marked:
@@ -103,6 +114,18 @@ class Drawn:
 
 DRIVE_HEIGHT = 560
 """[px]"""
+
+COLOURS = ("#3d8fd1", "#e0691f", "#2aa876", "#c265a5", "#a98a1f", "#7b78d8")
+"""Of models, in the order in which they were made; they stand on white and on black."""
+
+
+def looks_of(names: Sequence[str], order: Sequence[str]) -> list[dict[str, Any]]:
+    """The line of each model; those that ``order`` does not know come after the others."""
+    places = list(dict.fromkeys([*order, *names]))
+    found = [places.index(name) % len(COLOURS) for name in names]
+    if len(set(found)) < len(found):  # two models that are a whole round of colours apart
+        found[0] = (found[0] + 1) % len(COLOURS)
+    return [{"color": COLOURS[place], "width": 1.4} for place in found]
 
 
 def _rows(time: Array, span: Span | None) -> slice:

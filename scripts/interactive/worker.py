@@ -6,10 +6,12 @@ A process can be killed at any time without harm to the server, and its memory g
 from __future__ import annotations
 
 import os
+import shutil
 import signal
 import subprocess
 import sys
 import threading
+import time
 from pathlib import Path
 from queue import Queue
 
@@ -60,7 +62,9 @@ class Worker:
                 self._do(step)
 
     def _do(self, step: Step) -> None:
-        step.state = RUNNING
+        step.state, self.project.since = RUNNING, time.time()
+        # A project that began anew numbers its steps from 1, as the one before it did.
+        shutil.rmtree(self.project.home / DRAWN / str(step.number), ignore_errors=True)
         self.project.changed()
         status, error = self._call([*_YOUBOT, *step.arguments], step)
         if step.state == CANCELLED:
@@ -68,21 +72,33 @@ class Worker:
         if status != 0:
             self.project.finished(step, FAILED, error or f"ended with status {status}")
             return
+        step.seconds = time.time() - self.project.since
         self.project.finished(step, DONE)
-        self._draw(step)
+        if self.is_to_be_drawn(step):
+            self._draw(step)
+
+    def is_to_be_drawn(self, step: Step) -> bool:
+        """Whether a finished step has something to show that no chart shows yet."""
+        project = self.project
+        if step.subject != project.model:
+            return False  # it speaks of logs, or of the other model of a comparison
+        if step.kind == "drive":
+            return True
+        shown = drawn_last(project, step.kind)
+        if shown is None or shown.logs != step.logs:
+            return True
+        return bool(step.beside) and shown.beside != step.beside
 
     def _draw(self, step: Step) -> None:
         """Compute what the charts show of a step; a failure leaves the step as it is."""
-        arguments = [*_DRAW, str(self.project.home / DRAWN), step.kind, str(step.number)]
-        if step.kind == "doctor":
-            return
-        model = step.model or self.project.model
-        before = _before(self.project, step)
-        logs = step.kind in ("identify", "add", "compare", "diagnose")
-        self._call(
-            [*arguments, model, before, *(self.project.chosen if logs else step.arguments)], step
-        )
-        self.project.changed()
+        project = self.project
+        project.drawing, project.since = step.subject, time.time()
+        project.revision += 1
+        arguments = [*_DRAW, str(project.home / DRAWN), step.kind, str(step.number)]
+        rest = step.arguments if step.kind == "drive" else step.logs
+        self._call([*arguments, step.subject, step.beside, *rest], step)
+        project.drawing = ""
+        project.changed()
 
     def _call(self, line: list[str], step: Step) -> tuple[int, str]:
         """Exit status and last error line of a process; its progress goes into the step."""
@@ -131,7 +147,24 @@ class Worker:
 _YOUBOT = [sys.executable, "-m", "youbot_scripts.cli"]
 _DRAW = [sys.executable, "-m", "youbot_scripts.interactive.drawing"]
 
+_SHOW = (("identify", "compare", "diagnose", "add"), ("drive",))
+"""Kinds of steps that the same charts show."""
 
-def _before(project: Project, step: Step) -> str:
-    """The model that a step started from, for a chart of before and after; "" if there is none."""
-    return step.arguments[1] if step.kind == "add" else step.beside
+
+def drawn_last(project: Project, kind: str, model: str = "") -> Step | None:
+    """The step about a model (the active one) that the charts of a kind of steps show."""
+    kinds = next(kinds for kinds in _SHOW if kind in kinds)
+    for step in reversed(project.steps):
+        there = project.home / DRAWN / str(step.number) / "charts.json"
+        if step.kind in kinds and step.subject == (model or project.model) and there.exists():
+            return step
+    return None
+
+
+def shown_now(project: Project) -> dict[str, Step | None]:
+    """The steps whose charts the page shows: of the model and logs, and of driven controllers.
+
+    Until charts of a new model are drawn, those of the one before it stay: they say whose they are.
+    """
+    models = (drawn_last(project, "identify", name) for name in reversed(project.versions))
+    return {"model": next(filter(None, models), None), "drive": drawn_last(project, "drive")}

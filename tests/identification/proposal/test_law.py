@@ -91,7 +91,12 @@ def test_its_file_is_the_same_effect(law, tmp_path: Path):
     assert loaded.dissipative == law.dissipative and loaded.acts_at is law.place
     values = [found.values[name] for name in effect.parameter_names]
     np.testing.assert_array_equal(force(loaded, values, at)[0], force(effect, values, at)[0])
-    assert all(len(line) <= 100 for line in path.read_text().splitlines())
+
+
+def test_lines_of_its_file_are_as_long_as_a_person_writes_them():
+    for law in LAWS:
+        lines = at_some_size(law).file_text("Proposed by a test.").splitlines()
+        assert max(map(len, lines)) <= 100, law.name
 
 
 @pytest.mark.slow

@@ -55,12 +55,28 @@ def test_sites_have_the_words_of_the_contract(name, site):
     assert proposal_of(name).to_dict()["site"] == site
 
 
-def test_its_words_say_what_where_how_sure_and_what_next():
-    first, second, third = proposal_of("dry_nap", beside=("floor_tilt",)).sentences
-    assert "87% of what was missing" in first and "beside floor_tilt" in first
-    assert "1.20%" in second and "0.1% of cases" in second
+def test_its_words_say_what_where_how_large_how_sure_and_what_next():
+    about = {"beside": ("floor_tilt",), "before": (0.08, 0.1)}
+    first, second, third = proposal_of("dry_nap", **about).sentences
+    assert first == (
+        "proposed law: dry_nap (site world) takes 87% of what was missing: the force error falls "
+        "from 8.00% to 1.20% and the velocity error falls from 10.00% to 2.00%, held out. In "
+        "words: dry friction along one direction of the floor, beside floor_tilt; as a formula: "
+        "f tanh(v_d/eps), v_d = vx cos(d) + vy sin(d) with force 1 N (0.8 to 1.2), "
+        "smoothing 0.01 N (-0.19 to 0.21), direction 1.57 N (1.37 to 1.77)"
+    )
+    assert "0.1% of cases; these logs cannot tell it from" in second
     assert "to confirm, drive along that direction" in third
-    assert "what was missing" not in proposal_of("dry_nap", share=None).sentences[0]
+    worse = proposal_of("dry_nap", share=None, before=(0.08, 0.01)).sentences[0]
+    assert "(site world) the force error falls" in worse and "velocity error is 2.00%" in worse
+
+
+def test_of_numbers_of_wheels_those_that_are_not_zero_are_said():
+    found = proposal_of("uneven_dry_wheel_friction_by_angle_1")
+    for name, entry in found.parameters.items():
+        entry["value"] = 0.001 if name.endswith(("_fl", "_bl")) else 0.3
+    first = found.sentences[0]
+    assert "level_fr 0.3" in first and "level_fl" not in first and "near zero" in first
 
 
 def test_its_file_says_where_it_comes_from():

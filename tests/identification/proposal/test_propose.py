@@ -15,8 +15,11 @@ from identification.fitting.regression import regression
 from identification.fitting.settings import FitSettings
 from identification.mechanisms.registry import mechanism_of
 from identification.proposal.evidence import Evidence, Trial
+from identification.proposal.grammar import PlatformGrammar
 from identification.proposal.law import FoundLaw
+from identification.proposal.place_laws import BUMP, SPOT_FIELD
 from identification.proposal.propose import Left, find_law, with_law
+from identification.proposal.search import Search
 from identification.proposal.settings import ProposalSettings
 from tests.identification.proposal.laws import every_law
 from tests.identification.recordings import recording
@@ -42,6 +45,85 @@ def evidence_of(data, base, blocks=6):
         *([r.residual for r in rows], [r.columns @ basis for r in rows], [r.step for r in rows]),
         *(FIT.filter.settling_time_constants, 0, ProposalSettings(), blocks),
     ), rows
+
+
+def search_of(planted):
+    """A search on what a base model leaves of a log, with a law's force put on it."""
+    data, base = data_of()
+    evidence, rows = evidence_of(data, base, 1)
+    trial = Trial(planted.law)
+    values = [planted.values[name] for name in trial.effect.parameter_names]
+    left = [
+        row.residual[: len(more)] + more
+        for row, scene in zip(rows, evidence.scenes, strict=True)
+        for more in [scene.rows(scene.force(trial.effect, values))]
+    ]
+    basis = gauge_basis(base.mechanism, base.free) / base.mechanism.scale[base.free][:, None]
+    columns = [row.columns[: len(part)] @ basis for row, part in zip(rows, left, strict=True)]
+    again = Evidence(
+        *(base.mechanism, base.theta, data.samples, left, columns, [r.step for r in rows]),
+        *(FIT.filter.settling_time_constants, 0, ProposalSettings(), 1),
+    )
+    search = Search(again, 0.9, 0, ProposalSettings())
+    return search, PlatformGrammar(again, data.samples)
+
+
+@pytest.mark.parametrize(
+    ("name", "values"),
+    [
+        ("saddle", {"stretch": 3.0, "skew": -6.0, "pull_x": 1.0, "pull_y": 0.5}),
+        ("shear", {"slope": 8.0, "pull": 1.0, "direction": 0.7}),
+        ("moment_by_product_of_places", {"bend": 5.0}),
+        ("force_by_product_of_places", {"bend": 12.0, "direction": 0.3}),
+        ("dry_drag_by_yaw", {"growth": 15.0}),
+        ("dry_drag_by_place", {"level": 6.0, "along_x": 5.0, "along_y": -3.0}),
+        (
+            "uneven_dry_wheel_friction_by_angle_1",
+            {"level_fr": 0.25, "cosine_fr": 0.2, "sine_fr": 0.15, "smoothing": 0.03, "times": 1.0},
+        ),
+    ],
+)
+def test_a_product_of_two_variables_is_told_from_laws_of_one(name, values):
+    law = law_named(name)
+    planted = FoundLaw(law, {n: 0.0 for c in law.constants for n in c.names} | values)
+    search, grammar = search_of(planted)
+    search.add([pair for pair in grammar.single() if pair[0].name in {name, *RIVALS}])
+    search.refine()
+    found = search.leaders[0]
+    assert found.law.name == name and search.fall(found) > 0.9
+    strengths = search.verdict().found.values
+    assert all(strengths[key] == pytest.approx(value, rel=0.1) for key, value in values.items())
+
+
+RIVALS = (
+    *("line_spring", "linear_field", "quadratic_force_by_place", "moment_by_place"),
+    *("dry_nap", "uneven_forward_dry_wheel_friction", "inertia_of_one_wheel", "air_drag"),
+    *("viscous_drag_by_place", "moment_by_squared_place", "uneven_dry_wheel_friction_by_angle_2"),
+)
+
+
+@pytest.mark.parametrize(
+    ("name", "finder", "size"),
+    [
+        ("spring_in_a_patch", BUMP, {"stiffness": -60.0}),
+        ("linear_field_in_a_patch", SPOT_FIELD, {"x_x": 60.0, "y_y": -60.0}),
+    ],
+)
+def test_another_force_about_a_spot_is_found_where_a_spot_was(name, finder, size):
+    law = law_named(name)
+    where = data_of()[0].samples[0].pose[:, :2]
+    x, y = where[len(where) // 3] + [0.1, -0.1]
+    values = {**size, "spot_x": x, "spot_y": y, "radius": 0.4}
+    planted = FoundLaw(law, dict.fromkeys((c.name for c in law.strengths), 0.0) | values)
+    search, grammar = search_of(planted)
+    search.add([pair for pair in grammar.single() if pair[0].name in (finder, *RIVALS)])
+    search.refine()
+    assert search.leaders[0].law.name == finder
+    search.add(grammar.like([item.law_at_best() for item in search.leaders]))
+    search.refine()
+    found = search.verdict().found
+    assert found.law.name == name
+    assert all(found.values[key] == pytest.approx(v, rel=0.1) for key, v in values.items())
 
 
 def law_named(name):

@@ -94,3 +94,18 @@ def test_a_range_about_zero_keeps_its_bounds():
     assert found is not None and "< velocity_fl <" in found.rule
     low, high = bounds(found.rule)
     assert low < 0 < high
+
+
+@pytest.mark.parametrize(
+    ("rule", "variables"),
+    [
+        ("after 48 s", ("time",)),
+        ("-1 < pose_y < -0.9", ("position_y",)),
+        ("pose_x > 1.2 and 0.1 < pose_y < 0.4", ("position_x", "position_y")),
+        ("abs(velocity_fl) < 0.4", ("wheel_speed_fl",)),
+        ("pose_yaw > 1", ("heading",)),
+        ("multisine_a or calibration_b", ()),
+    ],
+)
+def test_a_rule_in_the_words_of_a_map(rule: str, variables: tuple[str, ...]):
+    assert Regime(rule, 0.9, 0.1).variables == variables

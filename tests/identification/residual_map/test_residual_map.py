@@ -22,7 +22,7 @@ from identification.mechanisms.mecanum import Mecanum
 from identification.mechanisms.samples import Samples, cut
 from identification.residual_map.residual_map import residual_map
 from identification.residual_map.settings import ResidualMapSettings
-from identification.residual_map.shares import ResidualMap
+from identification.residual_map.shares import ResidualMap, Share
 from tests.identification.recordings import recording
 from tests.identification.shared_data import DATA, needs_data
 from tests.sparing import mostly_slow
@@ -77,6 +77,12 @@ def nap(samples: Samples) -> np.ndarray:
 def wall(samples: Samples) -> np.ndarray:
     """Spring of 8 N/m along the world's X axis alone."""
     return in_world(samples, 8.0 * (samples.pose[:, 0] - 0.3), np.zeros(len(samples)))
+
+
+def saddle(samples: Samples) -> np.ndarray:
+    """Each log lies elsewhere on it: what one shows of it says little of another."""
+    x, y = samples.pose[:, 0], samples.pose[:, 1]
+    return in_world(samples, 8.0 * y, 8.0 * x)
 
 
 def ripple(samples: Samples) -> np.ndarray:
@@ -142,6 +148,7 @@ def test_nor_does_a_model_that_knows_its_drives(rate: float, lag: float):
         (slope, "heading"),
         (nap, "heading"),
         (wall, "position_x"),
+        (saddle, "position_"),
         (ripple, "wheel_angle_"),
         (warming, "time"),
     ],
@@ -179,6 +186,43 @@ def test_one_wheel_s_ripple_is_that_wheel_s():
     first, *others = map_of(one).shares
     assert (first.variable, first.cycles) == ("wheel_angle_bl", 5)
     assert first.share > 5 * max(share.share for share in others)
+
+
+def test_one_wheel_that_rubs_over_a_part_of_its_turn_is_that_wheel_s():
+    def rubs(samples: Samples) -> np.ndarray:
+        torque, angle = np.zeros((len(samples), 4)), samples.wheel_angle[:, 2]
+        sign = np.tanh(samples.wheel_speed[:, 2] / 0.03)
+        torque[:, 2] = 0.3 * np.maximum(np.cos(angle - 1.0), 0.0) * sign
+        return GEOMETRY.body_force(torque)
+
+    found = map_of(rubs)
+    assert beyond_twist(found)[0] == "wheel_angle_bl"
+    assert next(s.cycles for s in found.shares if s.variable == "wheel_angle_bl") == 1
+
+
+def test_of_what_the_twist_explains_the_wheel_that_does_it_by_itself_comes_next():
+    def one_way(samples: Samples) -> np.ndarray:
+        torque = np.zeros((len(samples), 4))
+        torque[:, 1] = 0.3 * np.maximum(np.tanh(samples.wheel_speed[:, 1] / 0.03), 0.0)
+        return GEOMETRY.body_force(torque)
+
+    first, second, *others = map_of(one_way).shares
+    assert first.variable == "twist" and first.share > 0.9
+    assert second.variable == "wheel_speed_fr" and second.share < 0.05 and second.alone > 0.9
+    assert max(item.alone for item in others) < 0.9 * second.alone
+    assert second.to_dict()["alone"] == second.alone and "alone" not in first.to_dict()
+
+
+def test_what_a_rule_or_a_law_says_orders_variables_without_a_share():
+    found = map_of(None).led_by(("position_",))
+    assert {item.variable for item in found.shares[:2]} == {"position_x", "position_y"}
+    likely = replace(
+        found, shares=(Share("time", 0.5, 0.008), Share("heading", 0.0, 0.02, likely=0.6))
+    )
+    assert [s.share for s in likely.led_by(("heading",)).shares] == [0.6, 0.5]
+    assert [s.share for s in likely.led_by(("position_",)).shares] == [0.5, 0.0]
+    led = map_of(slope).led_by(("position_",))
+    assert led.shares[0].variable == map_of(slope).shares[0].variable
 
 
 def test_a_late_torque_shows_in_the_accelerations():

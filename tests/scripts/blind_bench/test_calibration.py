@@ -74,6 +74,20 @@ def test_the_page_tells_what_came_of_each_promise():
     assert "| 75.0% |" in text and "4 fits, 2 diagnoses" in text and commit() in text
 
 
+def test_p_values_by_kind_of_noise_tell_what_is_there_from_what_is_chance():
+    fits = []
+    for name, p_value in (("hum", 0.001), ("hum", 0.7), ("torque_wander", 0.001)):
+        record = fit("noise", 0.5, p_value)
+        record["case"]["sensing"] = {"name": name, "values": {}}
+        fits.append(record)
+    tables = rows_of([], fits)
+    rows = {row.what.rpartition(", ")[2]: row for row in tables["p-values by kind of noise"]}
+    assert set(rows) == {"hum", "torque wander"}
+    assert rows["hum"].hits == (1, 0) and rows["hum"].most == 0.05
+    assert rows["torque wander"].share == 1.0 and not rows["torque wander"].falls_short
+    assert "drive_resonance" in page(tables, len(fits), 0)
+
+
 def test_the_baseline_is_scored_beside_the_diagnosis():
     named = {"verdict": "effect", "missing": ["floor_tilt", "tether"]}
     record = trial("one", ["floor_tilt"], ["floor_tilt"], baseline=named)

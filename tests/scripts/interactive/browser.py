@@ -39,12 +39,15 @@ class Browser:
             options.add_argument(word)
         options.set_capability("goog:loggingPrefs", {"browser": "ALL"})
         self.driver = webdriver.Chrome(options=options, service=Service(DRIVER))
-        screen = {"width": size[0], "height": size[1], "deviceScaleFactor": 1, "mobile": False}
-        # A window is never narrower than 500 px; a phone is.
-        self.driver.execute_cdp_cmd("Emulation.setDeviceMetricsOverride", screen)
+        self.resize(*size)
         scheme = [{"name": "prefers-color-scheme", "value": "dark" if dark else "light"}]
         self.driver.execute_cdp_cmd("Emulation.setEmulatedMedia", {"features": scheme})
         self.driver.get(address)
+
+    def resize(self, width: int, height: int) -> None:
+        """Another size of what is seen; a window is never narrower than 500 px, a phone is."""
+        screen = {"width": width, "height": height, "deviceScaleFactor": 1, "mobile": False}
+        self.driver.execute_cdp_cmd("Emulation.setDeviceMetricsOverride", screen)
 
     def find(self, selector: str) -> list[Any]:
         return self.driver.find_elements("css selector", selector)
@@ -109,8 +112,15 @@ def workbench(address: str, profile: Path, **look: Any) -> Browser:
 @contextmanager
 def serve(folder: Path) -> Iterator[str]:
     """A workbench over a folder; its address."""
+    with server_of(folder) as (address, _):
+        yield address
+
+
+@contextmanager
+def server_of(folder: Path) -> Iterator[tuple[str, subprocess.Popen[str]]]:
+    """A workbench over a folder: its address and its process."""
     line = [sys.executable, "-m", "youbot_scripts.cli", "workbench", "--folder", str(folder)]
     with subprocess.Popen(line, stdout=subprocess.PIPE, text=True) as server:
         assert server.stdout is not None
-        yield server.stdout.readline().split()[-1]
+        yield server.stdout.readline().split()[-1], server
         server.terminate()

@@ -7,6 +7,7 @@ import os
 import shutil
 import subprocess
 import sys
+import time
 from collections.abc import Iterator
 from pathlib import Path
 
@@ -14,7 +15,7 @@ import pytest
 
 from identification.logs.reading import write_log
 from tests.identification.recordings import recording
-from tests.scripts.interactive.browser import CHROMIUM, DRIVER, Browser, serve, workbench
+from tests.scripts.interactive.browser import CHROMIUM, DRIVER, Browser, serve, server_of, workbench
 
 pytest.importorskip("dash")
 pytest.importorskip("selenium.webdriver")
@@ -70,6 +71,10 @@ def test_from_a_log_to_a_better_model_and_back(served: tuple[str, Path], tmp_pat
             page.until(lambda: len(page.text(".versions code")) == 3, "a reload loses nothing")
             page.press("Undo")
             other.until(lambda: len(other.text(".versions code")) == 2, "undo is seen by both")
+            other.until(lambda: "lacks floor tilt" in other.text(".verdict")[0], "its own verdict")
+            other.until(
+                lambda: "03_with_floor_tilt" not in other.text("#signals .legendtext"), "its charts"
+            )
         finally:
             other.driver.quit()
         # A worker that is killed leaves a line, and the next command runs.
@@ -80,13 +85,19 @@ def test_from_a_log_to_a_better_model_and_back(served: tuple[str, Path], tmp_pat
         )
         assert page.ended(4)[0] in ("failed", "done")
         page.press("Compare")
-        assert page.ended(5)[0] == "done"
+        assert page.ended(6)[0] == "done", "the published model too, which came before"
+        assert len(page.text("#panel .wide-table tbody tr")) == 2
         page.until(lambda: "paper" in page.text("#signals .legendtext"), "two models are compared")
         assert "01_identified" in page.text("#signals .legendtext")
         page.press("Drive")
-        assert page.ended(6)[0] == "done"
+        assert page.ended(7)[0] == "done"
         page.until(lambda: page.find("#drive .main-svg"), "the tracking is drawn")
-        assert {"kinematic", "computed_torque"} <= set(page.text("#panel td"))
+        assert {"kinematic", "computed_torque"} <= set(page.text("#driven td"))
+        script = "return document.documentElement.scrollWidth <= innerWidth"
+        for width in (1400, 400):  # with all charts and tables on it
+            page.resize(width, 1400)
+            page.until(lambda: page.driver.execute_script(script), f"{width} px are enough")
+        assert page.faults() == []
         assert page.complaints() == []
     finally:
         page.driver.quit()
@@ -143,20 +154,23 @@ def test_anybody_can_use_it(width: int, dark: bool, served: tuple[str, Path], tm
 
 
 @pytest.fixture
-def own(tmp_path: Path) -> Iterator[str]:
-    """The address of a workbench of one test alone."""
+def own(tmp_path: Path) -> Iterator[tuple[str, subprocess.Popen[str]]]:
+    """A workbench of one test alone: its address and its process."""
     folder = tmp_path / "runs"
     folder.mkdir()
     write_log(folder / "drive.csv", recording("calibration", TILT, rate=50.0))
-    with serve(folder) as address:
-        yield address
+    with server_of(folder) as found:
+        yield found
 
 
-def test_the_keyboard_alone_chooses_a_log_and_starts_a_command(own: str, tmp_path: Path):
+def test_the_keyboard_alone_works_and_a_server_that_ends_is_said(
+    own: tuple[str, subprocess.Popen[str]], tmp_path: Path
+):
     from selenium.webdriver.common.action_chains import ActionChains
     from selenium.webdriver.common.keys import Keys
 
-    page = workbench(own, tmp_path / "profile")
+    address, server = own
+    page = workbench(address, tmp_path / "profile")
 
     def go_to(wanted: str) -> None:
         for _ in range(40):
@@ -174,5 +188,16 @@ def test_the_keyboard_alone_chooses_a_log_and_starts_a_command(own: str, tmp_pat
         ActionChains(page.driver).send_keys(Keys.ENTER).perform()
         assert page.ended(1)[0] == "done"
         page.until(lambda: "drive.csv" in " ".join(page.text("details li")), "what was found")
+        assert page.find(".gone") == []
+        server.terminate()
+        server.wait()
+        page.press("Identify")
+        page.until(lambda: page.find(".gone"), "the page says that nobody answers", 10.0)
+        (said,) = page.text(".gone")
+        assert f"youbot workbench --folder {tmp_path / 'runs'}" in said and "is lost" in said
+        page.complaints()  # of requests that nobody answered
+        time.sleep(1.5)
+        asked = [line for line in page.complaints() if "/alive" not in line]
+        assert asked == [], "the page has stopped looking at the project"
     finally:
         page.driver.quit()

@@ -50,13 +50,48 @@ def test_two_models_are_compared_also_one_that_was_taken_back(project: Project):
     for step in (project.identify(), project.add("floor_tilt")):
         project.finished(step, DONE)
         last = step
-    assert project.compare().beside == "workbench/01_identified.json", "the version before"
+    other, own = project.compare()
+    assert other.subject == own.beside == "workbench/01_identified.json", "the version before"
+    assert own.subject == last.model and other.logs == own.logs == ["a b.csv"]
+    project.finished(other, DONE)
+    (again,) = project.compare()
+    assert again.beside == other.subject, "its errors are known: it is not compared anew"
     project.undo()
-    assert project.compare(last.model).beside == last.model
-    assert project.compare(project.model).beside == ""
+    assert [step.subject for step in project.compare(last.model)] == [last.model, other.subject]
+    assert [step.beside for step in project.compare(project.model)] == [""]
     assert project.drive(last.model, ["pid"]).arguments[1:3] == ["--plant", last.model]
     with pytest.raises(InputError, match="is no model of this workbench"):
         project.compare("../other.json")
+
+
+def _unmade(project: Project) -> list[str]:
+    """Models that a command of the exported script reads and that none before it has made."""
+    made, missing = {"paper"}, []
+    for line in project.script().splitlines()[4:]:
+        words = shlex.split(line)
+        out = words[words.index("-o") + 1] if "-o" in words else ""
+        read = [word for word in words if word.endswith(".json") and "result" not in word]
+        missing += [word for word in read if word != out and word not in made]
+        made.add(out)
+    return missing
+
+
+def test_the_script_makes_every_model_that_it_reads(project: Project):
+    """Also after an undo: what was asked about the undone model goes with it, or it stays."""
+    for act in (project.identify, project.diagnose, lambda: project.add("floor_tilt")):
+        step = act()
+        project.finished(step, DONE)
+    gone = step.model
+    for act in (project.diagnose, lambda: project.drive(gone, ["pid"])):
+        project.finished(act(), DONE)
+    project.undo()
+    assert gone not in project.script() and _unmade(project) == []
+    kinds = [step.kind for step in project.kept]
+    assert kinds == ["identify", "diagnose"]
+    # Driven on the undone model: now it is needed.
+    project.finished(project.drive(gone, ["pid"]), DONE)
+    assert gone in project.script() and _unmade(project) == []
+    assert project.model != gone
 
 
 def test_a_killed_server_loses_nothing(project: Project):

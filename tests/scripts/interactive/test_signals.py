@@ -10,7 +10,8 @@ import numpy as np
 import pytest
 
 from youbot_scripts.interactive.drawing import save
-from youbot_scripts.interactive.signals import BINS, Drawn
+from youbot_scripts.interactive.parts import themed
+from youbot_scripts.interactive.signals import BINS, COLOURS, Drawn, looks_of
 
 RATE = 1000.0
 """[Hz]"""
@@ -62,3 +63,30 @@ def test_a_long_log_is_thinned_and_a_stretch_of_it_is_whole(tmp_path: Path, seco
     near = lines_of(figure)[0]
     assert 800 <= len(near.x) <= 803, "every row of what is seen"
     assert figure.layout.shapes, "the mark is drawn"
+
+
+def test_a_model_keeps_its_colour_whatever_it_is_compared_with():
+    order = [f"model_{k}" for k in range(9)]
+    for names in (["model_1"], ["model_1", "model_2"], ["model_0", "model_1"]):
+        of_name = dict(zip(names, looks_of(names, order), strict=True))
+        assert of_name["model_1"]["color"] == COLOURS[1]
+    one, other = looks_of(["model_1", f"model_{1 + len(COLOURS)}"], order)
+    assert one["color"] != other["color"], "a whole round apart"
+    assert len(looks_of(["stranger"], order)) == 1
+
+
+def test_a_chart_of_a_file_gets_faint_lines_for_the_dark_too():
+    """Every axis of it: Plotly's own lines are black on white and white on black."""
+    figure = {"data": [], "layout": {"xaxis": {}, "yaxis": {}, "xaxis3": {"title": "x"}}}
+    layout = themed(figure)["layout"]
+    assert all("128" in layout[name]["gridcolor"] for name in ("xaxis", "yaxis", "xaxis3"))
+    assert layout["xaxis3"]["title"] == "x"
+
+
+def test_dots_that_are_not_marked_stay_faint_where_they_overlap(tmp_path: Path):
+    log = drawn(tmp_path, 4.0)
+    for name in ("time", "measured", "predicted_0"):
+        save(tmp_path / f"force_0_{name}.npy", log.array(f"velocity_0_{name}"))
+    save(tmp_path / "pose_0.npy", np.column_stack([log.array("velocity_0_time")] * 3))
+    opacity = log.plan(0, [(1.0, 2.0)]).data[0].unselected.marker.opacity
+    assert 1.0 - (1.0 - opacity) ** 5 < 0.5

@@ -1,0 +1,130 @@
+"""What logs show of a platform's motion, and where the search for shape constants begins there."""
+
+from __future__ import annotations
+
+import itertools
+import math
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from identification.proposal.law import Constant, Law, Shapes
+from identification.proposal.settings import ProposalSettings
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class Surroundings:
+    """What the logs show of the platform: typical speeds (rms), where it was, and for how long.
+
+    twist (3,), wheel, roller : [m/s, m/s, rad/s], [rad/s]; torque [N m]
+    place (n, 2) [m], loud (n,) : where it was, and the squares that are left there
+    """
+
+    twist: tuple[float, float, float]
+    wheel: float
+    roller: float
+    torque: float
+    place: Array
+    loud: Array
+    duration: float
+
+    @property
+    def speed(self) -> float:
+        """Of O [m/s]."""
+        return math.hypot(*self.twist[:2]) / math.sqrt(2)
+
+
+CIRCLE = (-2 * math.pi, 2 * math.pi)
+
+
+def _directions(count: int, half: bool) -> tuple[float, ...]:
+    turn = math.pi if half else 2 * math.pi
+    number = count if half else 2 * count
+    return tuple(k * turn / number for k in range(number))
+
+
+def direction_constant(settings: ProposalSettings, half: bool = True) -> Constant:
+    values = _directions(settings.directions, half)
+    return Constant("direction", "rad", *CIRCLE, 1.0, values)
+
+
+TURN = "c, s = xp.cos(direction), xp.sin(direction)"
+
+CONFIRM = {
+    "direction": "drive along that direction of the floor and across it, at one speed",
+    "heading": "turn the robot on the spot, then drive the same line at other headings",
+    "place": "drive over the place slowly, both ways, and beside it",
+    "speed": "drive at several constant speeds, both ways",
+    "wheel": "lift the robot and spin the wheels by hand",
+    "roller": "drive slowly sideways: one roller after the other takes the load",
+    "time": "record the same motion again, starting at another time",
+}
+
+
+def instants(seen: Surroundings, settings: ProposalSettings) -> tuple[float, ...]:
+    inner = np.linspace(0.0, seen.duration, settings.instants + 2)[1:-1]
+    return tuple(float(round(t, 2)) for t in inner)
+
+
+def edges_of(
+    seen: Surroundings, settings: ProposalSettings
+) -> tuple[tuple[float, ...], float, float]:
+    shares = np.linspace(0.0, 1.0, settings.edges + 2)[1:-1]
+    found = sorted({round(float(v), 3) for v in np.quantile(seen.place, shares)})
+    return tuple(found), float(seen.place.min()), float(seen.place.max())
+
+
+def spots(seen: Surroundings, settings: ProposalSettings) -> list[tuple[float, float, float]]:
+    """Centres (x, y) and radii [m] of patches and bumps to try: for each radius a grid as fine as
+    it, those places where most is left unexplained."""
+    found: list[tuple[float, float, float]] = []
+    for radius in settings.spot_radii:
+        spacing = settings.spot_spacing * radius
+        cells = np.round(seen.place / spacing).astype(int)
+        places, which = np.unique(cells, axis=0, return_inverse=True)
+        squares = np.bincount(which.ravel(), seen.loud)
+        order = np.lexsort((places[:, 1], places[:, 0], -squares))[: settings.max_spots]
+        found += [(float(x), float(y), radius) for x, y in spacing * places[order]]
+    return found
+
+
+SPOT = ("spot_x", "spot_y", "radius")
+
+
+def choices_of(law: Law, seen: Surroundings, settings: ProposalSettings) -> Iterator[Shapes]:
+    """The values of its shape constants at which a law is tried: all combinations, and around
+    every spot where it has one."""
+    names = [c.name for c in law.shapes]
+    if not set(SPOT) <= set(names):
+        yield from itertools.product(*(c.values for c in law.shapes))
+        return
+    first = names.index(SPOT[0])
+    rest = itertools.product(*(c.values for c in law.shapes if c.name not in SPOT))
+    for others in rest:
+        for spot in spots(seen, settings):
+            yield (*others[:first], *spot, *others[first:])
+
+
+def choices_near(law: Law, leader: Law, settings: ProposalSettings) -> Iterator[Shapes]:
+    """The values at which a law of a spot alone is tried where another law has found one: about
+    its middle, with several radii."""
+    x, y, radius = (c.values[0] for c in leader.shapes if c.name in SPOT)
+    assert tuple(c.name for c in law.shapes) == SPOT
+    off = settings.spot_offset * radius
+    for dx, dy in ((0.0, 0.0), (off, 0.0), (-off, 0.0), (0.0, off), (0.0, -off)):
+        for share in settings.spot_radius_shares:
+            yield x + dx, y + dy, share * radius
+
+
+def spot_constants(seen: Surroundings, settings: ProposalSettings) -> tuple[Constant, ...]:
+    """Of a spot; what is tried of them is told by :func:`spots`."""
+    low, high = float(seen.place.min()) - 0.5, float(seen.place.max()) + 0.5
+    return (
+        Constant("spot_x", "m", low, high, 1.0, (0.0,)),
+        Constant("spot_y", "m", low, high, 1.0, (0.0,)),
+        Constant("radius", "m", 0.03, 2.0, 0.3, settings.spot_radii),
+    )
