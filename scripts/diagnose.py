@@ -130,7 +130,8 @@ def main(
         write_diagnosis(report, result, found, given.logs, seed)
         out.print(f"report written to {report}", soft_wrap=True)
     if output:
-        out.print(f"model written to {output}", soft_wrap=True)
+        held = f", with {', '.join(result.missing)} in it" if result.missing else ""
+        out.print(f"model written to {output}{held}", soft_wrap=True)
 
 
 def _write_law(

@@ -110,7 +110,8 @@ def _import(
         result["sources"].append(source_to_dict(source))
         if look:
             show(out, source_tables(source))
-            out.print(f"\n{source.map_text}", soft_wrap=True, markup=False, highlight=False)
+            if not map_alone:  # else it is in the file
+                out.print(f"\n{source.map_text}", soft_wrap=True, markup=False, highlight=False)
         _tell_doubts(out, source, asked=look or map_alone)
         if output is None:
             continue

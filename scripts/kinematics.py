@@ -78,6 +78,8 @@ def main(
         write_json(output, {"geometry": lengths, "logs": [motion.name for motion, _ in read]})
     starts = {motion.name: float(motion.time[0]) for motion, _ in read}
     _print(out, found, starts)
+    if nominal and (line := _agreement(found, nominal.R)):
+        out.print(line, soft_wrap=True)
     if output:
         whose = "" if geometry else "; r, m1 and l : h in it are the youBot's (yours: --geometry)"
         out.print(f"geometry written to {output}{whose}", soft_wrap=True)
@@ -95,6 +97,19 @@ def _print(out: Console, found: Kinematics, starts: Mapping[str, float]) -> None
         out.print(line, soft_wrap=True)
     if found.counts:
         out.print(f"position_*: {found.counts:.5g} counts a turn of the wheel")
+
+
+def _agreement(found: Kinematics, nominal: float) -> str | None:
+    """That unit and gear of the speeds are right, where the pose shows it."""
+    radius = found.parameters["R"].value if "R" in found.parameters else None
+    if radius is None or found.unit is not None:
+        return None
+    if any(f.level != "info" and f.message.startswith("R =") for f in found.findings):
+        return None
+    return (
+        f"unit and gear of the speeds agree with the pose: R = {radius:.4g} m by it, "
+        f"{nominal:.4g} m by the geometry"
+    )
 
 
 def _line(finding: KinematicFinding) -> str:

@@ -28,7 +28,11 @@ def describe(effect: Any, values: Values, base: Values) -> str:
     words = WORDS.get(effect_of(effect.name))
     if words is not None:
         return words(values, base)
-    numbers = ", ".join(f"{name} = {value:.3g}" for name, value in values.items())
+    units = {name: effect.public_parameter(name).unit for name in values}
+    numbers = ", ".join(
+        f"{name} = {value:.3g}" + (f" {units[name]}" if units[name] not in ("", "1") else "")
+        for name, value in values.items()
+    )
     return f"{effect_of(effect.name).replace('_', ' ')} ({numbers}): {effect.recognise}"
 
 

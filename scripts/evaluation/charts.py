@@ -74,7 +74,8 @@ def frequency_chart(name: str, group: Sequence[Result]) -> Chart:
     )  # fmt: skip
     figure.update_xaxes(title_text="reference frequency [rad/s]", row=3, col=1)
     errors = [100 * result.mean(f"nrmse {axis}") for result in group for axis in AXES]
-    ticks = look.log_axis(errors)
+    # Intervals reach down to a tenth of a mean, see `_curve`.
+    ticks = look.log_axis([*errors, *(0.1 * error for error in errors)])
     labels = {key: ticks[key] for key in ("type", "tickvals", "ticktext")}
     figure.update_yaxes(**labels, zeroline=False)
     return Chart(name, "Tracking error against reference frequency", figure, height)

@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import Any
 
 from youbot_env.physics import effect
-from youbot_env.physics.effect import Place
+from youbot_env.physics.effect import BODY, ROLLER, WHEEL, WORLD, Place
 from youbot_env.physics.mecanum import Base
 from youbot_scripts.shared.tables import Table, columns, text
 
@@ -18,7 +18,10 @@ FIELDS: dict[str, tuple[str, str]] = {
     "wheel.torque": ("N m", "that truly acts at the joint"),
     "roller.rate": ("rad/s", "of the roller on the floor about its axle"),
     "roller.acceleration": ("rad/s^2", "the same"),
-    "roller.wheel_angle": ("rad", "of its wheel: which roller stands on the floor, and where"),
+    "roller.wheel_angle": (
+        "rad",
+        "of its wheel: which roller stands on the floor, and where on it",
+    ),
     "world.x": ("m", "place of O in the world"),
     "world.y": ("m", "the same, along world Y"),
     "world.yaw": ("rad", "heading in the world, unwrapped"),
@@ -58,6 +61,18 @@ def fields_of(place: Place) -> tuple[str, ...]:
     return tuple(getattr(place.point, "_fields", ()))
 
 
+OVERCOME = (
+    "It is what the drives must overcome, not what acts on the robot: friction has the sign of the "
+    "rate, a spring that pulls to x = 0 returns + k x"
+)
+"""The sign of what an effect returns where it is a force or a torque of the motion."""
+
+
+def sign_of(place: Place) -> str:
+    """The sign of what an effect returns there; empty where it is no force that is added up."""
+    return OVERCOME if place in (BODY, WORLD, WHEEL, ROLLER) else ""
+
+
 def returned(place: Place) -> str:
     """What an effect returns there, as the point's docstring says it."""
     words = " ".join((place.point.__doc__ or "").split())
@@ -72,7 +87,7 @@ def site_tables() -> list[Table]:
             f"acts_at={name}",
             columns("field", text("unit"), text("meaning")),
             tuple((field, *described(place, field)) for field in fields_of(place)),
-            (f"{_how_often(place)}; returns {returned(place)}",),
+            (f"{_how_often(place)}; returns {returned(place)}", *filter(None, [sign_of(place)])),
         )
         for name, place in NAMES.items()
     ]
@@ -87,6 +102,7 @@ def sites_to_dict() -> list[dict[str, Any]]:
             "kind": place.kind,
             "each_wheel": place.each_wheel,
             "returns": returned(place),
+            "sign": sign_of(place),
             "fields": {
                 field: dict(zip(("unit", "meaning"), described(place, field), strict=True))
                 for field in fields_of(place)

@@ -298,7 +298,8 @@ def observability(found: Found, scaling: str) -> Table:
     )
     shown = (text("motion"), "stretch", "rank", text("blind to"), text("blocks"))
     legend = f"{x_legend(total['names'], scaling)}; all together: rank {total['rank']}"
-    return Table("What each motion shows", columns("log", *shown), rows, (legend,))
+    blocks = "blocks: what stands in one bracket can be estimated apart from the others"
+    return Table("What each motion shows", columns("log", *shown), rows, (legend, blocks))
 
 
 def motions_of_log(found: Found) -> Table:

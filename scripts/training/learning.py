@@ -107,6 +107,9 @@ def _learner(trainee: Trainee, begun: int, device: str, board: RunFolder | None)
         trainee.fleet(learner.envs), trainee.features, trainee.mix, (choice.seed, begun)
     )
     options = dict(learner.learning)
+    if "n_steps" in options:
+        # Of few copies a round is smaller than a batch: it is one then.
+        options["batch_size"] = min(options["batch_size"], options["n_steps"] * learner.envs)
     first, last = options.pop("learning_rate"), learner.final_learning_rate
     if choice.algorithm == "td3":
         size = trainee.mix.shape[1]

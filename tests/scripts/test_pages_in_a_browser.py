@@ -90,7 +90,18 @@ def test_anybody_can_read_it(dark: bool, tmp_path: Path):
     try:
         shown.until(lambda: shown.find(".main-svg"), "charts")
         assert shown.faults() == []
-        assert shown.driver.execute_script("return document.documentElement.scrollWidth") <= 400
+        ask = shown.driver.execute_script
+        width = "return document.documentElement.scrollWidth"
+        assert ask(width) <= 400
+        assert ask("return document.querySelectorAll('.wide.stacked td[data-label]').length") == 7
+        # Printing opens and draws everything as wide as paper, and the page is as it was after it.
+        ask("window.dispatchEvent(new Event('beforeprint'))")
+        drawn = "return [...document.querySelectorAll('.chart .main-svg')].map(e => e.clientWidth)"
+        paper = ask("return document.body.clientWidth")
+        assert paper == 672 and ask("return boxes.length") == 2
+        assert len(ask(drawn)) >= 2 and max(ask(drawn)) <= paper and min(ask(drawn)) > 0.9 * paper
+        ask("window.dispatchEvent(new Event('afterprint'))")
+        shown.until(lambda: ask(width) <= 400, "the phone's width again")
     finally:
         shown.driver.quit()
 

@@ -6,6 +6,7 @@ import inspect
 import json
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 from tests.identification.healthy import healthy_log
@@ -107,3 +108,17 @@ def test_sites_are_shown_and_written(capsys: pytest.CaptureFixture[str], tmp_pat
     assert "acts_at=WORLD" in shown and "com_x" in shown
     sites = json.loads((tmp_path / "sites.json").read_text())["sites"]
     assert {"wheel joint", "world"} <= {site["name"] for site in sites}
+
+
+def test_the_sign_is_said_where_a_force_is_returned() -> None:
+    told = {site["acts_at"]: site["sign"] for site in effect_points.sites_to_dict()}
+    assert {name for name, sign in told.items() if sign} == {"BODY", "WORLD", "WHEEL", "ROLLER"}
+    notes = {table.title: table.notes for table in effect_points.site_tables()}
+    assert "returns + k x" in notes["acts_at=WORLD"][1] and len(notes["acts_at=CLOCK"]) == 1
+
+
+def test_the_stated_sign_is_that_of_the_physics() -> None:
+    """A spring that pulls to the origin: at x > 0 the drives must push ahead to hold the robot."""
+    pulled = load_model("paper").with_effect("tether", stiffness=5.0)
+    held = pulled.wrench(np.zeros(3), np.zeros(3), pose=np.array([2.0, 0.0, 0.0]))
+    assert held[0] > 0.0

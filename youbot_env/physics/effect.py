@@ -100,7 +100,8 @@ class World(NamedTuple):
     """The platform seen from the world frame.
 
     ``com_x``, ``com_y`` [m] lead from O to the centre of mass, along world axes. An effect here
-    returns (force along world X, along world Y, moment about O) [N, N, N m].
+    returns (force along world X, along world Y, moment about O) [N, N, N m] that the drives must
+    overcome: a spring that pulls to x = 0 returns + k x.
     """
 
     x: Number
@@ -510,7 +511,8 @@ def effect(
     parameters : what it takes after ``xp`` and the point, by name and in this order
     source : where the formula comes from
     recognise : one sentence on how a user sees it in measurements
-    dissipative : True for friction, which must never add energy (tested)
+    dissipative : True for what takes energy only, whatever its parameters: friction, not a spring
+        or a slope, which give it back (tested for the catalogue)
     public : how people state the parameters, if not as the function takes them
     carries : for a load, ``carries(xp, time, *parameters)``: the m0, I0, m aX, m aY that other
         effects (a slope) must reckon with beyond the platform's own

@@ -3,13 +3,16 @@
 from __future__ import annotations
 
 import re
+from dataclasses import replace
 from html.parser import HTMLParser
 
 import pytest
 
 from youbot_env.equations import formula
+from youbot_env.model.model_file import load_model
 from youbot_env.physics.effect import CATALOGUE
 from youbot_scripts.cli import command_line
+from youbot_scripts.shared import result_tables
 from youbot_scripts.shared.report_page import Words, coded, page, terms_of, unbroken
 from youbot_scripts.shared.tables import Column, Table, columns, text as text_column, unit
 
@@ -100,3 +103,15 @@ def test_a_number_and_its_sign_stand_on_one_line():
 def test_outside_a_command_the_process_s_own_line_is_told(monkeypatch: pytest.MonkeyPatch):
     monkeypatch.setattr("sys.argv", ["x", "identify", "a b.csv"])
     assert command_line() == "youbot identify 'a b.csv'"
+
+
+def test_no_interval_is_stated_of_a_model_that_does_not_fit():
+    """Whatever errors the model holds of its own: `add` judges by those held out."""
+    paper = load_model("paper")
+    known = {name: replace(entry, std=0.1) for name, entry in paper.parameters.items()}
+    model = replace(paper, parameters=known)
+    for fits in (True, False):
+        rows = result_tables.of_model(model, fits=fits).values()
+        assert all((row["interval"] is not None) == fits for row in rows)
+        shown = result_tables.parameters(result_tables.of_model(model, fits=fits)).cells
+        assert all((cells[2] != "-") == fits and ("±" in cells[1]) == fits for cells in shown)
