@@ -91,7 +91,9 @@ def test_a_product_of_two_variables_is_told_from_laws_of_one(name, values):
     search.refine()
     found = search.leaders[0]
     assert found.law.name == name and search.fall(found) > 0.9
-    strengths = search.verdict().found.values
+    verdict = search.verdict()
+    assert verdict is not None
+    strengths = verdict.found.values
     assert all(strengths[key] == pytest.approx(value, rel=0.1) for key, value in values.items())
 
 
@@ -121,7 +123,9 @@ def test_another_force_about_a_spot_is_found_where_a_spot_was(name, finder, size
     assert search.leaders[0].law.name == finder
     search.add(grammar.like([item.law_at_best() for item in search.leaders]))
     search.refine()
-    found = search.verdict().found
+    verdict = search.verdict()
+    assert verdict is not None
+    found = verdict.found
     assert found.law.name == name
     assert all(found.values[key] == pytest.approx(v, rel=0.1) for key, v in values.items())
 
