@@ -9,6 +9,7 @@ from itertools import islice
 from typing import Any, cast
 
 import numpy as np
+from numpy.typing import NDArray
 
 from identification.importing.settings import ImportSettings
 from identification.importing.tables import RECEIVED, Array, Table
@@ -236,13 +237,10 @@ def _seconds(stamp: Any) -> float:
         return np.nan
     if isinstance(stamp, (int, float)):
         # Foxglove's and others' plain numbers: seconds, or nanoseconds since 1970.
-        return float(stamp) * (1e-9 if stamp > ImportSettings.max_epoch * 1e6 else 1.0)
+        return _number(stamp) * (1e-9 if stamp > ImportSettings.max_epoch * 1e6 else 1.0)
     whole = next((v for n in ("sec", "secs") if (v := _field(stamp, n)) is not None), None)
     rest = next((v for n in ("nanosec", "nsec", "nsecs") if (v := _field(stamp, n)) is not None), 0)
-    try:
-        return np.nan if whole is None else float(whole) + float(rest) * 1e-9
-    except (TypeError, ValueError):
-        return np.nan
+    return np.nan if whole is None else _number(whole) + _number(rest) * 1e-9
 
 
 def _leaves(message: Any, settings: ImportSettings, path: str = "") -> Iterator[tuple[str, Any]]:
@@ -262,7 +260,7 @@ def _values(path: str, value: Any, settings: ImportSettings) -> Iterator[tuple[s
     if value is None:
         return
     if isinstance(value, (bool, int, float, np.number, np.bool_)):
-        yield path, float(value)
+        yield path, _number(value)
     elif isinstance(value, str):
         yield path, value
     elif isinstance(value, (np.ndarray, Sequence)):
@@ -276,26 +274,33 @@ def _values(path: str, value: Any, settings: ImportSettings) -> Iterator[tuple[s
 
 def _is_joint_state(message: Any) -> bool:
     names = _field(message, "name")
-    listed = isinstance(names, Sequence) and not isinstance(names, str) and len(names) > 0
-    return listed and any(_field(message, part) is not None for part in _JOINT_LISTS)
+    return len(_listed(names)) > 0 and any(
+        _field(message, part) is not None for part in _JOINT_LISTS
+    )
 
 
 def _interfaces(message: Any) -> Iterator[tuple[str, Any]]:
     """Numbers by joint of messages that list their names beside: ros2_control's joint states."""
-    names = [str(name) for name in _field(message, "joint_names")]
+    names = [str(name) for name in _listed(_field(message, "joint_names"))]
     for part, value in _fields(message):
         if part == "interface_values":
-            for name, one in zip(names, value, strict=False):
-                said, values = _field(one, "interface_names"), _field(one, "values")
-                for interface, number in zip(said or (), values if said else (), strict=False):
+            for name, one in zip(names, _listed(value), strict=False):
+                said, values = (_listed(_field(one, n)) for n in ("interface_names", "values"))
+                for interface, number in zip(said, values, strict=False):
                     yield f"{interface}[{name}]", _number(number)
             continue
         # Of a controller's state: one point of positions, velocities, efforts in the same order.
         for quantity in ("positions", "velocities", "effort"):
-            values = _field(value, quantity)
-            if values is not None and len(values) == len(names):
+            values = _listed(_field(value, quantity))
+            if len(values) == len(names):
                 for name, number in zip(names, values, strict=True):
                     yield f"{part}.{quantity}[{name}]", _number(number)
+
+
+def _listed(value: Any) -> Sequence[Any] | NDArray[Any]:
+    """A list of a message; an empty one for what a damaged text has in its place."""
+    known = isinstance(value, (Sequence, np.ndarray)) and not isinstance(value, (str, bytes))
+    return value if known else ()
 
 
 def _number(value: Any) -> float:
@@ -310,9 +315,9 @@ def _joints(message: Any) -> Iterator[tuple[str, Any]]:
     """Numbers of a JointState by the names of the joints, whose order may change."""
     names = [str(name) for name in _field(message, "name")]
     for part in _JOINT_LISTS:
-        values = _field(message, part)
+        values = _listed(_field(message, part))
         # Lists that a driver leaves empty, or fills for some of the joints only, are not read.
-        if values is None or len(values) != len(names):
+        if len(values) != len(names):
             continue
         for name, value in zip(names, values, strict=True):
             yield f"{part}[{name}]", _number(value)

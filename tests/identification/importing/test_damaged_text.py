@@ -83,3 +83,38 @@ def test_numbers_as_far_apart_as_they_can_be(far: str, tmp_path: Path) -> None:
     with warnings.catch_warnings():
         warnings.simplefilter("error")
         read_or_refused(path)
+
+
+HUGE = "9" * 400
+
+MESSAGE = {
+    "header": "{stamp: {sec: 170000000%d, nanosec: 10}, frame_id: ''}",
+    "name": "[wheel_joint_fl, wheel_joint_fr, wheel_joint_bl, wheel_joint_br]",
+    "velocity": "[1.0, 2.0, 3.0, 4.0]",
+    "effort": "[1.0, 2.0, 3.0, 4.0]",
+}
+
+
+@pytest.mark.parametrize(
+    "wrong",
+    [
+        {"velocity": "7"},
+        {"effort": f"[{HUGE}, 2.0, 3.0, 4.0]"},
+        {"header": f"{{stamp: {{sec: {HUGE}, nanosec: {HUGE}}}}}"},
+        {"header": f"{{stamp: {HUGE}}}"},
+        {"name": "7", "joint_names": "7", "interface_values": "7"},
+        {"joint_names": "[fl, fr]", "interface_values": "[7, {interface_names: 1, values: 2}]"},
+        {"joint_names": "[fl, fr]", "output": "{positions: 7, velocities: [[], {}]}"},
+        {"odd": f"{{a: {HUGE}, b: [{HUGE}, true]}}"},
+    ],
+)
+def test_messages_whose_fields_hold_something_else(wrong: dict[str, str], tmp_path: Path) -> None:
+    texts = []
+    for k in range(6):
+        fields = MESSAGE | (wrong if k == 3 else {})
+        texts.append("\n".join(f"{key}: {value}" for key, value in fields.items()))
+    path = tmp_path / "echo.yaml"
+    path.write_text("\n---\n".join(text.replace("%d", str(k)) for k, text in enumerate(texts)))
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        read_or_refused(path)
