@@ -11,6 +11,7 @@ import os
 import signal
 import threading
 import time
+import warnings
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass
@@ -53,6 +54,9 @@ def spread(
         for item in items:
             yield item, function(item)
         return
+    # Loky begins a worker anew when its memory has grown, and says so as if something was wrong. It
+    # says it from a thread of its own, so that no filter of this block alone would reach it.
+    warnings.filterwarnings("ignore", message="A worker stopped while some jobs were given")
     task = joblib.delayed(_WorkerCall(function, loaded_files(), os.getpid(), os.getcwd()))
     numbered = list(enumerate(items))
     # An item takes seconds: one a message. No memory maps: items are small.
