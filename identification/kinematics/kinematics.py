@@ -512,7 +512,7 @@ def _length_findings(
                 "warning",
                 f"{name} = {length.value:.5f} m by the pose (95 %: {length.value - reach:.5f} ... "
                 f"{length.value + reach:.5f}), {wanted:g} m by {of}",
-                "write the lengths found (youbot kinematics -o FILE) and give them by --geometry",
+                "give the lengths found, which youbot kinematics -o FILE writes, by --geometry",
             )
     delay = parameters["delay"]
     assert delay.value is not None and delay.std is not None
