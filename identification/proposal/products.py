@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import replace
 from typing import NamedTuple
 
@@ -83,9 +83,17 @@ def products(factor: Law, seen: Surroundings, settings: ProposalSettings) -> Ite
     """A law of the world in a part of the floor, of the time or of the motion alone."""
     if factor.place is not WORLD:
         return
+    taken = {c.name for c in factor.constants} | _assigned(factor.lines)
     for window in _windows(seen, settings):
-        if window.variables != ("time",) or "time" not in factor.variables:
+        twice = window.variables == ("time",) and "time" in factor.variables
+        # A spring beyond an edge has an edge already: beyond another one it is no new law.
+        if not twice and taken.isdisjoint(c.name for c in window.constants):
             yield _times(factor, window)
+
+
+def _assigned(lines: Sequence[str]) -> set[str]:
+    """Names that statements of the form ``a, b = ...`` assign."""
+    return {name.strip() for line in lines for name in line.partition("=")[0].split(",")}
 
 
 def _windows(seen: Surroundings, settings: ProposalSettings) -> Iterator[Window]:
@@ -178,7 +186,8 @@ def _times(factor: Law, window: Window) -> Law:
         factor,
         name=f"{factor.name}_{window.name}",
         constants=(*factor.constants, *window.constants),
-        lines=(*factor.lines, *window.lines, f"fx, fy, mz = {factor.result}"),
+        # The force first: a window's lines may use the names of the factor's anew.
+        lines=(*factor.lines, f"fx, fy, mz = {factor.result}", *window.lines),
         result="inside * fx, inside * fy, inside * mz",
         variables=(*factor.variables, *variables),
         meaning=f"{factor.meaning}, {window.word}",

@@ -2,15 +2,17 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
 
-from tests.identification.proposal.laws import at_some_size, every_law
+from identification.proposal.products import products
+from tests.identification.proposal.laws import SETTINGS, at_some_size, every_law, seen
 from youbot_env.equations.equations import try_out
-from youbot_env.physics.effect import CATALOGUE
+from youbot_env.physics.effect import CATALOGUE, WORLD
 from youbot_env.physics.geometry import Geometry
 from youbot_env.physics.mecanum import MECANUM
 from youbot_env.physics.mechanism import EffectPoints, Instant, component_force
@@ -48,6 +50,31 @@ def test_names_tell_all_laws_apart():
     names = [law.name for law in LAWS]
     assert len(set(names)) == len(names) > 150
     assert not set(names) & set(CATALOGUE.names())
+
+
+@pytest.mark.parametrize(
+    "factor",
+    [law for law in LAWS if law.terms <= SETTINGS.max_factor_terms and law.place is WORLD],
+    ids=lambda law: law.name,
+)
+def test_any_law_of_the_world_in_a_part_of_the_motion_is_itself_there(factor):
+    """Whatever names its lines and constants have."""
+    at = some_motion()
+    known = at_some_size(factor)
+    effect = known.effect()
+    whole, _ = force(effect, [known.values[n] for n in effect.parameter_names], at)
+    parts = list(products(factor, seen(), SETTINGS))
+    assert len(parts) > 3
+    for law in parts:
+        found = replace(at_some_size(law), values=at_some_size(law).values | known.values)
+        effect = found.effect()
+        part, _ = force(effect, [found.values[n] for n in effect.parameter_names], at)
+        acts = np.abs(whole) > 1e-9
+        share = part[acts] / whole[acts]
+        assert share.min() > -1e-9 and share.max() < 1 + 1e-9
+        # The same share of each component.
+        inside = (part * whole).sum(axis=0) / np.maximum((whole * whole).sum(axis=0), 1e-300)
+        np.testing.assert_allclose(part, inside * whole, atol=1e-9)
 
 
 @pytest.mark.parametrize("law", LAWS, ids=lambda law: law.name)
