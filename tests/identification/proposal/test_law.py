@@ -66,7 +66,7 @@ def test_any_law_of_the_world_in_a_part_of_the_motion_is_itself_there(factor):
     parts = list(products(factor, seen(), SETTINGS))
     assert len(parts) > 3
     for law in parts:
-        found = replace(at_some_size(law), values=at_some_size(law).values | known.values)
+        found = replace(at_some_size(law), values={**at_some_size(law).values, **known.values})
         effect = found.effect()
         part, _ = force(effect, [found.values[n] for n in effect.parameter_names], at)
         acts = np.abs(whole) > 1e-9
