@@ -1,7 +1,21 @@
 """Set up once for all tests."""
 
 import os
+from collections.abc import Iterator
+
+import pytest
 
 # The processes of a parallel run share the cores already.
 if "PYTEST_XDIST_WORKER" in os.environ:
     os.environ.setdefault("YOUBOT_THREADS", "1")
+
+
+@pytest.fixture(autouse=True)
+def no_file_of_effects_stays() -> Iterator[None]:
+    """Worker processes load what was loaded here: not the files of earlier tests."""
+    # Here: what it imports may read what is set above.
+    from youbot_env import plugins
+
+    before = list(plugins._loaded)
+    yield
+    plugins._loaded[:] = before

@@ -28,6 +28,8 @@ WITH_MODELS = (
 def own(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> dict[str, str]:
     """A file with an effect, and a model that has it; the catalogue does not know it."""
     monkeypatch.setattr(CATALOGUE, "_effects", dict(CATALOGUE._effects))
+    # Workers load what was loaded here: not the files of other tests.
+    monkeypatch.setattr("youbot_env.plugins._loaded", [])
     monkeypatch.chdir(tmp_path)
     (tmp_path / "my_effects.py").write_text(HEAD + DRAG)
     before = dict(CATALOGUE._effects)
