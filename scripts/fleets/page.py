@@ -15,7 +15,7 @@ if TYPE_CHECKING:
     from identification.figures.chart_style import Chart
 
 
-CHART_HEIGHT, PANEL_HEIGHT = 420, 150
+CHART_HEIGHT, PANEL_HEIGHT, BAR_HEIGHT = 420, 150, 22
 """[px]"""
 
 
@@ -165,9 +165,10 @@ def _charts(records: Sequence[Record], found: FleetSummary) -> Iterator[Chart]:
             ),
         ])  # fmt: skip
         figure.update_layout(barmode="stack")
-        figure.update_yaxes(autorange="reversed")
+        # Every name is read: plotly leaves out those that have no room, or that it thinks dense.
+        figure.update_yaxes(autorange="reversed", tickmode="linear", dtick=1)
         figure.update_xaxes(title_text="robots")
-        height = CHART_HEIGHT
+        height = max(CHART_HEIGHT, 180 + BAR_HEIGHT * len(rows))
         yield Chart("effects", "Effects in the fleet", look.finished(figure, height), height)
     yield _parameters_chart(records, found)
 
