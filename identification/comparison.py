@@ -386,7 +386,7 @@ def _noise_floor(
     found = predictability(mechanism, rows, samples, seed, settings, at)
     noise = [NoiseLevel.of(item, settings) for item in samples]
     elsewhere = []
-    if known is not None:
+    if known is not None and not found.is_noise:  # of noise all is the floor
         args = zip(samples, traces, noise, strict=True)
         elsewhere = [_noise_as_known(mechanism, at, *of, known, seed, settings) for of in args]
     floor = noise_floor(

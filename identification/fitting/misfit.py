@@ -22,14 +22,14 @@ def force_floor_of(model: Model[Any]) -> float | None:
     does not hold it."""
     floor = model.errors.get("noise_floor")
     found = floor.get("force_error") if isinstance(floor, Mapping) else None
-    return found if isinstance(found, float) and math.isfinite(found) else None
+    return found if isinstance(found, (int, float)) and math.isfinite(found) else None
 
 
 def misfit_of(model: Model[Any], settings: FitSettings = FitSettings()) -> float | None:
     """How many times its noise floor the force error of a model was on the logs that it was made
     of, if that was a misfit; None if it was not, or is not known."""
     error, floor = model.errors.get("force_error"), force_floor_of(model)
-    if not isinstance(error, float) or floor is None or not misfit(error, floor, settings):
+    if not isinstance(error, (int, float)) or floor is None or not misfit(error, floor, settings):
         return None
     return error / max(floor, 1e-300)
 

@@ -514,12 +514,11 @@ def noise_floor(
         limits = list(elsewhere)
     else:
         limits = [repeated] * len(traces)
-    force, share = [], []
-    for k, (trace, most) in enumerate(zip(traces, limits, strict=True)):
-        of_rows = found.residual[k], found.predicted_square(k)
-        force.append(force_floor(trace, *of_rows, most))
-        left = force_floor(trace, *of_rows, np.full(len(most), np.inf))
-        share.append(np.sqrt(force[k].residual / np.maximum(left.residual, 1e-300)))
+
+    def floor(k: int, most: Array) -> SumsOfSquares:
+        return force_floor(traces[k], found.residual[k], found.predicted_square(k), most)
+
+    force = [floor(k, most) for k, most in enumerate(limits)]
     velocity = []
     for k, (item, run, level) in enumerate(zip(samples, runs, noise, strict=False)):
         if not np.isfinite(run.predicted).all():
@@ -527,7 +526,9 @@ def noise_floor(
             velocity.append(SumsOfSquares.of(run))
             continue
         # Of what the trees leave, no more is noise in the free run than in the forces.
-        disturbed = disturbed_samples(mechanism, item, rows[k], share[k] * found.noise(k))
+        left = floor(k, np.full(len(mechanism.axes), np.inf)).residual
+        share = np.sqrt(force[k].residual / np.maximum(left, 1e-300))
+        disturbed = disturbed_samples(mechanism, item, rows[k], share * found.noise(k))
         velocity.append(velocity_floor(mechanism, theta, disturbed, run, level, seed))
     return NoiseFloor(tuple(force), tuple(velocity), found.noise_std, found.correlation_time)
 

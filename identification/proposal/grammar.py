@@ -154,8 +154,7 @@ class PlatformGrammar:
         )
 
     def _with_choices(self, laws: Sequence[Law]) -> list[tuple[Law, Choices]]:
-        pick = choices_of
-        return [(law, list(pick(law, self.seen, self.settings))) for law in laws]
+        return [(law, list(choices_of(law, self.seen, self.settings))) for law in laws]
 
 
 def surroundings(evidence: Evidence, samples: Sequence[Samples]) -> Surroundings:

@@ -21,6 +21,9 @@ from identification.proposal.surroundings import (
 )
 from youbot_env.physics.effect import WORLD
 
+PLACE = ("position_x", "position_y")
+"""Variables of a force that depends on both coordinates of the place."""
+
 
 def laws_by_place(seen: Surroundings, settings: ProposalSettings) -> Iterator[Law]:
     """Forces along the world's axes that depend on the place along a direction."""
@@ -29,7 +32,7 @@ def laws_by_place(seen: Surroundings, settings: ProposalSettings) -> Iterator[La
     yield Law(
         "line_spring",
         WORLD,
-        ("position_x", "position_y"),
+        PLACE,
         (Constant("stiffness", "N/m", size=5.0), Constant("pull", "N", size=5.0), direction),
         (TURN, "along = stiffness * (world.x * c + world.y * s) - pull"),
         "along * c, along * s, 0.0",
@@ -82,7 +85,7 @@ def laws_by_place(seen: Surroundings, settings: ProposalSettings) -> Iterator[La
     yield Law(
         "moment_by_place",
         WORLD,
-        ("position_x", "position_y"),
+        PLACE,
         (Constant("along_x", "N m/m", size=1.0), Constant("along_y", "N m/m", size=1.0)),
         (),
         "0.0, 0.0, along_x * world.x + along_y * world.y",
@@ -99,9 +102,6 @@ def laws_by_place(seen: Surroundings, settings: ProposalSettings) -> Iterator[La
     yield _bump(seen, settings)
     yield _spot_field(seen, settings)
     yield _around(seen)
-
-
-PLACE = ("position_x", "position_y")
 
 
 def _fields(settings: ProposalSettings) -> Iterator[Law]:
@@ -425,7 +425,7 @@ def _bump(seen: Surroundings, settings: ProposalSettings) -> Law:
     return Law(
         BUMP,
         WORLD,
-        ("position_x", "position_y"),
+        PLACE,
         (Constant("force", "N", size=5.0), *spot_constants(seen, settings)),
         (
             "dx, dy = (world.x - spot_x) / radius, (world.y - spot_y) / radius",

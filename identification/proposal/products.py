@@ -315,7 +315,7 @@ GROWS = "(a + b x + c y)"
 
 def _growing(unit: str, size: float) -> tuple[Constant, ...]:
     """Constants of such a size."""
-    per_way = unit.replace("N s/m", "N s/m^2") if unit == "N s/m" else f"{unit}/m"
+    per_way = "N s/m^2" if unit == "N s/m" else f"{unit}/m"
     return (
         _level(Constant("level", unit, size=size)),
         *(Constant(name, per_way, size=size) for name in ("along_x", "along_y")),

@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 from identification.mechanisms.mechanism import Mechanism
 from identification.proposal.law import FoundLaw, Law, Verdict
 from identification.proposal.settings import ProposalSettings
+from youbot_env.physics.hardware import WHEELS
 
 
 @dataclass(frozen=True)
@@ -156,8 +157,6 @@ class Proposal:
 
 
 SETTINGS = ProposalSettings()
-
-WHEELS = ("fl", "fr", "bl", "br")
 
 SHOWN_LOGS = 4
 """Logs that a file's first line names."""

@@ -98,12 +98,10 @@ def of_model(model: Any, *, fits: bool | None = None) -> dict[str, dict[str, Any
     ----------
     fits : whether it did, where that is known; else judged by the errors that it holds
     """
-    from identification.fitting.misfit import misfit
+    from identification.fitting.misfit import misfit_of
     from identification.fitting.settings import FitSettings
 
-    floor = model.errors.get("noise_floor")
-    numbers = (model.errors.get("force_error"), floor and floor.get("force_error"))
-    holds = (None in numbers or not misfit(*numbers)) if fits is None else fits
+    holds = misfit_of(model) is None if fits is None else fits
     entries = dict(model.parameters) | {
         f"{effect}.{name}": entry
         for effect, inner in model.effects.items()
