@@ -34,13 +34,15 @@ def make_folds(
     """One fold a log; a log that alone shows some column of the model gives several blocks.
 
     Example: only the longest log lasts until a load is put on. If all of it were held out, no other
-    log could determine the load, and the load would seem to explain nothing.
+    log could determine the load, and the load would seem to explain nothing. Columns together are
+    asked too: drives that get warm are seen in the first log, and in the others all torques are
+    less alike, as if all masses were more.
 
     Parameters
     ----------
     columns : per log (n, A, F) of the model that is to be judged
     """
-    lonely = {0} if len(rows) == 1 else _lonely(columns, settings.min_lone_share)
+    lonely = {0} if len(rows) == 1 else _lonely(columns, settings)
     folds = []
     for k, row in enumerate(rows):
         blocks = settings.blocks_of_single_log if k in lonely else 1
@@ -53,12 +55,31 @@ def make_folds(
     return folds
 
 
-def _lonely(columns: Sequence[Array], share: float) -> set[int]:
-    """Logs that hold more than a share of the squares of some column."""
+def _lonely(columns: Sequence[Array], settings: FitSettings) -> set[int]:
+    """Logs that hold more than a share of the squares of some column, or combination of columns."""
     if not columns:
         return set()
-    squares = np.stack([(column**2).sum(axis=(0, 1)) for column in columns])
-    return {int(k) for k in np.nonzero(squares > share * squares.sum(axis=0))[0]}
+    flat = [part.reshape(-1, part.shape[-1]) for part in columns]
+    grams = np.stack([part.T @ part for part in flat])
+    total = grams.sum(axis=0)
+    squares = np.diagonal(grams, axis1=1, axis2=2)
+    alone = squares > settings.min_lone_share * np.diag(total)
+    most = _largest_shares(grams, total, settings.min_held_out_share)
+    together = most > settings.min_lone_share_of_combination
+    return {int(k) for k in np.nonzero(alone.any(axis=1) | together)[0]}
+
+
+def _largest_shares(grams: Array, total: Array, rounding: float) -> Array:
+    """(K,) of each log the largest share, over combinations of columns, of their squares.
+
+    ``grams`` (K, F, F), ``total`` their sum; ``rounding``: see `_solve`.
+    """
+    norm = np.sqrt(np.maximum(np.diag(total), 1e-300))
+    values, vectors = np.linalg.eigh(total / np.outer(norm, norm))
+    seen = values > rounding * values.max()
+    # Combinations whose squares over all logs are one, and nothing two by two.
+    frame = vectors[:, seen] / np.sqrt(values[seen]) / norm[:, None]
+    return np.array([np.linalg.eigvalsh(frame.T @ gram @ frame)[-1] for gram in grams])
 
 
 @dataclass(frozen=True)

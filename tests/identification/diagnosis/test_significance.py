@@ -38,6 +38,20 @@ def test_one_log_is_held_out_in_five_blocks():
     np.testing.assert_array_equal(covered, np.arange(503))
 
 
+def test_a_log_that_alone_shows_a_combination_of_columns_is_held_out_in_blocks():
+    """A fading strength is a column of its own in the first log, and any strength in the others."""
+    rng = np.random.default_rng(2)
+    logs = [rows(rng, 400) for _ in range(3)]
+    fading = np.exp(-logs[0].time / 5.0)[:, None]
+    faded = [logs[0].columns[..., 0] * (1 - fading), *(log.columns[..., 0] for log in logs[1:])]
+    columns = [
+        np.concatenate([log.columns, own[..., None], 0.0 * own[..., None]], axis=-1)
+        for log, own in zip(logs, faded, strict=True)
+    ]
+    assert [fold.log for fold in make_folds(logs, columns)] == [0] * 5 + [1, 2]
+    assert all(fold.whole for fold in make_folds(logs, [part[..., :3] for part in columns]))
+
+
 def coloured(rng, count, decay):
     white = rng.standard_normal((count, 3))
     out = np.empty_like(white)
