@@ -236,7 +236,7 @@ def _p_values(
         and p_values[item.name] <= settings.max_p_value_of_noise
     ]
     if by_noise:
-        noise = list(base.with_noise(data.noise, data.seed, with_torques=True))
+        noise = list(base.with_noise(data.noise, data.seed, with_torques=True, lasting=True))
         for item in by_noise:
             scores[item.name] = _beyond_noise(base, item, scores[item.name], noise)
         p_values = candidate_p_values(scores, signs, settings, tried)

@@ -9,7 +9,7 @@ from __future__ import annotations
 import time
 from collections.abc import Callable, Iterator, Sequence
 from copy import copy
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import cached_property, partial
 from typing import Any
 
@@ -36,6 +36,7 @@ from identification.fitting.errors import (
 )
 from identification.fitting.gauge import gauge_basis
 from identification.fitting.held_channels import as_they_mean
+from identification.fitting.lasting_noise import lasting_noise
 from identification.fitting.predictability import (
     NoiseFloor,
     Predictability,
@@ -145,15 +146,21 @@ class FittedStructure:
         return sum(float((residual**2).sum()) for _, residual in added)
 
     def with_noise(
-        self, noise: Sequence[NoiseLevel], seed: int, with_torques: bool
+        self, noise: Sequence[NoiseLevel], seed: int, with_torques: bool, lasting: bool = False
     ) -> Iterator[tuple[Samples, Array]]:
-        """Per log, its samples with noise put on once more, and what that adds to the residual."""
-        rng = np.random.default_rng(seed)
+        """Per log, its samples with noise put on once more, and what that adds to the residual.
+
+        ``lasting``: noise on the speeds with their own spectrum, where they show one.
+        """
+        rng, fit = np.random.default_rng(seed), self.settings.fit
         for item, level, row in zip(self.samples, noise, self.rows, strict=True):
             # Noise on the torques adds the same squares to the residual of every structure, unless
             # a channel takes its share of them: a dead zone lets no noise through.
             torque = level.torque if with_torques else 0.0 * level.torque
             noisy = self.mechanism.noisy(item, level.speed, torque, rng)
+            slow = lasting_noise(self.mechanism, item, level, rng, fit) if lasting else None
+            if slow is not None:
+                noisy = replace(slow.on(item, 0), torque=noisy.torque)
             again = filtered_residual(self.mechanism, self.theta, noisy, self.settings.rows)
             yield noisy, again - row.residual
 

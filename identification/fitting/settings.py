@@ -785,6 +785,15 @@ class FitSettings(Settings):
             "squares rose to 30 times those without it; 0.78 of most effects, 0.96 of a spring",
         },
     )
+    min_lasting_noise_ratio: float = field(
+        default=1.05,
+        metadata={
+            "unit": "what the speeds hold beside any motion, over their white noise",
+            "reason": "from here on noise of the speeds is taken to last: 0.985 to 1.008 of white "
+            "noise in 30 logs; 1.14 to 7.8 of a first-order noise in 34, in all of which a "
+            "resonance had p = 0.01 or less by white noise alone, and in one by their own",
+        },
+    )
     min_held_out_share: float = field(
         default=1e-10,
         metadata={

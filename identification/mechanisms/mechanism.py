@@ -505,7 +505,10 @@ class Mechanism(Generic[Known]):
         if samples.angle_noise is not None:
             # Noise of angles, differenced over two samples as in `samples`.
             extra = (np.roll(extra, -1, axis=0) - np.roll(extra, 1, axis=0)) / np.sqrt(2.0)
-        extra *= speed
+        return self.added_noise(samples, extra * speed)
+
+    def added_noise(self, samples: Samples, extra: Array) -> AddedNoise:
+        """Noise (N, J) for the speeds of samples."""
         # Angles that are integrated from the speeds drift with their noise; a ripple sees it.
         drifts = samples.wheel_angle.size and not samples.angle_measured
         reads = drifts and self.structure.depends_on_angle
