@@ -191,10 +191,25 @@ class RowFilter:
         moved = block_mean(memory[start:], self.size) < np.exp(-self.settling)
         return rows * moved.reshape(-1, *[1] * (rows.ndim - 1))
 
-    def adjoint(self, rows: Array, count: int) -> Array:
+    def adjoint(
+        self,
+        rows: Array,
+        count: int,
+        part: tuple[int, int] | None = None,
+        margin: int = 0,
+    ) -> Array:
         """(N, ...) such that its product with N = ``count`` samples is that of ``rows`` (n, ...)
-        with the rows of these samples."""
-        spread = np.zeros((count, *rows.shape[1:]))
-        inside = np.repeat(rows / self.size, self.size, axis=0)[: count - self.first]
-        spread[self.first : self.first + len(inside)] = inside
-        return filter_samples(spread[::-1], self.rate, self.dt)[::-1]
+        with the rows of these samples.
+
+        ``part``: from which sample to which, where not all are asked for; ``margin``: samples after
+        it from which on the filter, which runs backwards, has forgotten its start.
+        """
+        begin, end = part or (0, count)
+        until = min(end + margin, count)
+        spread = np.zeros((until - begin, *rows.shape[1:]))
+        held = slice(max(begin, self.first), min(until, self.first + len(rows) * self.size))
+        if held.start < held.stop:
+            of_row = (np.arange(held.start, held.stop) - self.first) // self.size
+            spread[held.start - begin : held.stop - begin] = (rows / self.size)[of_row]
+        filtered = filter_samples(spread[::-1], self.rate, self.dt)[::-1]
+        return filtered[: end - begin]
