@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from identification.fitting.settings import PredictabilitySettings
+from identification.signals.filters import pieces
 
 Array = NDArray[np.float64]
 
@@ -37,9 +38,11 @@ def repeated_noise(
         lag = _period(speed[inside], step, settings)
         if lag:
             of_part = residual[inside]
+            later, earlier = of_part[lag:], of_part[:-lag]
             # Half: each difference holds the noise of two periods.
-            total += 0.5 * ((of_part[lag:] - of_part[:-lag]) ** 2).sum(axis=0)
-            count += len(of_part) - lag
+            for some in pieces(len(later)):
+                total += 0.5 * ((later[some] - earlier[some]) ** 2).sum(axis=0)
+            count += len(later)
     return total, count
 
 
@@ -80,5 +83,8 @@ def _all_differences(speed: Array) -> Array:
 def _difference(speed: Array, lag: int) -> float:
     """Squares of the difference between a motion and itself ``lag`` later, over its own squares."""
     later, earlier = speed[lag:], speed[:-lag]
-    whole = float((later**2).sum() + (earlier**2).sum())
-    return float(((later - earlier) ** 2).sum()) / whole if whole > 0 else 1.0
+    apart = whole = 0.0
+    for some in pieces(len(later)):
+        whole += float((later[some] ** 2).sum() + (earlier[some] ** 2).sum())
+        apart += float(((later[some] - earlier[some]) ** 2).sum())
+    return apart / whole if whole > 0 else 1.0
