@@ -42,7 +42,7 @@ def _wheel_angles(
 
 
 def _rolled_between(pose: Array, geometry: Geometry) -> Array:
-    """(N - 1, 4) angles [rad] by which wheels roll without slip from each pose (N, 3) to the next."""
+    """(N - 1, 4) angles [rad] by which wheels roll from each pose (N, 3) to the next."""
     middle = 0.5 * (pose[1:, 2] + pose[:-1, 2])
     c, s = np.cos(middle), np.sin(middle)
     dx, dy, turn = np.diff(pose, axis=0).T
