@@ -29,7 +29,7 @@ from identification.fitting.least_squares import Fit, fit as fit_model
 from identification.fitting.misfit import force_floor_of, misfit, misfit_warning
 from identification.fitting.observability import log_observability, refuse_blind
 from identification.fitting.predictability import NoiseFloor, noise_floor, predictability
-from identification.fitting.regression import regression
+from identification.fitting.regression import regression, regressions
 from identification.fitting.settings import FitSettings
 from identification.logs.columns import joint_columns
 from identification.logs.log import Log
@@ -353,7 +353,7 @@ def _fitted(
 ) -> Fit | None:
     """The model's structure fitted to the logs; None where they are too short."""
     free = np.flatnonzero(mechanism.free)
-    rows = [regression(mechanism, theta, item, free, settings) for item in samples]
+    rows = regressions(mechanism, theta, samples, free, settings)
     if sum(len(row.residual) for row in rows) < settings.min_rows_per_parameter * len(free):
         return None
     return fit_model(mechanism, samples, theta, first=rows, settings=settings)
