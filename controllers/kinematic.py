@@ -55,7 +55,8 @@ class KinematicControl:
     Attributes
     ----------
     preview_needed : coming reference samples that it reads; 0 without a lead
-    held : (4,) which wheels' last speed was no number, so that their torque is the one before
+    held : (4,) which wheels' last speed was no number, so that their torque is the one before;
+        ``env.unwrapped.to_action(torque, controller.held)`` puts it into the environment's ``info``
 
     Raises
     ------

@@ -151,9 +151,8 @@ def _wheels(found: Kinematics) -> Table:
     for name, wheel in found.wheels.items():
         angle = ""
         if wheel.roller_angle:
-            value, std = (57.29578 * number for number in wheel.roller_angle)
-            angle = f"{value:.1f} ± {std:.1f}"
-        rows.append((name, f"{wheel.radius[0]:.5f} ± {wheel.radius[1]:.5f}", angle))
+            angle = with_std(*(57.29578 * number for number in wheel.roller_angle))
+        rows.append((name, with_std(*wheel.radius), angle))
     head = columns("wheel", "radius m", "roller angle, degrees")
     return Table("Each wheel", head, tuple(rows))
 

@@ -46,7 +46,7 @@ def main(
     from youbot_scripts.interactive.app import build
     from youbot_scripts.interactive.serving import serve
 
-    serve(folder, things or [], port, build)
+    serve(folder, things or [], port, build, effects)
 
 
 if __name__ == "__main__":

@@ -108,6 +108,18 @@ def safe(text: str) -> str:
     return escape(text, quote=False)
 
 
+def parameter(name: str, unit: str) -> str:
+    """A parameter's name and unit for a title or an axis: ``mu1`` is a letter with an index."""
+    letters = {"mu": "µ"}
+    indexed = re.sub(
+        r"\b(mu|[mIaxM])(\d|[XY])\b",
+        lambda m: f"{letters.get(m[1], m[1])}<sub>{m[2]}</sub>",
+        safe(name).replace("m_a", "m a"),
+    )
+    raised = re.sub(r"\^(-?\d+)", r"<sup>\1</sup>", safe(unit))
+    return f"{indexed} [{raised}]"
+
+
 def label(quantity: Quantity) -> str:
     """Symbol and unit of a quantity, for an axis."""
     return f"{symbol(quantity[0])} [{quantity[1]}]"

@@ -84,10 +84,10 @@ def charts_of_comparison(result: Comparison) -> Charts:
 def charts_of_diagnosis(result: Diagnosis) -> Charts:
     """Of a diagnosis.
 
-    errors: held out, as they fall; residual: over its strongest variables, before and after the
-    accepted effects; forces_K, free_run_K: measured and predicted of log K, before and after;
-    plan_before_K, plan_after_K: the way on the floor, coloured by the force residual; next: the
-    motion proposed.
+    errors: held out, as they fall; residual: of the refitted model over its strongest variables,
+    with what the accepted effects explain of it; forces_K, free_run_K: measured and predicted of
+    log K, before and after; plan_before_K, plan_after_K: the way on the floor, coloured by the
+    force residual; next: the motion proposed.
     """
     shown, steps = quantities_of(result.model), list(result.steps)
     yield errors_chart(
@@ -97,7 +97,7 @@ def charts_of_diagnosis(result: Diagnosis) -> Charts:
         yield motion_chart(result.next_experiment)
     titles = ("refitted model", "with " + ", ".join(result.missing))
     maps = list(zip(("before", "after") if len(steps) > 1 else ("",), result.maps, strict=False))
-    yield from residual_charts(maps, shown.forces)
+    yield from residual_charts(maps, shown.forces, explained=True)
     ends = steps if len(steps) == 1 else [steps[0], steps[-1]]
     pairs = [(step.fitted.mechanism, step.fitted.theta) for step in ends]
     yield from _before_and_after(result.samples, pairs, titles, shown)
@@ -253,7 +253,7 @@ def _estimates(result: Identification) -> Chart:
         low = min(float(ends["low"][settled:].min()), batch)
         high = max(float(ends["high"][settled:].max()), batch)
         pad = 0.06 * (high - low) or 1.0
-        name = f"{look.safe(item.name)} [{item.parameter.unit}]"
+        name = look.parameter(item.name, item.parameter.unit)
         figure.update_yaxes(title_text=name, range=[low - pad, high + pad], row=row, col=1)
     figure.update_xaxes(title_text="time from the first log's start [s]", row=len(labels), col=1)
     title = "Estimates over time; dashed: the batch estimate"

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import replace
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
@@ -76,13 +77,18 @@ def errors_chart(
 
 
 def residual_charts(
-    maps: Sequence[tuple[str, ResidualMap]], forces: Sequence[Quantity]
+    maps: Sequence[tuple[str, ResidualMap]],
+    forces: Sequence[Quantity],
+    *,
+    explained: bool = False,
 ) -> Iterator[Chart]:
     """The residual over the variables that it depends on most, of one model or of two.
 
     Parameters
     ----------
     maps : name of a model and its residual map; the first one chooses the variables
+    explained : of two maps, whether the second one's model is the first one's with effects: then
+        the first one's residual is drawn as points, and through them what the effects take away
     """
     rows = _strongest(maps)
     if not rows:
@@ -91,9 +97,12 @@ def residual_charts(
     figure = look.rows_figure(len(rows), height, [title for title, _ in rows], shared=False)
     dashes = ("dot", "solid")[-len(maps) :]
     for row, (_, curves) in enumerate(rows, start=1):
-        for curve, (name, _), dash in zip(curves, maps, dashes, strict=True):
-            if curve is not None:
-                _add_curve(figure, row, curve, forces, name, dash)
+        if explained and len(maps) == 2:
+            _add_explained(figure, row, curves, forces)
+        else:
+            for curve, (name, _), dash in zip(curves, maps, dashes, strict=True):
+                if curve is not None:
+                    _add_curve(figure, row, curve, forces, name, dash)
         first = next(curve for curve in curves if curve is not None)
         unit = f" [{first.unit}]" if first.unit else ""
         figure.update_xaxes(title_text=f"{look.safe(first.label)}{unit}", row=row, col=1)
@@ -110,12 +119,16 @@ def _strongest(
     shares = {share.variable: share.share for share in first.shares}
     found: list[tuple[str, list[Curve | None]]] = []
     for variable in first.leading[:MAX_CURVES]:
-        title = f"{look.safe(variable)}: {percent(shares[variable])} of the residual"
         of_each = [
             residual_map.curve(variable) if variable in _variables(residual_map) else []
             for _, residual_map in maps
         ]
-        for k in range(len(of_each[0])):
+        share = f"{percent(shares[variable])} of the residual"
+        for k, curve in enumerate(of_each[0]):
+            # The twist has three curves, one for each component.
+            alone = len(of_each[0]) == 1
+            name = look.safe(variable)
+            title = f"{name}: {share}" if alone else f"{look.safe(curve.label)} ({name}: {share})"
             found.append((title, [curves[k] if k < len(curves) else None for curves in of_each]))
     return found[:MAX_CURVES]
 
@@ -124,20 +137,38 @@ def _variables(residual_map: ResidualMap) -> set[str]:
     return {share.variable for share in residual_map.shares}
 
 
-def _add_curve(
-    figure: Figure, row: int, curve: Curve, forces: Sequence[Quantity], model: str, dash: str
+def _add_explained(
+    figure: Figure, row: int, curves: Sequence[Curve | None], forces: Sequence[Quantity]
 ) -> None:
-    """A residual over a variable: a line for each axis, with bars that hold 95 %."""
+    """A residual over a variable as points, and what effects take away of it as a line."""
+    before, after = curves
+    if before is None:
+        return
+    _add_curve(figure, row, before, forces, "residual", None)
+    if after is not None and before.at.shape == after.at.shape:
+        taken = replace(before, force=before.force - after.force, std=np.zeros_like(before.std))
+        _add_curve(figure, row, taken, forces, "explained", "solid")
+
+
+def _add_curve(
+    figure: Figure, row: int, curve: Curve, forces: Sequence[Quantity], model: str, dash: str | None
+) -> None:
+    """A residual over a variable: a line for each axis, or points, with bars that hold 95 %.
+
+    ``dash``: of the line; None draws points alone.
+    """
+    mode = "markers" if dash is None else "lines+markers" if curve.std.any() else "lines"
     for k, (symbol, unit) in enumerate(forces):
         name = f"{look.symbol(symbol)}{', ' if model else ''}{look.safe(model)}"
+        colour = look.AXES[k % len(look.AXES)]
         figure.add_trace(
             look.plotly().Scatter(
                 x=look.compact(curve.at), y=look.compact(curve.force[:, k]), name=name,
-                mode="lines+markers", marker_size=4, legendgroup=name, showlegend=row == 1,
-                line={"color": look.AXES[k % len(look.AXES)], "width": 1.5, "dash": dash},
+                mode=mode, marker_size=5, legendgroup=name, showlegend=row == 1,
+                line={"color": colour, "width": 1.5, "dash": dash}, marker_color=colour,
                 error_y={
                     "array": look.compact(look.BAND * curve.std[:, k]), "thickness": 0.8, "width": 0
-                },
+                } if curve.std.any() else None,
                 hovertemplate=f"%{{y:.3g}} {unit} at %{{x:.3g}}",
             ),
             row=row, col=1,

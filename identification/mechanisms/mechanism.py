@@ -549,7 +549,9 @@ class Mechanism(Generic[Known]):
         """
         if self.structure.changes_kinematics:
             return (self.free_run_of_joints(theta, samples) @ self.least_squares) * self.speed_scale
-        return self._twists_of_free_run(theta, samples) * self.speed_scale
+        found = self._twists_of_free_run(theta, samples)
+        found *= self.speed_scale
+        return found
 
     def free_run_of_joints(self, theta: Array, samples: Samples) -> Array:
         """(N, J) the same as the joints' speeds would be logged, which start as they were."""

@@ -131,8 +131,10 @@ def controllers_chart(name: str, group: Sequence[Result]) -> Chart:
     height = height_of(len(names), 1, len(bands))
     figure = look.rows_figure(1, height)
     _marks(figure, 1, group, "nrmse", 100.0, "%", legend=True)
-    means = [100 * result.mean("nrmse") for result in group]
-    figure.update_xaxes(**look.log_axis(means), title_text="error [%]", row=1, col=1)
+    means = [(100 * result.mean("nrmse"), 100 * result.half("nrmse")) for result in group]
+    # A logarithmic axis cannot show an interval that reaches zero: it runs out of the chart.
+    ends = [end for mean, half in means for end in (max(mean - half, 0.1 * mean), mean + half)]
+    figure.update_xaxes(**look.log_axis(ends), title_text="error [%]", row=1, col=1)
     lost = {r.controller for r in group if r.diverged}
     shown = [f"{one} (diverges)" if one in lost else one for one in names]
     name_rows(figure, 1, shown)

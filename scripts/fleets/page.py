@@ -167,7 +167,9 @@ def _charts(records: Sequence[Record], found: FleetSummary) -> Iterator[Chart]:
         figure.update_layout(barmode="stack")
         # Every name is read: plotly leaves out those that have no room, or that it thinks dense.
         figure.update_yaxes(autorange="reversed", tickmode="linear", dtick=1)
-        figure.update_xaxes(title_text="robots")
+        # Whole robots alone: half a robot is no number on an axis.
+        step = max(1, max(row["named"] for row in rows) // 8)
+        figure.update_xaxes(title_text="robots", dtick=step)
         height = max(CHART_HEIGHT, 180 + BAR_HEIGHT * len(rows))
         yield Chart("effects", "Effects in the fleet", look.finished(figure, height), height)
     yield _parameters_chart(records, found)
@@ -185,7 +187,7 @@ def _parameters_chart(records: Sequence[Record], found: FleetSummary) -> Chart:
     far = {(item.robot, item.parameter) for item in found.outliers}
     height = 120 + PANEL_HEIGHT * max(len(names), 1)
     units = {name: read[0]["parameters"][name]["unit"] for name in names}
-    titles = [f"{look.safe(name)} [{units[name]}]" for name in names]
+    titles = [look.parameter(name, units[name]) for name in names]
     figure = look.rows_figure(max(len(names), 1), height, titles, shared=True)
     robots = [look.safe(record["robot"]) for record in read]
     for row, name in enumerate(names, start=1):

@@ -47,7 +47,8 @@ def sentences(project: Project) -> list[str]:
 
 HELD_OUT = (
     "These errors are held out: each log, or each part of one, is judged by a fit to the others. "
-    "Those of Identify are on the very logs that it was fitted to."
+    "Those of Identify are on the very logs that it was fitted to, and its noise is a rough "
+    "estimate where something is missing."
 )
 
 

@@ -1,6 +1,6 @@
 """What the workbench's charts show, computed in a process of its own and kept as plain arrays.
 
-``python -m youbot_scripts.interactive.drawing FOLDER KIND NUMBER MODEL BEFORE LOG...``
+``python -m youbot_scripts.interactive.drawing FOLDER KIND NUMBER MODEL BEFORE EFFECTS LOG...``
 """
 
 from __future__ import annotations
@@ -17,13 +17,15 @@ from numpy.typing import NDArray
 
 from youbot_env.errors import InputError
 from youbot_env.files import write_atomically
+from youbot_scripts.shared.options import load_user_effects
 
 Array = NDArray[np.float64]
 
 
 def main(arguments: Sequence[str]) -> None:
     """Draw one step."""
-    folder, kind, number, model, before, *rest = arguments
+    folder, kind, number, model, before, effects, *rest = arguments
+    load_user_effects(Path(effects) if effects else None)
     out = Path(folder) / number
     shutil.rmtree(out, ignore_errors=True)
     out.mkdir(parents=True)

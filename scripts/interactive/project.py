@@ -137,8 +137,9 @@ class Project:
     model : the active model, a file or "paper"; ``versions`` : all before it, the active one last
     steps : commands, in order
     revision : grows with each change, so that a browser knows when to draw again
+    effects : the user's file of effects, which every command that reads models takes, or ""
     since : [s of the epoch] when what runs now began; drawing : model whose charts are being
-        drawn, or "". Both are of this server's run, and not kept
+        drawn, or "". These three are of this server's run, and not kept
     """
 
     folder: Path
@@ -151,7 +152,7 @@ class Project:
     def __post_init__(self) -> None:
         # The server's threads and the worker change it.
         self.lock = threading.RLock()
-        self.since, self.drawing = 0.0, ""
+        self.effects, self.since, self.drawing = "", 0.0, ""
 
     @property
     def model(self) -> str:
@@ -356,6 +357,8 @@ class Project:
             model = f"{FOLDER}/{number:02d}_{makes}.json" if makes else ""
             result = f"{FOLDER}/{number:02d}_{kind}_result.json"
             line = line + (["-o", model] if model else []) + ["--json", result]
+            # Written into the command, so that it can be repeated outside of this server.
+            line += ["--effects", self.effects] if self.effects and kind != "doctor" else []
             step = Step(number, kind, title, line, result, model, beside=beside)
             self.steps.append(step)
             self.changed()

@@ -20,13 +20,16 @@ Build = Callable[[Project, Worker, str, int], Any]
 """Makes the application of a project, its worker, a token and a port."""
 
 
-def serve(folder: Path, things: Sequence[str], port: int, build: Build) -> None:
+def serve(
+    folder: Path, things: Sequence[str], port: int, build: Build, effects: Path | None = None
+) -> None:
     """Print the address and serve until Ctrl-C.
 
     Parameters
     ----------
     things : a model first, if one is named; then logs inside the folder
     port : 0 for any that is free
+    effects : the user's file of effects, which this process has loaded
 
     Raises
     ------
@@ -40,6 +43,7 @@ def serve(folder: Path, things: Sequence[str], port: int, build: Build) -> None:
         raise InputError(f"{folder}: is no folder")
     model, logs = _sorted(folder, things)
     project = Project.open(folder, model, logs)
+    project.effects = _effects_file(folder, effects) if effects else ""
     # A line for each request would hide the address.
     logging.getLogger("werkzeug").setLevel(logging.ERROR)
     listening = _listening(port)
@@ -84,6 +88,12 @@ def _sorted(folder: Path, things: Sequence[str]) -> tuple[str, list[str]]:
         else:
             logs.append(name)
     return model, logs
+
+
+def _effects_file(folder: Path, path: Path) -> str:
+    """A file of effects as commands in the folder name it; one outside of it by its whole path."""
+    whole = path.resolve()
+    return str(whole.relative_to(folder) if whole.is_relative_to(folder) else whole)
 
 
 def _inside(folder: Path, path: Path) -> str:

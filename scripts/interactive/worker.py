@@ -108,7 +108,8 @@ class Worker:
         project.revision += 1
         arguments = [*_DRAW, str(project.home / DRAWN), step.kind, str(step.number)]
         rest = step.arguments if step.kind == "drive" else step.logs
-        status, _ = self._call([*arguments, step.subject, step.beside, *rest], step)
+        models = [step.subject, step.beside, project.effects]
+        status, _ = self._call([*arguments, *models, *rest], step)
         if status != 0 and not self._queue.empty():
             self._undrawn.append(step)  # a command goes first
         project.drawing = ""

@@ -17,7 +17,13 @@ if TYPE_CHECKING:
     from identification.diagnosis.report import Diagnosis
     from identification.fitting.identify import Identification
     from identification.logs.log import Log
+    from identification.mechanisms.registry import AnyModel
     from youbot_scripts.shared.tables import Table
+
+SYMBOLS = (
+    "L F_X, L F_Y: generalised forces along X and Y, times L = l + h; M_W: moment about the "
+    "centre; all in N m, filtered at 10 rad/s. Δ: measured less predicted."
+)
 
 Target = str | os.PathLike[str]
 Found = Mapping[str, Any]
@@ -115,6 +121,15 @@ def next_experiment(found: Found) -> list[str]:
     return [f"Next experiment: motion {proposed['name']} tells {apart} apart"]
 
 
+def _symbols(model: AnyModel) -> Iterator[Words]:
+    """What the symbols in a platform's charts of forces mean."""
+    from identification.mechanisms.quantities import FORCES
+    from identification.mechanisms.registry import quantities_of
+
+    if quantities_of(model).forces == FORCES:
+        yield Words([SYMBOLS])
+
+
 def _logs(logs: Iterable[Log]) -> Iterator[Table]:
     found = list(logs)
     if found:
@@ -140,6 +155,7 @@ def _of_identification(result: Identification, logs: Sequence[Log], seed: int) -
         yield Charts([chart])
     charts = result.drawn()
     yield Charts([charts.pop("forces_0")])
+    yield from _symbols(result.model)
     yield from groups_of(charts)
     yield equations_with(result.model.mechanism.name, result.mechanism.structure.effects)
     yield from _logs(logs)
@@ -159,6 +175,7 @@ def _of_comparison(result: Comparison, found: Found) -> Iterator[Part]:
     yield Charts([charts.pop("free_run_0")])
     if "residual" in charts:
         yield Charts([charts.pop("residual")])
+    yield from _symbols(result.model)
     yield from groups_of(charts)
     yield from result_tables.errors_by_axis(found)
     yield result_tables.residual("What the force residual depends on", found["where"])
@@ -194,6 +211,7 @@ def _of_diagnosis(result: Diagnosis, found: Found, logs: Sequence[Log]) -> Itera
     for name in ("next", "residual", "forces_0"):
         if name in charts:
             yield Charts([charts.pop(name)])
+    yield from _symbols(result.model)
     yield from groups_of(charts)
     yield result_tables.candidates(found)
     if found.get("proposal"):
@@ -226,6 +244,7 @@ def _of_addition(result: Addition, found: Found, logs: Sequence[Log]) -> Iterato
     yield Charts([charts.pop("errors")])
     yield result_tables.addition_errors(found)
     yield Charts([charts.pop("forces_0")])
+    yield from _symbols(result.model)
     yield from groups_of(charts)
     model = result_tables.of_model(result.model, fits=not misfit)
     yield result_tables.parameters(model, "Refitted parameters")

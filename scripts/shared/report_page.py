@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
+import base64
 import re
+import zlib
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cache
 from importlib import resources
+from os.path import commonprefix
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -33,7 +36,7 @@ class Words:
 class Charts:
     """Interactive charts, side by side where there is room.
 
-    heading : of them all; folded : shown when their title is opened
+    heading : of them all, by default the first one's title; folded : shown when it is opened
     """
 
     charts: Sequence[Chart]
@@ -71,9 +74,12 @@ def groups_of(charts: Mapping[str, Chart]) -> Iterator[Charts]:
             plans.setdefault(name.rpartition("_")[2], []).append(chart)
         else:
             yield Charts([chart], folded=True)
-    for k, (_, group) in enumerate(plans.items()):
+    for k, group in enumerate(plans.values()):
         heading = "Floor plan: where on the floor forces are left unexplained"
-        yield Charts(group, heading, folded=k > 0)
+        # What the titles of a log's plans begin with: all but the name of a model.
+        common = commonprefix([chart.title for chart in group])
+        log = common.rpartition(",")[0] if len(group) > 1 else common
+        yield Charts(group, log if k else heading, folded=k > 0)
 
 
 def page(
@@ -150,8 +156,8 @@ def typeset(words: str) -> Any:
     """A unit or a parameter's name as markup: powers raised, indices lowered, phi in Greek."""
     from markupsafe import Markup, escape
 
-    text = str(escape(words)).replace("&#39;", "′")
-    text = re.sub(r"\b(phi|mu|m|I|x|M|a)_?(\d|[XY])\b", _with_index, text)
+    text = re.sub(r"\b(phi|mu|m|I|x|M|a)_?(\d|[XY])\b", _with_index, str(escape(words)))
+    text = text.replace("</sub>&#39;", "</sub>′")
     return Markup(re.sub(r"\^(-?\d)", r"<sup>\1</sup>", text))
 
 
@@ -159,12 +165,12 @@ def _with_index(name: re.Match[str]) -> str:
     return f"{GREEK.get(name[1], name[1])}<sub>{name[2]}</sub>"
 
 
-def _plotly() -> Any:
-    from markupsafe import Markup
+@cache
+def _plotly() -> str:
+    """Plotly's library as the page unpacks it: zlib's format in base64, 2.0 of 4.8 MB."""
     from plotly.offline import get_plotlyjs
 
-    # A comment may not close the element that it stands in.
-    return Markup(get_plotlyjs().replace("</script", "<\\/script"))
+    return base64.b64encode(zlib.compress(get_plotlyjs().encode(), level=9)).decode("ascii")
 
 
 def _shown(part: Part) -> dict[str, Any]:

@@ -238,7 +238,7 @@ def candidates(found: Found, most: int | None = None) -> Table:
     shown = (
         Column("force error", percent),
         Column("p", lambda p: number(p, 2)),
-        Column("at", _sizes, is_text=True),
+        Column("sizes", _sizes, is_text=True),
     )
     return Table("Candidates, best first", columns("effect", *shown), rows)
 

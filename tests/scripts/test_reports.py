@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import base64
 import functools
 import html
 import json
@@ -10,6 +11,7 @@ import sys
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pytest
 
 from identification.diagnosis.diagnose import diagnose
@@ -116,6 +118,18 @@ def test_diagnose(folder: Path, tmp_path: Path):
         assert f"{100 * step['force_error']:.2f} %" in text
     assert "floor_tilt.tilt_x" in text and "What the residual of the refitted model" in text
     assert found["candidates"][1]["effect"] in text
+    assert len(page) < 4e6, "charts' library is packed"
+    # Through the residual goes what the slope takes away of it, and that is nearly all.
+    drawn_data = re.findall(r'data-for="residual">(.*?)</script>', page, re.S)[0]
+    lines = {(line["name"], line["xaxis"]): line for line in json.loads(drawn_data)["data"]}
+    name, panel = "L F<sub>X</sub>, ", "x"
+    before, taken = (
+        np.frombuffer(base64.b64decode(lines[name + of, panel]["y"]["bdata"]), np.float32)
+        for of in ("residual", "explained")
+    )
+    known = np.isfinite(before)
+    assert lines[name + "residual", panel]["mode"] == "markers" and known.sum() > 5
+    assert np.abs(before - taken)[known].max() < 0.2 * np.abs(before[known]).max()
 
 
 def test_an_axis_has_reports_and_plots_too(folder: Path, tmp_path: Path, monkeypatch):

@@ -72,6 +72,9 @@ SATURATED = slice(lanes.SATURATED_AT, lanes.SATURATED_AT + 4)
 TERMS = slice(lanes.TERMS_AT, lanes.REWARD_AT)
 TERM_NAMES = tuple(REWARD_TERMS)
 
+NONE_HELD = (False,) * 4
+"""No wheel's torque is an old one."""
+
 
 @dataclass(frozen=True)
 class Results:
@@ -611,11 +614,14 @@ class StepInfo(dict[str, Any]):
     Building it takes as long as the period that it tells of, and most callers do not read it.
     """
 
-    __slots__ = ("_more", "_row")
+    __slots__ = ("_held", "_more", "_row")
 
-    def __init__(self, row: Array, more: Mapping[str, Any]) -> None:
+    def __init__(
+        self, row: Array, more: Mapping[str, Any], held: Sequence[bool] = NONE_HELD
+    ) -> None:
         self._row: Array | None = row
         self._more: Mapping[str, Any] | None = more
+        self._held = held
 
     def fill(self) -> None:
         """Make it what it says it is."""
@@ -627,6 +633,7 @@ class StepInfo(dict[str, Any]):
         for name, where in INFO.items():
             put(name, line[where])
         put("saturated", line[SATURATED] != 0.0)
+        put("held", np.array(self._held))
         put("reward_terms", dict(zip(TERM_NAMES, line[TERMS].tolist(), strict=True)))
         put("parameters", dict(more))
         put("time", float(line[lanes.TIME_AT]))

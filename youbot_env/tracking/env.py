@@ -16,10 +16,10 @@ from youbot_env.contact.settings import Contact
 from youbot_env.errors import InputError
 from youbot_env.model.model import Model
 from youbot_env.motions.base import Motion
-from youbot_env.physics.geometry import Geometry
+from youbot_env.physics.geometry import WHEELS, Geometry
 from youbot_env.tracking import randomisation
 from youbot_env.tracking.actuation import action_rows
-from youbot_env.tracking.batch import Batch, StepInfo
+from youbot_env.tracking.batch import NONE_HELD, Batch, StepInfo
 from youbot_env.tracking.contact_row import ContactRow
 from youbot_env.tracking.options import check_motion, refuse_unknown, tracking_setup
 from youbot_env.tracking.setup import Setup
@@ -97,6 +97,7 @@ class YouBotTrackingEnv(gym.Env[NDArray[np.float32], NDArray[np.float32]]):
     | `commanded_torque`                          | (4,)    | the action in N m                    |
     | `applied_torque`                            | (4,)    | acts at the wheels, after delay, lag |
     | `saturated`                                 | (4,)    | whether the action is at its bound   |
+    | `held`                                      | (4,)    | as `to_action` was told, else False  |
     | `reward_terms`                              | dict    | each term, unweighted                |
     | `parameters`                                | dict    | this episode's model                 |
     | `time`                                      | float   | since reset [s]                      |
@@ -213,6 +214,7 @@ class YouBotTrackingEnv(gym.Env[NDArray[np.float32], NDArray[np.float32]]):
         self._steps_left = 0
         self._action = np.zeros((1, 4), np.float32)
         self._parameters: dict[str, float] = {}
+        self._held = NONE_HELD
         self._renderer: Any = None
         self.render_mode = render_mode
         # A copy: the class's own dictionary is shared by all environments.
@@ -240,6 +242,7 @@ class YouBotTrackingEnv(gym.Env[NDArray[np.float32], NDArray[np.float32]]):
             seed, self.np_random, options.get("initial_state"), options.get("reference")
         )
         self._steps_left = rows.setup.steps
+        self._held = NONE_HELD
         self._parameters = rows.parameters(0)
         info = self._info()
         if self._renderer is not None:
@@ -264,6 +267,7 @@ class YouBotTrackingEnv(gym.Env[NDArray[np.float32], NDArray[np.float32]]):
         """
         if self._steps_left == 0:
             raise ResetNeeded("the episode is over, or has not begun: call reset() first")
+        held, self._held = self._held, NONE_HELD
         if type(action) is np.ndarray and action.dtype == np.float32 and action.shape == (4,):
             self._action[0] = action
             results = self._rows.step(self._action)
@@ -275,7 +279,7 @@ class YouBotTrackingEnv(gym.Env[NDArray[np.float32], NDArray[np.float32]]):
         # A later step without a reset must raise.
         if terminated:
             self._steps_left = 0
-        info: dict[str, Any] = StepInfo(results.report[0], self._parameters)
+        info: dict[str, Any] = StepInfo(results.report[0], self._parameters, held)
         if self._renderer is not None:
             self._renderer.follow(info)
             self._show_if_human()
@@ -299,8 +303,24 @@ class YouBotTrackingEnv(gym.Env[NDArray[np.float32], NDArray[np.float32]]):
         if self._renderer is not None:
             self._renderer.close()
 
-    def to_action(self, wheel_torque: ArrayLike) -> NDArray[np.float64]:
-        """The action (4,) that commands wheel torques (4,) [N m], clipped to the torque limit."""
+    def to_action(
+        self, wheel_torque: ArrayLike, held: Sequence[bool] | None = None
+    ) -> NDArray[np.float64]:
+        """The action (4,) that commands wheel torques (4,) [N m], clipped to the torque limit.
+
+        ``held``: (4,) the wheels whose torque is an old one, because their measurement was lost
+        (``KinematicControl.held``); ``info["held"]`` of the next step tells them.
+
+        Raises
+        ------
+        InputError
+            If ``held`` does not tell of four wheels.
+        """
+        if held is not None:
+            told = tuple(bool(wheel) for wheel in held)
+            if len(told) != len(WHEELS):
+                raise InputError(f"held: {len(told)} values, expected 4 (fl, fr, bl, br)")
+            self._held = told
         return self._rows.setup.actuation.to_action(wheel_torque)
 
     @property

@@ -49,7 +49,8 @@ class YouBotTrackingVectorEnv(VectorEnv[Observations, NDArray[np.float32], NDArr
 
     Copy i of a vector that was reset with seed s is the single environment that was reset with seed
     s + i, to the bit: whatever the number of copies and of threads is, and over as many episodes as
-    follow. Options, spaces, reward and `info` are those of the single environment, beside
+    follow. Options, spaces, reward and `info` (but for `held`) are those of the single environment,
+    beside
 
     | Argument         | Default     | Meaning                                                   |
     |------------------|-------------|-----------------------------------------------------------|

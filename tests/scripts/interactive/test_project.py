@@ -3,14 +3,20 @@
 from __future__ import annotations
 
 import json
+import os
 import shlex
 import subprocess
+import sys
+import time
 from pathlib import Path
 
 import pytest
 
+from identification.logs.reading import write_log
+from tests.identification.recordings import recording
 from youbot_env.errors import InputError
 from youbot_scripts.interactive.project import CANCELLED, DONE, FAILED, RUNNING, Project
+from youbot_scripts.interactive.worker import Worker
 
 
 @pytest.fixture
@@ -28,6 +34,64 @@ def test_clicks_are_commands(project: Project):
     words = shlex.split(add.command)
     assert words[:5] == ["youbot", "add", identify.model, "floor_tilt", "a b.csv"]
     assert words[5:] == ["-o", add.model, "--json", add.result]
+
+
+def test_a_user_s_effects_go_with_every_command_that_reads_models(project: Project):
+    project.effects = "mine.py"
+    steps = [project.doctor(), project.identify(), project.diagnose(), project.add("x_spring")]
+    steps += [*project.compare(), project.drive("paper", ["pid"])]
+    for step in steps:
+        project.finished(step, DONE)
+        words = shlex.split(step.command)
+        assert (words[-2:] == ["--effects", "mine.py"]) == (step.kind != "doctor")
+    assert steps[-1].read_models == ["paper", "paper"] and steps[3].effect == "x_spring"
+    assert project.script().count("--effects mine.py") == len(steps) - 1
+
+
+OWN = """
+from youbot_env import WORLD, Parameter, effect
+
+
+@effect(
+    acts_at=WORLD,
+    parameters=[Parameter("stiffness", "N/m", size=5.0)],
+    source="a rubber band",
+    recognise="It pulls back to where the robot began.",
+)
+def x_spring(xp, world, stiffness):
+    \"\"\"Force of a band along world X [N].\"\"\"
+    return stiffness * world.x, 0.0, 0.0
+"""
+
+
+@pytest.mark.slow
+def test_commands_with_a_user_s_effects_make_the_same_model_elsewhere(tmp_path: Path):
+    """By the workbench's worker, and by the exported script in another folder: to the bit."""
+    folder, again = tmp_path / "first", tmp_path / "again"
+    for place in (folder, again):
+        place.mkdir()
+        (place / "mine.py").write_text(OWN)
+        write_log(place / "drive.csv", recording("calibration", rate=50.0))
+    project = Project.open(folder, "", ["drive.csv"])
+    project.effects = "mine.py"
+    worker = Worker(project)
+    try:
+        for act in (project.identify, lambda: project.add("x_spring")):
+            worker.put(step := act())
+            end = time.monotonic() + 120.0
+            while step.is_open and time.monotonic() < end:
+                time.sleep(0.1)
+            assert step.state == DONE, step.message
+    finally:
+        worker.close()
+    path = {"PATH": f"{Path(sys.executable).parent}:{os.environ['PATH']}"}
+    subprocess.run(
+        ["sh", "-e"], input=project.script(), text=True, cwd=again, check=True,
+        env={**os.environ, **path}, capture_output=True,
+    )  # fmt: skip
+    made = [json.loads((place / project.model).read_text()) for place in (folder, again)]
+    assert made[0]["effects"]["x_spring"] == made[1]["effects"]["x_spring"]
+    assert made[0]["parameters"] == made[1]["parameters"]
 
 
 def test_undo_goes_back_and_the_export_forgets_it(project: Project):

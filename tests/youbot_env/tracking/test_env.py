@@ -14,6 +14,8 @@ import pytest
 from gymnasium.error import ResetNeeded
 from gymnasium.utils.env_checker import check_env
 
+from controllers.interface import Observation, Reference
+from controllers.kinematic import KinematicControl
 from tests.youbot_env.structures import exact_step
 from youbot_env import Estimate, InputError, Plant, load_model, save_model
 from youbot_env.motions.calibration import motion_iii
@@ -208,6 +210,26 @@ def test_torque_limit_is_the_nominal_motor_torque_through_the_gear():
     assert info["applied_torque"] == pytest.approx(info["commanded_torque"])
     assert info["saturated"].tolist() == [True, True, False, False]
     assert env.to_action([9.0, -9.0, full / 2, 0.0]) == pytest.approx([1.0, -1.0, 0.5, 0.0])
+
+
+def test_a_torque_that_a_controller_held_is_told_in_info_once():
+    env, control = YouBotTrackingEnv(), KinematicControl(sample_time=0.01)
+    _, info = env.reset(seed=0)
+    wanted = Reference(np.array([0.3, 0.1, 0.2]), np.zeros(3))
+    commands = []
+    for lost in (None, 2, None):
+        speed = np.array(info["wheel_speed"])
+        if lost is not None:
+            speed[lost] = np.nan
+        torque = control(Observation(info["time"], speed, info["measured_twist"]), wanted)
+        *_, info = env.step(env.to_action(torque, control.held))
+        assert info["held"].tolist() == [wheel == lost for wheel in range(4)]
+        commands.append(info["commanded_torque"])
+    assert commands[1][2] == commands[0][2] != commands[2][2]
+    env.to_action(torque, (True,) * 4)
+    assert not env.reset(seed=0)[1]["held"].any() and not env.step(np.zeros(4))[-1]["held"].any()
+    with pytest.raises(InputError, match="held: 3 values, expected 4"):
+        env.to_action(torque, (True,) * 3)
 
 
 def test_delay_holds_torque_back_by_whole_periods():

@@ -172,7 +172,7 @@ def test_info_is_that_of_the_single_environment():
     _, info = envs.reset(seed=3)
     _, known = single.reset(seed=4)
     for step in range(5):
-        assert set(info) == set(INFO_NAMES) == set(known) - {"parameters"}
+        assert set(info) == set(INFO_NAMES) == set(known) - {"parameters", "held"}
         for name in INFO_NAMES:
             if name == "reward_terms":
                 found = {key: value[1] for key, value in info[name].items()}
