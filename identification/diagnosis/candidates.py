@@ -232,7 +232,7 @@ def _p_values(
         item
         for item in found
         if item.mechanism.catalogue[item.name].acts_at in NOISY_SITES
-        and item.fitted is None
+        and (item.fitted is None or item.lost_fall <= 0)
         and p_values[item.name] <= settings.max_p_value_of_noise
     ]
     if by_noise:
@@ -288,11 +288,15 @@ def _beyond_noise(
     A drive's resonance bends the torque, and so its noise: the two are correlated. ``noise``: per
     log, samples with noise put on once more, and what it adds to the residual (n, A).
     """
-    own = item.free[len(base.free) :]
+    free = item.fitted.free if item.fitted else item.free
+    own = free[np.isin(free, base.free, invert=True)]
     added = []
-    for (samples, _), columns in zip(noise, item.columns, strict=True):
-        demand = item.mechanism.demand(item.theta, samples.for_fit)
-        added.append(_own_columns(base, item.mechanism, demand, samples, own) - columns)
+    for (noisy, _), clean in zip(noise, base.samples, strict=True):
+        with_noise, without = (
+            _own_columns(base, item.mechanism, item.mechanism.demand(item.theta, s.for_fit), s, own)
+            for s in (noisy, clean)
+        )
+        added.append(with_noise - without)
     cleared = remainder(stacked(added), stacked(base.columns), base.settings.min_seen_share)
     score = cleared.T @ np.concatenate([residual.ravel() for _, residual in noise])
     observed = evidence.observed - score / len(evidence.observed)

@@ -1,10 +1,25 @@
+from dataclasses import replace
+
 import numpy as np
 import pytest
+from scipy.signal import lfilter
 
+from identification.diagnosis.candidates import (
+    _beyond_noise,
+    _evidence,
+    fit_base,
+    try_candidate,
+)
 from identification.diagnosis.significance import Evidence, candidate_p_values, score_blocks
+from identification.diagnosis.structures import LoggedData
 from identification.fitting.cross_validation import cross_validate, make_folds
 from identification.fitting.regression import Regression
+from identification.mechanisms.registry import mechanism_of
 from identification.residual_map.bootstrap import random_signs
+from tests.identification.recordings import recording
+from youbot_env.model.model_file import load_model
+
+PAPER = load_model("paper")
 
 
 def rows(rng, count=2000, size=3):
@@ -50,6 +65,30 @@ def test_a_log_that_alone_shows_a_combination_of_columns_is_held_out_in_blocks()
     ]
     assert [fold.log for fold in make_folds(logs, columns)] == [0] * 5 + [1, 2]
     assert all(fold.whole for fold in make_folds(logs, [part[..., :3] for part in columns]))
+
+
+def test_noise_of_the_speeds_that_lasts_is_taken_off_the_evidence_of_a_drive():
+    """It is in the column and in the residual; as white it would be a small part of itself."""
+    rng, log = np.random.default_rng(4), recording(noise=0.0)
+    slow = 0.02 * np.sqrt(1 - 0.8**2) * coloured_columns(rng.standard_normal((len(log), 4)), 0.8)
+    torque = log.effort + 0.03 * rng.standard_normal((len(log), 4))
+    mechanism = mechanism_of(PAPER)
+    data = LoggedData(mechanism, [replace(log, velocity=log.velocity + slow, effort=torque)])
+    base = fit_base(data, mechanism, PAPER.theta)
+    (found,) = try_candidate(base, None, "drive_resonance")
+    before = _evidence(base, found)
+
+    def left(lasting: bool) -> float:
+        noise = list(base.with_noise(data.noise, 0, with_torques=True, lasting=lasting))
+        after = _beyond_noise(base, found, before, noise)
+        return float((after.observed.sum(axis=0) / before.observed.sum(axis=0))[-1])
+
+    assert left(lasting=False) > 0.6
+    assert abs(left(lasting=True)) < 0.25
+
+
+def coloured_columns(white, decay):
+    return lfilter([1.0], [1.0, -decay], white, axis=0)
 
 
 def coloured(rng, count, decay):
