@@ -9,6 +9,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 import numpy as np
+from numpy.lib.stride_tricks import sliding_window_view
 from numpy.typing import NDArray
 
 from identification.fitting.settings import PredictabilitySettings
@@ -33,37 +34,69 @@ def repeated_noise(
     step = float(time[1] - time[0])
     total, count = np.zeros(residual.shape[1]), 0
     for start, end in parts:
-        inside = slice(*np.searchsorted(time, [start, end]))
-        lag = _period(speed[inside], step, settings)
+        first, last = np.searchsorted(time, [start, end]).tolist()
+        lag, earlier = _period(speed[first:last], step, settings)
         if lag:
-            of_part = residual[inside]
+            of_part = residual[first:last]
+            difference = (of_part[lag:] - of_part[:-lag])[earlier]
             # Half: each difference holds the noise of two periods.
-            total += 0.5 * ((of_part[lag:] - of_part[:-lag]) ** 2).sum(axis=0)
-            count += len(of_part) - lag
+            total += 0.5 * (difference**2).sum(axis=0)
+            count += len(difference)
     return total, count
 
 
-def _period(speed: Array, step: float, settings: PredictabilitySettings) -> int:
-    """Samples of the period of a motion (n, A); 0 where it does not repeat."""
+def _period(speed: Array, step: float, settings: PredictabilitySettings) -> tuple[int, slice]:
+    """Samples of the period of a motion (n, A), and the rows that come again so much later.
+
+    The period is 0 where the motion does not repeat.
+    """
     # Lags are searched on rows that are this coarse, then between them.
     coarse = max(1, round(settings.period_search_step / step))
     thinned = speed[::coarse]
     least = round(settings.min_period / step / coarse)
     lags = range(least, len(thinned) // 2)
     if not lags or not thinned.any():
-        return 0
+        return 0, slice(0, 0)
     # The least difference at lags of equal differences, to rounding, is looked for among these.
     nearly = _all_differences(thinned)[least : len(thinned) // 2]
     among = least + np.flatnonzero(nearly <= nearly.min() + 1e-9)
     lag = min(among.tolist(), key=lambda lag: _difference(thinned, lag))
     # Between coarse lags the root of the difference falls by no more than from one to the next.
-    within = np.sqrt(_difference(thinned, lag)) - np.sqrt(_difference(thinned, 1))
-    if within > np.sqrt(settings.max_period_difference):
-        return 0
-    best = coarse * lag
+    most = settings.max_period_difference
+    within = (np.sqrt(_difference(thinned, 1)) + np.sqrt(most)) ** 2
+    nearly = _repeated_rows(thinned, lag, within, least)
+    best, rows = coarse * lag, slice(coarse * nearly.start, coarse * nearly.stop)
     near = range(max(best - coarse, 1), min(best + coarse, len(speed) - 1) + 1)
-    lag = min(near, key=lambda lag: _difference(speed, lag))
-    return lag if _difference(speed, lag) < settings.max_period_difference else 0
+    lag = min(near, key=lambda lag: _difference(speed, lag, rows))
+    # Noise of the speeds is not even: what is too much is judged over the whole stretch.
+    rows = _repeated_rows(speed, lag, 2.0 * most, round(settings.min_period / step))
+    return (lag, rows) if _difference(speed, lag, rows) < most else (0, slice(0, 0))
+
+
+def _repeated_rows(speed: Array, lag: int, within: float, width: int) -> slice:
+    """The longest stretch of rows that differ little from those ``lag`` later; empty if none do.
+
+    A motion that repeats has a start and an end that do not: ramps, a wait.
+
+    Parameters
+    ----------
+    within : largest difference, as a share of the motion's squares, over ``width`` rows
+    """
+    square = (speed**2).sum(axis=1)
+    difference = ((speed[lag:] - speed[:-lag]) ** 2).sum(axis=1)
+    if len(difference) < width:
+        return slice(0, 0)
+    # A short rest within the motion has no squares of its own: it is judged by the whole motion's.
+    allowed = within * np.maximum(square[lag:] + square[:-lag], 2.0 * square.mean())
+    fits = sliding_window_view(difference - allowed, width).mean(axis=1) <= 0.0
+    changes = np.flatnonzero(np.diff(np.concatenate([[False], fits, [False]]).astype(int)))
+    if not len(changes):
+        return slice(0, 0)
+    starts, stops = changes[::2], changes[1::2] + width - 1
+    longest = int((stops - starts).argmax())
+    # Two stretches may resemble each other by chance; half of a period does not.
+    few = stops[longest] - starts[longest] < lag / 2
+    return slice(0, 0) if few else slice(int(starts[longest]), int(stops[longest]))
 
 
 def _all_differences(speed: Array) -> Array:
@@ -77,8 +110,8 @@ def _all_differences(speed: Array) -> Array:
     return 1.0 - np.divide(2.0 * products, whole, out=share, where=whole > 1e-9 * squares[-1])
 
 
-def _difference(speed: Array, lag: int) -> float:
+def _difference(speed: Array, lag: int, earlier: slice = slice(None)) -> float:
     """Squares of the difference between a motion and itself ``lag`` later, over its own squares."""
-    later, earlier = speed[lag:], speed[:-lag]
-    whole = float((later**2).sum() + (earlier**2).sum())
-    return float(((later - earlier) ** 2).sum()) / whole if whole > 0 else 1.0
+    pair = speed[lag:][earlier], speed[:-lag][earlier]
+    whole = float(sum((part**2).sum() for part in pair))
+    return float(((pair[0] - pair[1]) ** 2).sum()) / whole if whole > 0 else 1.0

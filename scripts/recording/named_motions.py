@@ -61,7 +61,10 @@ def _motion_named(name: str, geometry: Geometry, seed: int) -> Motion:
         return _motion_from_file(Path(name))
     if name.startswith("multisine") and _SAFE_NAME.fullmatch(name):
         # Seed and name: adding a motion to the list does not change the others.
-        return multisine(generator(seed, name, "motion"), geometry=geometry, name=name)
+        rng = generator(seed, name, "motion")
+        # Gone through twice, a motion shows the noise of its log: what does not repeat. A period of
+        # 30.5 s holds the twelve harmonics that four tones an axis need.
+        return multisine(rng, tones=4, duration=64.0, periods=2, geometry=geometry, name=name)
     raise InputError(
         f"motion {name!r}: not known; use {', '.join(FIXED)}, multisine_a (or another name that "
         "starts with multisine), or a .json file that holds a motion"

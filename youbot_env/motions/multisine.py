@@ -101,6 +101,7 @@ def multisine(
     amplitude: Sequence[float] = (0.22, 0.18, 0.6),
     duration: float = 60.0,
     ramp: float = 1.5,
+    periods: int = 1,
     geometry: Geometry | None = None,
     limits: MotionLimits | None = None,
     draws: int = 16,
@@ -108,11 +109,12 @@ def multisine(
 ) -> Multisine:
     """A random multisine whose axes share no tone.
 
-    Tones are harmonics of the plateau's length (the duration less two ramps), so that over the
-    plateau all tones are orthogonal and its spectrum has lines only inside the band. A plateau
-    too short to hold 3 * tones harmonics in the band gets the closest spacing that does; its
-    tones still differ, but are only roughly orthogonal over it. Neighbouring harmonics are dealt
-    out over the axes, so each axis covers the band. The phases are the best of ``draws``.
+    Tones are harmonics of the plateau's length (the duration less two ramps) over ``periods``, so
+    that over the plateau all tones are orthogonal, its spectrum has lines only inside the band, and
+    the motion repeats. A period too short to hold 3 * tones harmonics in the band gets the closest
+    spacing that does; its tones still differ, but are only roughly orthogonal over the plateau.
+    Neighbouring harmonics are dealt out over the axes, so each axis covers the band. The phases are
+    the best of ``draws``.
 
     Parameters
     ----------
@@ -120,6 +122,7 @@ def multisine(
     tones : number of tones per axis, all of one amplitude
     amplitude : peak of VX, VY [m/s] and W [rad/s]; 0 leaves an axis at rest
     duration, ramp : [s]
+    periods : the plateau holds so many; with two or more, what does not repeat in a log is noise
     geometry, limits : all axes shrink together until wheel speed and body speed respect the
         limits; the default is the youBot and ``MotionLimits.of(geometry)``
     draws : sets of phases tried; the one of the lowest peak is kept, for each axis
@@ -132,6 +135,7 @@ def multisine(
     low, high = (finite("multisine band", edge, positive=True) for edge in band)
     peak = np.array([finite("multisine amplitude", value) for value in amplitude])
     tones, draws = count("multisine tones", tones), count("multisine draws", draws)
+    periods = count("multisine periods", periods)
     plateau = finite("multisine duration", duration) - 2 * finite("multisine ramp", ramp)
     check_length("multisine duration", duration)
     if not low < high:
@@ -142,7 +146,7 @@ def multisine(
         raise InputError("multisine duration: must be longer than two ramps")
 
     # The order of the draws from ``rng`` decides what a seed gives: tones first, then phases.
-    frequency, period = _harmonics(rng, low, high, tones, plateau)
+    frequency, period = _harmonics(rng, low, high, tones, plateau / periods)
     steps = int(np.ceil(SAMPLES_PER_PERIOD * period * high / (2 * np.pi)))
     time = np.linspace(0.0, period, steps, endpoint=False)
     phase, values = zip(*(_low_crest(rng, time, w, draws) for w in frequency), strict=True)
@@ -160,11 +164,13 @@ def multisine(
 
 
 def _harmonics(
-    rng: np.random.Generator, low: float, high: float, tones: int, plateau: float
+    rng: np.random.Generator, low: float, high: float, tones: int, wanted: float
 ) -> tuple[Array, float]:
-    """Tones (3, tones) [rad/s] without a common one, and the period [s] that they share."""
+    """Tones (3, tones) [rad/s] without a common one, and the period [s] that they share.
+
+    The period is the wanted one [s] if it holds enough harmonics."""
     needed = 3 * tones
-    period = max(plateau, 2 * np.pi * needed / (high - low))
+    period = max(wanted, 2 * np.pi * needed / (high - low))
     base = 2 * np.pi / period
     # 1e-9: an edge of the band that is a harmonic itself must not be lost by rounding.
     first, last = int(np.ceil(low / base - 1e-9)), int(np.floor(high / base + 1e-9))

@@ -131,6 +131,24 @@ class TestRepeatedPeriods:
         total, count = self.noise(np.sign(self.SPEED) + white)
         np.testing.assert_allclose(np.sqrt(total / count), 0.1, rtol=0.05)
 
+    def test_a_wait_and_a_ramp_before_the_motion_and_another_end_hide_no_period(self):
+        gain = np.clip((self.TIME - 3.0) / 2.0, 0.0, 1.0)
+        gain[self.TIME > 37.0] = 0.5
+        speed = gain[:, None] * self.SPEED
+        rng = np.random.default_rng(3)
+        white = 0.1 * rng.standard_normal(speed.shape)
+        noisy = speed + 0.005 * rng.standard_normal(speed.shape)
+        total, count = self.noise(np.tanh(3.0 * speed) + white, noisy)
+        np.testing.assert_allclose(np.sqrt(total / count), 0.1, rtol=0.05)
+        assert 20.0 < count * 0.01 < 26.0  # 5 s to 30 s come again 7 s later
+
+    def test_two_stretches_that_resemble_each_other_by_chance_are_no_period(self):
+        rng = np.random.default_rng(4)
+        chirp = np.sin(0.05 * self.TIME**2)[:, None] * np.ones(2)
+        chirp[3000:3300] = chirp[500:800]
+        _, count = self.noise(rng.standard_normal(chirp.shape), chirp)
+        assert count == 0
+
     def test_all_lags_at_once_are_those_one_by_one(self):
         rough = self.SPEED + 0.3 * np.random.default_rng(1).standard_normal(self.SPEED.shape)
         found = _all_differences(rough)

@@ -355,6 +355,19 @@ def test_multisine_has_its_tones_inside_the_band_and_nothing_else() -> None:
         assert own.max() > 2.3
 
 
+def test_multisine_repeats_as_often_as_asked_between_its_ramps() -> None:
+    motion = some_multisine(tones=4, duration=64.0, periods=2)
+    start, end = motion.plateau
+    first = np.linspace(start, 0.5 * (start + end), 500)
+    np.testing.assert_allclose(
+        motion.twist(first + 0.5 * (end - start)), motion.twist(first), atol=1e-12
+    )
+    _, lines = spectrum(motion)
+    present = np.flatnonzero((lines > 1e-9).any(axis=1))
+    assert len(present) == 12
+    assert (present % 2 == 0).all(), "lines of the doubled period only"
+
+
 def test_multisine_is_deterministic_to_the_bit_and_seeds_differ() -> None:
     one, again, other = some_multisine(5), some_multisine(5), some_multisine(6)
     assert one == again
