@@ -9,16 +9,20 @@ many periods that were tried.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
+from functools import partial
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy.special import ndtr
 
+from identification.fitting.parts import rows_in_parts
 from identification.fitting.settings import FitSettings, HarmonicScanSettings
-from identification.mechanisms.mechanism import Mechanism
-from identification.mechanisms.samples import Samples
+from identification.mechanisms.mechanism import Mechanism, Variables
+from identification.mechanisms.samples import Samples, cut
+from identification.signals.filters import settled
+from identification.threads import side_by_side
 
 Array = NDArray[np.float64]
 Indices = NDArray[np.intp]
@@ -50,11 +54,15 @@ class Harmonic:
 
 @dataclass(frozen=True)
 class _Scanned:
-    """A variable to scan: per log values (N,) and force patterns (N, A, G); wave numbers (K,)."""
+    """A variable to scan: per log values (N,); wave numbers (K,).
+
+    A force along each of the axes may follow it, of the body, or of the world where ``headings``
+    (N,) are known.
+    """
 
     name: str
     values: list[Array]
-    patterns: list[Array]
+    headings: list[Array] | None
     wave_numbers: Array
 
 
@@ -79,11 +87,11 @@ def harmonic_scan(
     chosen = settings.harmonic_scan
     steps = [settings.rows_of(mechanism.filter_rate, item.dt).step for item in samples]
     stretches = _stretches(residual, steps, chosen)
-    found = _scanned(mechanism, steps[0], samples, chosen, angles)
-    if int(stretches[-1].max(initial=-1)) + 1 < chosen.min_stretches or not found:
+    if int(stretches[-1].max(initial=-1)) + 1 < chosen.min_stretches:
         return []
     by_variable = [
-        _best_wave(mechanism, one, residual, stretches, samples, settings) for one in found
+        _best_wave(mechanism, one, residual, stretches, samples, settings)
+        for one in _scanned(mechanism, steps[0], samples, settings, angles)
     ]
     count = len(by_variable)
     waves = [
@@ -109,43 +117,53 @@ def _scanned(
     mechanism: Mechanism,
     step: float,
     samples: Sequence[Samples],
-    settings: HarmonicScanSettings,
+    settings: FitSettings,
     with_angles: bool,
-) -> list[_Scanned]:
-    """What is scanned: coordinates of the place, and angles of the joints.
+) -> Iterator[_Scanned]:
+    """What is scanned, one after another: coordinates of the place, and angles of the joints.
 
     ``step``: from one row to the next [s].
     """
-    known = [mechanism.variables(item) for item in samples]
-    axes = len(mechanism.axes)
-    still = [np.broadcast_to(np.eye(axes), (len(item), axes, axes)) for item in samples]
-    found = []
-    for k, place in enumerate(known[0].places):
-        values = [one.position[:, k] for one in known]
-        patterns = [
-            of_body if one.heading is None else _along_the_world(one.heading, of_body)
-            for one, of_body in zip(known, still, strict=True)
-        ]
-        numbers = _wave_numbers(values, step, samples, settings)
+    chosen, all_of = settings.harmonic_scan, partial(_all_of, mechanism, samples, settings)
+    first = mechanism.variables(cut(samples[0], 0, 2))
+    headings = all_of(lambda one: one.heading)
+    for k, place in enumerate(first.places):
+        values = all_of(lambda one, k=k: one.position[:, k])
+        assert values is not None
+        numbers = _wave_numbers(values, step, samples, chosen)
         if len(numbers):
             name = f"position_{place}" if place else "position"
-            found.append(_Scanned(name, values, patterns, numbers))
-    for k, joint in enumerate(known[0].joints if with_angles else ()):
-        values = [one.angle[:, k] for one in known if one.angle is not None]
-        if len(values) < len(known):
+            yield _Scanned(name, values, headings, numbers)
+    for k, joint in enumerate(first.joints if with_angles else ()):
+        values = all_of(lambda one, k=k: None if one.angle is None else one.angle[:, k])
+        if values is None:
             continue
         name = f"wheel_angle_{joint}" if joint else "wheel_angle"
-        orders = np.arange(1.0, settings.max_wheel_order + 1)
-        found.append(_Scanned(name, values, still, orders))
-    return found
+        orders = np.arange(1.0, chosen.max_wheel_order + 1)
+        yield _Scanned(name, values, None, orders)
 
 
-def _along_the_world(heading: Array, of_body: Array) -> Array:
-    """(N, A, A) the first two patterns turned from the body's axes to the world's."""
-    found = np.array(of_body)
-    c, s = np.cos(heading), np.sin(heading)
-    found[:, 0, 0], found[:, 1, 0] = c, -s
-    found[:, 0, 1], found[:, 1, 1] = s, c
+def _all_of(
+    mechanism: Mechanism,
+    samples: Sequence[Samples],
+    settings: FitSettings,
+    choose: Callable[[Variables], Array | None],
+) -> list[Array] | None:
+    """Per log (N,) one of what the residual may depend on; None where some log lacks it.
+
+    Of long logs part by part: all variables take more memory than the log.
+    """
+    found = []
+    for item in samples:
+        size = settings.max_part_samples
+        parts = [
+            choose(mechanism.variables(cut(item, begin, begin + size)))
+            for begin in range(0, len(item), size)
+        ]
+        known = [part for part in parts if part is not None]
+        if len(known) < len(parts):
+            return None
+        found.append(known[0] if len(known) == 1 else np.concatenate(known))
     return found
 
 
@@ -239,32 +257,77 @@ def _scores(
     sums of products are the same. The size of a filtered wave follows from its rate.
     """
     chosen, numbers = settings.harmonic_scan, one.wave_numbers
-    groups = one.patterns[0].shape[2]
-    score = np.zeros((chosen.folds * groups, len(numbers)), complex)
+    score = np.zeros((chosen.folds * len(mechanism.axes), len(numbers)), complex)
     size = np.zeros(len(numbers))
-    for values, patterns, left, stretch, item in zip(
-        one.values, one.patterns, residual, stretches, samples, strict=True
-    ):
+    pieces = np.array_split(numbers, -(-len(numbers) // chosen.waves_at_once))
+    for log, (values, item) in enumerate(zip(one.values, samples, strict=True)):
         thin = max(1, round(1.0 / (chosen.sample_rate * item.dt)))
-        inside = (stretch % chosen.folds)[:, None] == np.arange(chosen.folds)
-        rows = np.where(inside[..., None], left[:, None, :], 0.0)
-        back = settings.rows_of(mechanism.filter_rate, item.dt).adjoint(rows, len(item))
-        weights = np.einsum("nfa,nag->fgn", back, patterns)[..., ::thin]
-        weights = weights.reshape(len(score), -1).astype(np.float32)
+        of_part = partial(
+            _scores_of_part, mechanism, one, residual[log], stretches[log], log, thin, settings
+        )
+        for part in side_by_side(partial(of_part, item), _parts(len(item), thin, settings)):
+            score += part
         # Of the size, a mean over the motion, a part of the samples is enough.
         sparse = thin * chosen.samples_for_size
         rate = np.gradient(values, item.dt)[::sparse] / mechanism.filter_rate
-        pieces = -(-len(numbers) // chosen.waves_at_once)
-        for part in np.array_split(np.arange(len(numbers)), pieces):
-            turns = np.outer(values[::thin], numbers[part] / (2 * np.pi))
-            # Whole turns are taken off: they would cost digits in single precision, which is enough
-            # for the choice of a wave and ten times as fast.
-            phase = (2 * np.pi * (turns - np.rint(turns))).astype(np.float32)
-            score[:, part] += thin * (weights @ np.cos(phase) + 1j * (weights @ np.sin(phase)))
-            size[part] += sparse * (1.0 / (1.0 + np.outer(rate, numbers[part]) ** 2)).sum(axis=0)
-    by_fold = score.reshape(chosen.folds, groups, -1)
+        size += np.concatenate(
+            [sparse * (1.0 / (1.0 + np.outer(rate, piece) ** 2)).sum(axis=0) for piece in pieces]
+        )
+    by_fold = score.reshape(chosen.folds, len(mechanism.axes), -1)
     others = by_fold.sum(axis=0) - by_fold
     return (np.abs(others) ** 2).sum(axis=1) / np.maximum(size, 1e-300)
+
+
+def _parts(count: int, thin: int, settings: FitSettings) -> list[tuple[int, int]]:
+    """First and last sample of the parts of a log, which begin at samples that stay if thinned."""
+    size = max(1, settings.max_part_samples // thin) * thin
+    return [(begin, min(begin + size, count)) for begin in range(0, count, size)]
+
+
+def _scores_of_part(
+    mechanism: Mechanism,
+    one: _Scanned,
+    residual: Array,
+    stretch: Indices,
+    log: int,
+    thin: int,
+    settings: FitSettings,
+    item: Samples,
+    part: tuple[int, int],
+) -> Array:
+    """(folds A, K) what a part of a log adds to the products of its residual with each wave."""
+    chosen, numbers = settings.harmonic_scan, one.wave_numbers
+    inside = (stretch % chosen.folds)[:, None] == np.arange(chosen.folds)
+    rows = np.where(inside[..., None], residual[:, None, :], 0.0)
+    reduce = settings.rows_of(mechanism.filter_rate, item.dt)
+    margin = settled(reduce.rate, item.dt, settings.part_margin_time_constants)
+    back = reduce.adjoint(rows, len(item), part, margin)[::thin]
+    values = one.values[log][slice(*part)][::thin]
+    heading = one.headings[log][slice(*part)][::thin] if one.headings else None
+    weights = np.einsum("nfa,nag->fgn", back, _patterns(heading, *back.shape[::2]))
+    weights = weights.reshape(-1, len(values)).astype(np.float32)
+    score = np.zeros((len(weights), len(numbers)), complex)
+    pieces = -(-len(numbers) // chosen.waves_at_once)
+    for chunk in np.array_split(np.arange(len(numbers)), pieces):
+        turns = np.outer(values, numbers[chunk] / (2 * np.pi))
+        # Whole turns are taken off: they would cost digits in single precision, which is enough
+        # for the choice of a wave and ten times as fast.
+        phase = (2 * np.pi * (turns - np.rint(turns))).astype(np.float32)
+        score[:, chunk] = thin * (weights @ np.cos(phase) + 1j * (weights @ np.sin(phase)))
+    return score
+
+
+def _patterns(heading: Array | None, count: int, axes: int) -> Array:
+    """(N, A, A) forces along the axes of the body, or with headings (N,) along those of the world.
+
+    The first two axes of these turn.
+    """
+    found = np.array(np.broadcast_to(np.eye(axes), (count, axes, axes)))
+    if heading is not None:
+        c, s = np.cos(heading), np.sin(heading)
+        found[:, 0, 0], found[:, 1, 0] = c, -s
+        found[:, 0, 1], found[:, 1, 1] = s, c
+    return found
 
 
 def _columns(
@@ -275,17 +338,31 @@ def _columns(
     residual: Sequence[Array],
     settings: FitSettings,
 ) -> Array:
-    """(all rows, A, 2 G) cosine and sine of a wave in each pattern, as filtered rows."""
-    found = []
-    for values, patterns, left, item in zip(
-        one.values, one.patterns, residual, samples, strict=True
-    ):
-        phase = number * values
+    """(all rows, A, 2 A) cosine and sine of a wave along each axis, as filtered rows.
+
+    Only what differs is filtered: the same wave acts along all axes of the body.
+    """
+
+    def ends_of(log: int, begin: int, end: int) -> Array:
+        phase = number * one.values[log][begin:end]
         waves = np.stack([np.cos(phase), np.sin(phase)], axis=1)
-        force = (patterns[..., None] * waves[:, None, None]).reshape(*patterns.shape[:2], -1)
-        reduced = settings.rows_of(mechanism.filter_rate, item.dt)
-        rows = reduced(np.stack([force[:-1], force[1:]]), item.moves)
-        found.append(rows[: len(left)])
+        if one.headings:
+            heading = one.headings[log][begin:end, None]
+            waves = np.concatenate([waves, np.cos(heading) * waves, np.sin(heading) * waves], 1)
+        return np.stack([waves[:-1], waves[1:]])
+
+    found, axes = [], len(mechanism.axes)
+    for log, item in enumerate(samples):
+        reduce = settings.rows_of(mechanism.filter_rate, item.dt)
+        rows = rows_in_parts(partial(ends_of, log), len(item), item.moves, reduce, settings)
+        rows = rows[: len(residual[log])].reshape(-1, rows.shape[1] // 2, 2)
+        columns = np.zeros((len(rows), axes, axes, 2))
+        for axis in range(axes):
+            columns[:, axis, axis] = rows[:, 0]
+        if one.headings:
+            columns[:, 0, 0], columns[:, 1, 0] = rows[:, 1], -rows[:, 2]
+            columns[:, 0, 1], columns[:, 1, 1] = rows[:, 2], rows[:, 1]
+        found.append(columns.reshape(len(rows), axes, 2 * axes))
     return np.concatenate(found)
 
 

@@ -7,7 +7,7 @@ for what its wheels turned.
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 
@@ -20,7 +20,7 @@ from identification.fitting.regression import Indices, Regression, covariance_of
 from identification.fitting.settings import FitSettings
 from identification.mechanisms.mechanism import HeldDirections, Mechanism
 from identification.mechanisms.samples import Samples, rolled_speeds
-from identification.signals.filters import block_mean, integral_of
+from identification.signals.filters import block_mean
 from identification.signals.noise import white_noise
 from identification.threads import side_by_side
 from youbot_env.physics import inverse_dynamics as dynamics
@@ -29,7 +29,7 @@ from youbot_env.physics.effect import CONTACT, SPEED
 Array = NDArray[np.float64]
 
 OF_A_POSE = ("way", "turn", "direction", "tracked ahead", "tracked to the left")
-"""What a pose does not tell apart from kinematics: a column each, see :func:`_pose_rows`."""
+"""What a pose does not tell apart from kinematics: a column each, see :class:`_MeasuredWay`."""
 
 NUISANCES = len(OF_A_POSE)
 
@@ -165,9 +165,17 @@ class KinematicEvidence:
         self._first = mechanism, theta
 
     @cached_property
+    def _ways(self) -> list[_MeasuredWay | None]:
+        """Per log what its pose says; None without a measured one."""
+        return [
+            _MeasuredWay.of(item.pose, self._row_size(item)) if item.pose_measured else None
+            for item in self.logs
+        ]
+
+    @cached_property
     def noise(self) -> list[Array]:
         """Per log (E,) white noise of the rows, from their own high frequencies."""
-        found = [self._rows(*self._first, item)[0] for item in self.logs]
+        found = [self._rows(*self._first, log)[0] for log in range(len(self.logs))]
         noise = [white_noise(part, settings=self.settings.noise) for part in found]
         known = self.settings.kinematics
         least = np.array([known.min_noise, *[known.min_pose_noise] * 3])
@@ -179,8 +187,8 @@ class KinematicEvidence:
         chosen = [k for k, label in enumerate(labels) if label.component in effects]
         own = np.array([k for k in chosen if mechanism.free[k]], dtype=np.intp)
         rows = [
-            self._regression(mechanism, theta, *pair, own)
-            for pair in zip(self.logs, self.noise, strict=True)
+            self._regression(mechanism, theta, log, noise, own)
+            for log, noise in enumerate(self.noise)
         ]
         longest = max(item.dt for item in self.logs)
         return KinematicFit(mechanism, theta, own, tuple(rows), longest, self.settings)
@@ -196,15 +204,16 @@ class KinematicEvidence:
         return here
 
     def _regression(
-        self, mechanism: Mechanism, theta: Array, samples: Samples, noise: Array, own: Indices
+        self, mechanism: Mechanism, theta: Array, log: int, noise: Array, own: Indices
     ) -> Regression:
-        residual, nuisances = self._rows(mechanism, theta, samples)
+        samples = self.logs[log]
+        residual, nuisances = self._rows(mechanism, theta, log)
         columns = [nuisances]
         for index in own:
             step = mechanism.labels[index].parameter.difference
             moved = np.tile(theta, (2, 1))
             moved[:, index] += (step, -step)
-            ahead, behind = (self._rows(mechanism, there, samples)[0] for there in moved)
+            ahead, behind = (self._rows(mechanism, there, log)[0] for there in moved)
             # What the parameter explains is taken from the residual.
             columns.append((behind - ahead)[..., None] / (2 * step))
         step = self._row_size(samples) * samples.dt
@@ -215,14 +224,19 @@ class KinematicEvidence:
     def _row_size(self, samples: Samples) -> int:
         return max(1, round(self.settings.kinematics.row_time / samples.dt))
 
-    def _rows(self, mechanism: Mechanism, theta: Array, samples: Samples) -> tuple[Array, Array]:
+    def _rows(self, mechanism: Mechanism, theta: Array, log: int) -> tuple[Array, Array]:
         """What kinematics leaves (n, E) [rad/s and, of a pose, m, m, rad]; nuisances (n, E, K)."""
-        size = self._row_size(samples)
-        slip = slip_rows(mechanism, theta, samples, size, self.settings)[:, None]
-        if not samples.pose_measured:
+        samples, way = self.logs[log], self._ways[log]
+        size, slips, places = self._row_size(samples), list[Array](), list[Array]()
+        integral = _WayOfWheels(samples.dt)
+        for begin, twist, speed in _rolled_pieces(mechanism, theta, samples, size, self.settings):
+            slips.append(block_mean(slip_of_joints(mechanism, theta, twist, speed), size))
+            if way is not None:
+                places.append(integral.after(way.in_world(twist, begin))[::size])
+        slip = np.concatenate(slips)[:, None]
+        if way is None:
             return slip, np.zeros((*slip.shape, NUISANCES))
-        where = (mechanism.structure, mechanism.geometry, theta, samples, mechanism.settings)
-        left, known = _pose_rows(replace(samples, twist=rolled_speeds(*where)[0]), size)
+        left, known = way.beyond(np.concatenate(places))
         count = min(len(slip), len(left))
         residual = np.concatenate([slip[:count], left[:count]], axis=1)
         return residual, np.concatenate([np.zeros((count, 1, NUISANCES)), known[:count]], axis=1)
@@ -232,12 +246,23 @@ def slip_rows(
     mechanism: Mechanism, theta: Array, samples: Samples, size: int, settings: FitSettings
 ) -> Array:
     """(n,) [rad/s] means over ``size`` samples of :func:`slip_of_joints`."""
+    pieces = _rolled_pieces(mechanism, theta, samples, size, settings)
+    return np.concatenate(
+        [
+            block_mean(slip_of_joints(mechanism, theta, twist, speed), size)
+            for _, twist, speed in pieces
+        ]
+    )
+
+
+def _rolled_pieces(
+    mechanism: Mechanism, theta: Array, samples: Samples, size: int, settings: FitSettings
+) -> Iterator[tuple[int, Array, Array]]:
+    """First sample, twist (N, A) and speeds (N, J) of pieces of whole rows, as theta says."""
     where = (mechanism.structure, mechanism.geometry, theta, samples, mechanism.settings)
-    pieces, most = list[Array](), size * max(1, settings.kinematics.max_samples_at_once // size)
+    most = size * max(1, settings.kinematics.max_samples_at_once // size)
     for begin in range(0, len(samples), most):
-        rolling = rolled_speeds(*where, slice(begin, begin + most))
-        pieces.append(block_mean(slip_of_joints(mechanism, theta, *rolling), size))
-    return np.concatenate(pieces)
+        yield begin, *rolled_speeds(*where, slice(begin, begin + most))
 
 
 def slip_of_joints(mechanism: Mechanism, theta: Array, twist: Array, speed: Array) -> Array:
@@ -328,33 +353,68 @@ def slipping_wheels(
     return SlippingWheels(np.sqrt(max(excess, 0.0)) / max(usual, 1e-300), tuple(masks))
 
 
-def _pose_rows(samples: Samples, size: int) -> tuple[Array, Array]:
-    """Increments of a pose (n, 3) beyond those of the wheels, in the body frame; (n, 3, K).
+class _WayOfWheels:
+    """The integral of a velocity (N, 3) by trapezoids, as `integral_of`, piece after piece."""
+
+    def __init__(self, dt: float) -> None:
+        self._dt = dt
+        self._last: Array | None = None
+        self._total = np.zeros((1, 3))
+
+    def after(self, velocity: Array) -> Array:
+        """(n, 3) the integral at the samples of the next piece, whose velocity is given."""
+        known = velocity if self._last is None else np.concatenate([self._last, velocity])
+        steps = 0.5 * self._dt * (known[1:] + known[:-1])
+        total = np.cumsum(np.concatenate([self._total, steps]), axis=0)
+        self._total = total[-1:]
+        first = self._last is None
+        self._last = velocity[-1:]
+        return total if first else total[1:]
+
+
+@dataclass(frozen=True)
+class _MeasuredWay:
+    """What a pose (N, 3) says of the way that a platform went, from row to row.
 
     A pose may differ by other things than kinematics: a scale of its way and one of its turns
     (lengths of the geometry), the direction that it calls ahead, and the place that it tracks.
+
+    cosine, sine : (N,) of the heading; into_body : (n, 3, 3)
+    came : (n, 3) increments of the pose [m, m, rad], in the body frame
+    ahead, left : (n, 3) what a place that is tracked 1 m ahead and to the left adds to these
     """
-    s = samples
-    c, sine = np.cos(s.pose[:, 2]), np.sin(s.pose[:, 2])
-    vx, vy, turning = s.twist.T
-    world = np.column_stack([c * vx - sine * vy, sine * vx + c * vy, turning])
-    yaw = s.pose[::size, 2]
-    into_body = _turned(0.5 * (yaw[1:] + yaw[:-1]))
-    steps = [
-        np.diff(signal[::size], axis=0)
-        for signal in (
-            s.pose,
-            integral_of(world, s.dt),
-            np.column_stack([c, sine, 0 * c]),
-            np.column_stack([-sine, c, 0 * c]),
-        )
-    ]
-    came, went, tracked_ahead, tracked_left = (
-        np.einsum("nij,nj->ni", into_body, step) for step in steps
-    )
-    straight, turn = went * (1.0, 1.0, 0.0), went * (0.0, 0.0, 1.0)
-    aside = np.column_stack([-went[:, 1], went[:, 0], 0 * went[:, 0]])
-    return came - went, np.stack([straight, turn, aside, tracked_ahead, tracked_left], axis=-1)
+
+    cosine: Array
+    sine: Array
+    into_body: Array
+    came: Array
+    ahead: Array
+    left: Array
+
+    @classmethod
+    def of(cls, pose: Array, size: int) -> _MeasuredWay:
+        """Of a pose of which every so many samples are a row."""
+        cosine, sine, yaw = np.cos(pose[:, 2]), np.sin(pose[:, 2]), pose[::size, 2]
+        into_body = _turned(0.5 * (yaw[1:] + yaw[:-1]))
+        c, s = cosine[::size], sine[::size]
+        places = (pose[::size], np.column_stack([c, s, 0 * c]), np.column_stack([-s, c, 0 * c]))
+        steps = [np.einsum("nij,nj->ni", into_body, np.diff(place, axis=0)) for place in places]
+        return cls(cosine, sine, into_body, *steps)
+
+    def in_world(self, twist: Array, begin: int) -> Array:
+        """A body twist (N, 3), from a sample on, along the axes of the world."""
+        rows = slice(begin, begin + len(twist))
+        c, s = self.cosine[rows], self.sine[rows]
+        vx, vy, turning = twist.T
+        return np.column_stack([c * vx - s * vy, s * vx + c * vy, turning])
+
+    def beyond(self, place: Array) -> tuple[Array, Array]:
+        """Increments (n, 3) beyond those of the wheels, which went to ``place``; (n, 3, K)."""
+        went = np.einsum("nij,nj->ni", self.into_body, np.diff(place, axis=0))
+        straight, turn = went * (1.0, 1.0, 0.0), went * (0.0, 0.0, 1.0)
+        aside = np.column_stack([-went[:, 1], went[:, 0], 0 * went[:, 0]])
+        known = np.stack([straight, turn, aside, self.ahead, self.left], axis=-1)
+        return self.came - went, known
 
 
 def _turned(yaw: Array) -> Array:

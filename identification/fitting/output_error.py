@@ -13,7 +13,7 @@ from identification.fitting.least_squares import Fit, solve_step
 from identification.fitting.regression import Indices, Regression, covariance_of, stride
 from identification.fitting.settings import FitSettings
 from identification.mechanisms.mechanism import Mechanism
-from identification.mechanisms.samples import Samples
+from identification.mechanisms.samples import Samples, cut
 from identification.signals.filters import block_mean
 from youbot_env.errors import InputError
 
@@ -79,14 +79,18 @@ class _FreeRuns:
 
     def residuals(self, theta: Array) -> list[Array]:
         """Per log (n, A): measured less simulated speeds, averaged over each row."""
-        mechanism = self.mechanism
-        return [
-            self._mean(mechanism.measured_speed(item) - mechanism.free_run(theta, item), item)
-            for item in self.logs
-        ]
+        return [self._left(item, self.mechanism.free_run(theta, item)) for item in self.logs]
 
-    def _mean(self, signal: Array, samples: Samples) -> Array:
-        return block_mean(signal, stride(samples.dt, self.settings.row_rate))
+    def _left(self, samples: Samples, simulated: Array) -> Array:
+        """(n, A) means over rows of a log's measured speeds less simulated ones (N, A)."""
+        size = stride(samples.dt, self.settings.row_rate)
+        rows = max(1, self.settings.max_part_samples // size) * size
+        found = []
+        for begin in range(0, len(samples), rows):
+            part = cut(samples, begin, begin + rows)
+            speed = self.mechanism.measured_speed(part)
+            found.append(block_mean(speed - simulated[begin : begin + rows], size))
+        return np.concatenate(found)
 
     def line_search(
         self, theta: Array, free: Indices, step: Array, cost: float, residual: list[Array]

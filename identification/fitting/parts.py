@@ -36,27 +36,45 @@ def reduced_by_parts(
     added : noise on the speeds, put on each part alone
     """
 
-    def of_part(begin: int, end: int, first: int | None = None) -> Array:
-        part = samples if first is None else cut(samples, begin, end)
-        if added is not None:
-            part = added.on(part, begin)
-        return reduce(ends_of(part), part.moves, first)
+    def of_part(begin: int, end: int) -> Array:
+        part = samples if end - begin == len(samples) else cut(samples, begin, end)
+        return ends_of(part if added is None else added.on(part, begin))
 
-    if whole or len(samples) <= settings.max_part_samples:
-        return of_part(0, len(samples))
+    return rows_in_parts(of_part, len(samples), samples.moves, reduce, settings, whole=whole)
+
+
+def rows_in_parts(
+    ends_of: Callable[[int, int], Array],
+    count: int,
+    moves: NDArray[np.bool_] | None,
+    reduce: RowFilter,
+    settings: FitSettings,
+    *,
+    whole: bool = False,
+) -> Array:
+    """The same of what ``ends_of`` gives for the samples from one to another of ``count``.
+
+    ``moves`` (N,): whether the mechanism moves; None if it does all the time.
+    """
+
+    def of_part(begin: int, end: int, first: int | None = None) -> Array:
+        return reduce(ends_of(begin, end), None if moves is None else moves[begin:end], first)
+
+    if whole or count <= settings.max_part_samples:
+        return of_part(0, count)
     size = reduce.size
-    margin = settled(reduce.rate, samples.dt, settings.part_margin_time_constants)
+    margin = settled(reduce.rate, reduce.dt, settings.part_margin_time_constants)
     rows = max(1, settings.max_part_samples // size)
 
     def rows_from(start: int) -> Array:
-        count = min(rows, (len(samples) - start) // size)
-        begin, end = max(0, start - margin), start + count * size + margin
-        return of_part(begin, end, start - begin)[:count]
+        most = min(rows, (count - start) // size)
+        begin, end = max(0, start - margin), min(start + most * size + margin, count)
+        return of_part(begin, end, start - begin)[:most]
 
-    first, *starts = range(reduce.first, len(samples) - size + 1, rows * size)
+    first, *starts = range(reduce.first, count - size + 1, rows * size)
     head = rows_from(first)
     # Filled part by part: to join all of them at the end would take their memory twice.
-    found = np.empty(((len(samples) - first) // size, *head.shape[1:]))
+    found = np.empty(((count - first) // size, *head.shape[1:]))
     found[: len(head)] = head
 
     def fill(start: int) -> None:

@@ -9,10 +9,10 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 import numpy as np
-from numpy.lib.stride_tricks import sliding_window_view
 from numpy.typing import NDArray
 
 from identification.fitting.settings import PredictabilitySettings
+from identification.signals.filters import add_up_from, pieces
 
 Array = NDArray[np.float64]
 
@@ -38,10 +38,11 @@ def repeated_noise(
         lag, earlier = _period(speed[first:last], step, settings)
         if lag:
             of_part = residual[first:last]
-            difference = (of_part[lag:] - of_part[:-lag])[earlier]
+            later, before = of_part[lag:][earlier], of_part[:-lag][earlier]
             # Half: each difference holds the noise of two periods.
-            total += 0.5 * (difference**2).sum(axis=0)
-            count += len(difference)
+            for some in pieces(len(later)):
+                total += 0.5 * ((later[some] - before[some]) ** 2).sum(axis=0)
+            count += len(later)
     return total, count
 
 
@@ -82,13 +83,19 @@ def _repeated_rows(speed: Array, lag: int, within: float, width: int) -> slice:
     ----------
     within : largest difference, as a share of the motion's squares, over ``width`` rows
     """
-    square = (speed**2).sum(axis=1)
-    difference = ((speed[lag:] - speed[:-lag]) ** 2).sum(axis=1)
-    if len(difference) < width:
+    if len(speed) - lag < width:
         return slice(0, 0)
-    # A short rest within the motion has no squares of its own: it is judged by the whole motion's.
-    allowed = within * np.maximum(square[lag:] + square[:-lag], 2.0 * square.mean())
-    fits = sliding_window_view(difference - allowed, width).mean(axis=1) <= 0.0
+    square = np.concatenate([(speed[some] ** 2).sum(axis=1) for some in pieces(len(speed))])
+    later, before, usual = speed[lag:], speed[:-lag], 2.0 * float(square.mean())
+    # How much more than allowed each row differs, summed from the first row on.
+    excess = np.zeros(len(later) + 1)
+    for some in pieces(len(later)):
+        difference = ((later[some] - before[some]) ** 2).sum(axis=1)
+        # A short rest within the motion has no squares of its own: it is judged by the whole
+        # motion's.
+        allowed = within * np.maximum(square[lag:][some] + square[:-lag][some], usual)
+        add_up_from(excess, some.start, difference - allowed)
+    fits = excess[width:] <= excess[:-width]
     changes = np.flatnonzero(np.diff(np.concatenate([[False], fits, [False]]).astype(int)))
     if not len(changes):
         return slice(0, 0)
@@ -112,6 +119,9 @@ def _all_differences(speed: Array) -> Array:
 
 def _difference(speed: Array, lag: int, earlier: slice = slice(None)) -> float:
     """Squares of the difference between a motion and itself ``lag`` later, over its own squares."""
-    pair = speed[lag:][earlier], speed[:-lag][earlier]
-    whole = float(sum((part**2).sum() for part in pair))
-    return float(((pair[0] - pair[1]) ** 2).sum()) / whole if whole > 0 else 1.0
+    later, before = speed[lag:][earlier], speed[:-lag][earlier]
+    apart = whole = 0.0
+    for some in pieces(len(later)):
+        whole += float((later[some] ** 2).sum() + (before[some] ** 2).sum())
+        apart += float(((later[some] - before[some]) ** 2).sum())
+    return apart / whole if whole > 0 else 1.0

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from identification.kinematics.settings import KinematicsSettings
-from identification.signals.filters import integral_of
+from identification.signals.filters import integral_of, pieces
 
 Array = NDArray[np.float64]
 Complex = NDArray[np.complex128]
@@ -58,10 +58,12 @@ def fresh_pose(motion: Motion, settings: KinematicsSettings) -> NDArray[np.intp]
     found = np.flatnonzero(known & (changed | (since % held == 0)))
     least = 1.0 / settings.max_pose_rate - 0.5 * motion.dt
     kept, last = [], -np.inf
-    for k, instant in zip(found.tolist(), motion.time[found].tolist(), strict=True):
-        if instant - last >= least:
-            kept.append(k)
-            last = instant
+    for part in pieces(len(found)):
+        some = found[part]
+        for k, instant in zip(some.tolist(), motion.time[some].tolist(), strict=True):
+            if instant - last >= least:
+                kept.append(k)
+                last = instant
     return np.array(kept, dtype=np.intp)
 
 
@@ -72,23 +74,37 @@ def angles_at(motion: Motion, delay: float) -> Array:
     """
     speed, dt = motion.velocity, motion.dt
     angle, last = integral_of(speed, dt), len(speed) - 1
-    place = np.arange(len(speed)) + delay / dt
-    first = np.clip(np.floor(place).astype(np.intp), 0, max(last - 1, 0))
-    # Beyond the ends the speed is taken to stay what it is there.
-    part = (np.clip(place, 0, last) - first)[:, None]
-    beyond = (place - np.clip(place, 0, last))[:, None]
-    at = np.clip(np.round(place), 0, last).astype(np.intp)
-    slope = speed[first + 1] - speed[first]
-    inside = angle[first] + dt * (part * speed[first] + 0.5 * part**2 * slope)
-    return inside + dt * beyond * speed[at]
+    found = np.empty_like(angle)
+    for some in pieces(len(speed)):
+        place = np.arange(some.start, some.stop) + delay / dt
+        first = np.clip(np.floor(place).astype(np.intp), 0, max(last - 1, 0))
+        # Beyond the ends the speed is taken to stay what it is there.
+        part = (np.clip(place, 0, last) - first)[:, None]
+        beyond = (place - np.clip(place, 0, last))[:, None]
+        at = np.clip(np.round(place), 0, last).astype(np.intp)
+        slope = speed[first + 1] - speed[first]
+        inside = angle[first] + dt * (part * speed[first] + 0.5 * part**2 * slope)
+        found[some] = inside + dt * beyond * speed[at]
+    return found
 
 
-def turned_paths(angle: Array | Complex, yaw: Array) -> Complex:
+def turned_paths(angle: Array | Complex, yaw: Array, at: NDArray[np.intp] | None = None) -> Complex:
     """Ways (n, k) in the world, complex x + i y, of angles (n, k) that roll ahead at a radius of 1.
 
-    An imaginary angle rolls to the left; ``yaw`` (n,) is the platform's.
+    An imaginary angle rolls to the left; ``yaw`` (n,) is the platform's. ``at``: the samples (m,),
+    in order, whose ways (m, k) are asked for; None for all.
     """
-    middle = np.exp(0.5j * (yaw[1:] + yaw[:-1]))[:, None]
-    path = np.zeros(angle.shape, complex)
-    np.cumsum(middle * np.diff(angle, axis=0), axis=0, out=path[1:])
+    size, last = (len(angle) if at is None else len(at)), np.zeros((1, angle.shape[1]), complex)
+    path = np.zeros((size, angle.shape[1]), complex)
+    for part in pieces(len(angle) - 1):
+        some = slice(part.start, part.stop + 1)
+        middle = np.exp(0.5j * (yaw[some][1:] + yaw[some][:-1]))[:, None]
+        ways = np.concatenate([last, middle * np.diff(angle[some], axis=0)])
+        np.cumsum(ways, axis=0, out=ways)
+        last = ways[-1:]
+        if at is None:
+            path[some] = ways
+        else:
+            inside = slice(*np.searchsorted(at, [part.start, part.stop + 1]))
+            path[inside] = ways[at[inside] - part.start]
     return path

@@ -115,7 +115,7 @@ def pieces_of(motion: Motion, delay: float, settings: KinematicsSettings) -> Pie
             ends.append(k)
     at = rows[ends]
     way = np.diff(pose[ends, 0] + 1j * pose[ends, 1])
-    rolled = {sign: np.diff(turned_paths(angle, sign * yaw)[at], axis=0) for sign in (1.0, -1.0)}
+    rolled = {sign: np.diff(turned_paths(angle, sign * yaw, at), axis=0) for sign in (1.0, -1.0)}
     return Pieces(way, np.diff(pose[ends, 2]), rolled, np.diff(angle[at], axis=0))
 
 

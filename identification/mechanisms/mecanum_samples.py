@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 from identification.logs.log import Log
 from identification.mechanisms.samples import Samples, planar_pose
 from identification.mechanisms.settings import MechanismSettings
-from identification.signals.filters import integral_of
+from identification.signals.filters import add_up_from, integral_of, pieces
 from identification.signals.noise import white_noise
 from youbot_env.errors import InputError
 from youbot_env.physics.geometry import WHEELS, Geometry
@@ -29,20 +29,27 @@ def _wheel_angles(
     integrated = integral_of(log.velocity, dt)
     if log.pose is None:
         return integrated, False
-    yaw = log.pose[:, 2]
-    middle = 0.5 * (yaw[1:] + yaw[:-1])
-    c, s = np.cos(middle), np.sin(middle)
-    dx, dy, turn = np.diff(log.pose, axis=0).T
-    # From the chord to the arc that was driven: a part in 10^5, but a ripple counts each turn.
-    arc = 1.0 / np.sinc(turn / (2 * np.pi))
-    dx, dy = arc * dx, arc * dy
-    way = geometry.wheel_speeds(np.column_stack([c * dx + s * dy, c * dy - s * dx, turn]))
-    rolled = np.vstack([np.zeros(4), np.cumsum(way, axis=0)])
+    rolled, apart = np.zeros_like(integrated), np.zeros(4)
+    for part in pieces(len(log) - 1):
+        after = slice(part.start + 1, part.stop + 1)
+        way = _rolled_between(log.pose[part.start : part.stop + 1], geometry)
+        add_up_from(rolled, part.start, way)
+        apart = np.maximum(apart, np.abs(rolled[after] - integrated[after]).max(axis=0))
     drift = white_noise(log.velocity) * np.sqrt(dt * dt * len(log))
     # Noise alone leaves a random walk; anything beyond is slip, and the wheels know better.
     explained = settings.max_drift_deviations * drift + settings.max_pose_angle_error
-    slips = np.abs(rolled - integrated).max(axis=0) > explained
-    return (integrated, False) if slips.any() else (rolled, True)
+    return (integrated, False) if (apart > explained).any() else (rolled, True)
+
+
+def _rolled_between(pose: Array, geometry: Geometry) -> Array:
+    """(N - 1, 4) angles [rad] by which wheels roll from each pose (N, 3) to the next."""
+    middle = 0.5 * (pose[1:, 2] + pose[:-1, 2])
+    c, s = np.cos(middle), np.sin(middle)
+    dx, dy, turn = np.diff(pose, axis=0).T
+    # From the chord to the arc that was driven: a part in 10^5, but a ripple counts each turn.
+    arc = 1.0 / np.sinc(turn / (2 * np.pi))
+    dx, dy = arc * dx, arc * dy
+    return geometry.wheel_speeds(np.column_stack([c * dx + s * dy, c * dy - s * dx, turn]))
 
 
 def samples_of(

@@ -6,6 +6,7 @@ would delay every product by half a sample and bias the wheels' inertia by about
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -134,8 +135,27 @@ def integral_of(rate: Array, dt: float) -> Array:
     The same numbers as scipy.integrate.cumulative_trapezoid, whose import takes 0.3 s.
     """
     total = np.zeros_like(rate)
-    np.cumsum(0.5 * dt * (rate[1:] + rate[:-1]), axis=0, out=total[1:])
+    for part in pieces(len(rate) - 1):
+        after = slice(part.start + 1, part.stop + 1)
+        add_up_from(total, part.start, 0.5 * dt * (rate[after] + rate[part]))
     return total
+
+
+def pieces(count: int) -> Iterator[slice]:
+    """The first ``count`` samples, so many at a time that what is made of them takes no memory."""
+    size = 1 << 17
+    for begin in range(0, count, size):
+        yield slice(begin, min(begin + size, count))
+
+
+def add_up_from(total: Array, at: int, steps: Array) -> None:
+    """Fill ``total`` (N, ...) from sample ``at`` on by steps (n, ...): the same as all in one sum.
+
+    ``steps`` are changed.
+    """
+    if at:
+        steps[:1] += total[at]
+    np.cumsum(steps, axis=0, out=total[at + 1 : at + 1 + len(steps)])
 
 
 def vertex(before: float, at: float, after: float) -> float:
@@ -191,10 +211,25 @@ class RowFilter:
         moved = block_mean(memory[start:], self.size) < np.exp(-self.settling)
         return rows * moved.reshape(-1, *[1] * (rows.ndim - 1))
 
-    def adjoint(self, rows: Array, count: int) -> Array:
+    def adjoint(
+        self,
+        rows: Array,
+        count: int,
+        part: tuple[int, int],
+        margin: int,
+    ) -> Array:
         """(N, ...) such that its product with N = ``count`` samples is that of ``rows`` (n, ...)
-        with the rows of these samples."""
-        spread = np.zeros((count, *rows.shape[1:]))
-        inside = np.repeat(rows / self.size, self.size, axis=0)[: count - self.first]
-        spread[self.first : self.first + len(inside)] = inside
-        return filter_samples(spread[::-1], self.rate, self.dt)[::-1]
+        with the rows of these samples.
+
+        ``part``: from which sample to which they are asked for; ``margin``: samples after it from
+        which on the filter, which runs backwards, has forgotten its start.
+        """
+        begin, end = part
+        until = min(end + margin, count)
+        spread = np.zeros((until - begin, *rows.shape[1:]))
+        held = slice(max(begin, self.first), min(until, self.first + len(rows) * self.size))
+        if held.start < held.stop:
+            of_row = (np.arange(held.start, held.stop) - self.first) // self.size
+            spread[held.start - begin : held.stop - begin] = (rows / self.size)[of_row]
+        filtered = filter_samples(spread[::-1], self.rate, self.dt)[::-1]
+        return filtered[: end - begin]
