@@ -42,10 +42,10 @@ Random signs of blocks of 2 s tell chance from a cause where noise is forgotten 
 An offset that wanders more slowly than a log lasts, and outliers that are all to one side, leave
 an offset of the channel in the log: a small p-value of `torque_offset` is right there.
 Noise of speeds that lasts (AR(1), hum, coarse steps) is in the acceleration, and so in the
-residual and in the columns of effects of the drives. It is taken off with the spectrum that the
-speeds of a platform show beside any rigid motion; steps of coarse speeds are no such noise. No
-verdict rests on a p-value alone: an effect must take away a share of what can be predicted on
-held-out stretches, and of noise nothing can.
+residual and in the columns of effects of the drives, of `drive_resonance` most. It is taken off
+with the spectrum that the speeds of a platform show beside any rigid motion; steps of coarse
+speeds are no such noise. No verdict rests on a p-value alone: an effect must take away a share of
+what can be predicted on held-out stretches, and of noise nothing can.
 
 """
 }
