@@ -182,3 +182,8 @@ assert product.tolist() == [0.0, 1.0]
 def test_compiled_code_runs_without_what_compiling_needs_and_compiling_still_works():
     for state in ("cold", "warm"):
         subprocess.run([sys.executable, "-c", FIRST_USE, state], check=True)
+
+
+def test_an_inner_function_is_called_by_compiled_code():
+    half = caching.njit(inner=True)(lambda x: 0.5 * x)
+    assert caching.njit()(lambda x: half(x) + 1.0)(3.0) == 2.5

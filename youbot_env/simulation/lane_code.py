@@ -351,8 +351,8 @@ def lane_source(structure: Structure, dynamics: Dynamics) -> str:
     return "\n\n".join(parts)
 
 
-_DECORATOR = '@njit(cache=True, error_model="numpy", nogil=True)'
-_INLINED = '@njit(cache=True, error_model="numpy", forceinline=True)'
+_DECORATOR = '@njit(inner=True, error_model="numpy", nogil=True)'
+_INLINED = '@njit(inner=True, error_model="numpy", forceinline=True)'
 
 
 def _loads(names: Sequence[str], array: str, first: int = 0) -> list[str]:
@@ -398,7 +398,7 @@ def _integration(
     returned = ", ".join(code[index] for index in direct)
     derivative = "\n".join(
         [
-            '@njit(cache=True, error_model="numpy", forceinline=True)',
+            _INLINED,
             f"def lane_derivative({', '.join([*(f's{i}' for i in inputs), *turned, *kept])}):",
             *body,
             f"    return ({returned},)",

@@ -46,7 +46,7 @@ _TO_SHARE = 2.0**-32
 _32 = np.uint64(32)
 
 
-@njit(cache=True, error_model="numpy", nogil=True)
+@njit(cache=True, inner=True, error_model="numpy", nogil=True)
 def stated_parameters(kind, mean, spread, lower, upper, key, episode, attempt, out):
     """Parameters (Q,) as people state them; False if one leaves its bounds.
 
@@ -71,7 +71,7 @@ def stated_parameters(kind, mean, spread, lower, upper, key, episode, attempt, o
     return inside
 
 
-@njit(cache=True, error_model="numpy", nogil=True)
+@njit(cache=True, inner=True, error_model="numpy", nogil=True)
 def _drawn_words(key, episode, out):
     """All words of an episode's stream, ``out`` (4, n): in a loop that holds several at a time."""
     a, b, c, d = out[0], out[1], out[2], out[3]
@@ -80,7 +80,7 @@ def _drawn_words(key, episode, out):
         a[j], b[j], c[j], d[j] = np.uint32(e), np.uint32(f), np.uint32(g), np.uint32(h)
 
 
-@njit(cache=True, error_model="numpy", nogil=True)
+@njit(cache=True, inner=True, error_model="numpy", nogil=True)
 def _harmonics(tones, first, last, drawn, out):
     """Distinct harmonics (3 tones,), dealt to the axes: out[axis * tones + tone]."""
     needed = 3 * tones
@@ -114,7 +114,7 @@ def _harmonics(tones, first, last, drawn, out):
         out[k * tones + tone] = chosen[3 * tone + 2]
 
 
-@njit(cache=True, error_model="numpy", nogil=True)
+@njit(cache=True, inner=True, error_model="numpy", nogil=True)
 def _largest(values):
     """The largest size of numbers, of single or double precision."""
     # Numbers that are not negative are in the order of their bits, and a search among whole numbers
@@ -126,7 +126,7 @@ def _largest(values):
     return number_of(best)
 
 
-@njit(cache=True, error_model="numpy", nogil=True)
+@njit(cache=True, inner=True, error_model="numpy", nogil=True)
 def _padded(length):
     """A length at which loops that take many numbers at a time leave no rest."""
     return -(-length // TOGETHER) * TOGETHER
@@ -148,12 +148,12 @@ def carriers(first, last, steps):
     return found
 
 
-@njit(cache=True, error_model="numpy", nogil=True)
+@njit(cache=True, inner=True, error_model="numpy", nogil=True)
 def _coarse_points(steps):
     return _padded(steps // COARSE // 2 + 1)
 
 
-@njit(cache=True, error_model="numpy", nogil=True)
+@njit(cache=True, inner=True, error_model="numpy", nogil=True)
 def _carrier(harmonic, steps, fine, coarse):
     """One row of ``carriers``: cosines, then sines."""
     half, few, step = len(fine) // 2, len(coarse) // 2, np.float64(harmonic) / np.float64(steps)
@@ -167,7 +167,7 @@ def _carrier(harmonic, steps, fine, coarse):
         put(coarse, few + m, np.float32(sine_of_turns(turns)))
 
 
-@njit(cache=True, error_model="numpy", nogil=True)
+@njit(cache=True, inner=True, error_model="numpy", nogil=True)
 def _flattest(tried, tones, steps, rows, carrier, work):
     """Number of the phases (tones, draws) [turns] that make the flattest sum of unit tones.
 
@@ -191,7 +191,7 @@ def _flattest(tried, tones, steps, rows, carrier, work):
     return best
 
 
-@njit(cache=True, error_model="numpy", forceinline=True)
+@njit(cache=True, inner=True, error_model="numpy", forceinline=True)
 def _add_eight(factors, at, rows, tone, flat, first, sums, old):
     """Eight tones on to the sums that begin at ``old``, into the second half of ``sums``.
 
@@ -215,7 +215,7 @@ def _add_eight(factors, at, rows, tone, flat, first, sums, old):
         put(sums, width + m, (x + y) + (z + w))
 
 
-@njit(cache=True, error_model="numpy", forceinline=True)
+@njit(cache=True, inner=True, error_model="numpy", forceinline=True)
 def _largest_of_sums(even, odd):
     """The largest size of E + O and E - O of two second halves, in single precision."""
     width, best = len(even) // 2, np.int32(0)
@@ -225,7 +225,7 @@ def _largest_of_sums(even, odd):
     return number_of(best)
 
 
-@njit(cache=True, error_model="numpy", nogil=True)
+@njit(cache=True, inner=True, error_model="numpy", nogil=True)
 def workspace(tones, steps):
     """Arrays that ``draw_reference`` works in, for any number of episodes."""
     half, coarse = _padded(steps // 2 + 1), _coarse_points(steps)
@@ -249,7 +249,7 @@ def workspace(tones, steps):
     return choose, own, sums, small
 
 
-@njit(cache=True, error_model="numpy", nogil=True)
+@njit(cache=True, inner=True, error_model="numpy", nogil=True)
 def _sum_of_tones(a, b, rows, carrier, out):
     """E, then O, at half a period's points: tones of factors a and b (their number padded to 4)."""
     half, flat = len(out) // 2, carrier.reshape(-1)
@@ -268,7 +268,7 @@ def _sum_of_tones(a, b, rows, carrier, out):
             put(out, m, one + fma(g, given(flat, k + m), h * given(flat, n + m)))
 
 
-@njit(cache=True, error_model="numpy", nogil=True)
+@njit(cache=True, inner=True, error_model="numpy", nogil=True)
 def _peak(sums, row):
     """The largest size of E + O and E - O."""
     half = len(row)
@@ -277,7 +277,7 @@ def _peak(sums, row):
     return _largest(row)
 
 
-@njit(cache=True, error_model="numpy", nogil=True)
+@njit(cache=True, inner=True, error_model="numpy", nogil=True)
 def draw_reference(
     tones, first, last, peaks, limits, jacobian, steps, known, key, episode, phase, harmonic, gain,
     work,

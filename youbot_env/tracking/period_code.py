@@ -31,7 +31,7 @@ from youbot_env.tracking.random_numbers import normal_numbers
 '''
 
 DRIVER = '''
-@njit(cache=True, error_model="numpy", nogil=True)
+@njit(inner=True, error_model="numpy", nogil=True)
 def finish(row, x, y, z, k, w, v, p, f, table, lanes, tick, numbers, whole, lengths,
            seen, reward, report):
     """What follows the plant's motion: reference, sensors, reward and observation."""
@@ -183,7 +183,7 @@ def begin_rows(places, tick, draws, start, seen, report, final, final_report, fi
             begin_counts(x, y, v, 0, counts, tick % window, window, whole[ANGLES], numbers)
 
 
-@njit(cache=True, error_model="numpy", nogil=True)
+@njit(inner=True, error_model="numpy", nogil=True)
 def ends(row, k, v, lanes, whole, over, reward):
     """Which episodes are over: by divergence, and else by their length; how many begin for it.
 
@@ -212,7 +212,7 @@ def ends(row, k, v, lanes, whole, over, reward):
 '''
 
 MOVE = '''
-@njit(cache=True, error_model="numpy", nogil=True)
+@njit(inner=True, error_model="numpy", nogil=True)
 def move(x, p, w, lanes, tick, actions, numbers, whole, lengths):
     """The plant under the action of a delay ago."""
     slot = (tick - whole[DELAY]) % whole[ACTIONS]
@@ -224,7 +224,7 @@ def move(x, p, w, lanes, tick, actions, numbers, whole, lengths):
 '''
 
 MOVE_LATE = '''
-@njit(cache=True, error_model="numpy", nogil=True)
+@njit(inner=True, error_model="numpy", nogil=True)
 def move(x, p, w, lanes, tick, actions, numbers, whole, lengths):
     """The plant where the model delays torques by any time: two actions act in a period."""
     shifts(x, w, lanes, lengths, w[WORKSPACE * LANES :])

@@ -107,48 +107,48 @@ PLACE = 4
 """Numbers for each array in a list of places: its address and up to three lengths."""
 
 
-@njit(cache=True, error_model="numpy", nogil=True)
+@njit(cache=True, inner=True, error_model="numpy", nogil=True)
 def numbers_at(places, at):
     """A matrix of numbers from a list of places."""
     shape = (places[PLACE * at + 1], places[PLACE * at + 2])
     return carray(pointer(places[PLACE * at]), shape, real)
 
 
-@njit(cache=True, error_model="numpy", nogil=True)
+@njit(cache=True, inner=True, error_model="numpy", nogil=True)
 def small_at(places, at):
     """A matrix of small whole numbers."""
     shape = (places[PLACE * at + 1], places[PLACE * at + 2])
     return carray(pointer(places[PLACE * at]), shape, np.uint16)
 
 
-@njit(cache=True, error_model="numpy", nogil=True)
+@njit(cache=True, inner=True, error_model="numpy", nogil=True)
 def shown_at(places, at):
     """A matrix of numbers that are observed."""
     shape = (places[PLACE * at + 1], places[PLACE * at + 2])
     return carray(pointer(places[PLACE * at]), shape, np.float32)
 
 
-@njit(cache=True, error_model="numpy", nogil=True)
+@njit(cache=True, inner=True, error_model="numpy", nogil=True)
 def whole_at(places, at):
     """A matrix of whole numbers."""
     shape = (places[PLACE * at + 1], places[PLACE * at + 2])
     return carray(pointer(places[PLACE * at]), shape, np.int64)
 
 
-@njit(cache=True, error_model="numpy", nogil=True)
+@njit(cache=True, inner=True, error_model="numpy", nogil=True)
 def cube_at(places, at):
     """An array of three axes."""
     shape = (places[PLACE * at + 1], places[PLACE * at + 2], places[PLACE * at + 3])
     return carray(pointer(places[PLACE * at]), shape, np.float64)
 
 
-@njit(cache=True, error_model="numpy", nogil=True)
+@njit(cache=True, inner=True, error_model="numpy", nogil=True)
 def row_at(places, at):
     """Numbers in a row."""
     return carray(pointer(places[PLACE * at]), (places[PLACE * at + 1],), real)
 
 
-@njit(cache=True, error_model="numpy", nogil=True)
+@njit(cache=True, inner=True, error_model="numpy", nogil=True)
 def ask_for(numbers, line):
     """Let a block's numbers, ``line`` to a line of the cache, come while others are used."""
     for at in range(0, len(numbers), line):
@@ -172,7 +172,7 @@ def refused(action, first, last):
     return -1
 
 
-@njit(cache=True, error_model="numpy", forceinline=True)
+@njit(cache=True, inner=True, error_model="numpy", forceinline=True)
 def within_one(action):
     """An action cut to +-1."""
     value, one = np.float32(action), np.float32(1.0)
@@ -180,7 +180,7 @@ def within_one(action):
     return -one if value < -one else value
 
 
-@njit(cache=True, error_model="numpy", nogil=True)
+@njit(cache=True, inner=True, error_model="numpy", nogil=True)
 def take(action, row, p, lanes, at, slot):
     """Put actions from ``row`` on, cut to +-1, into the ring of past ones (from field ``at``)."""
     # All four in one loop: what stands side by side is then read side by side.
@@ -190,7 +190,7 @@ def take(action, row, p, lanes, at, slot):
             put(kept, wheel * LANES + i, within_one(given(flat, 4 * i + wheel)))
 
 
-@njit(cache=True, error_model="numpy", nogil=True)
+@njit(cache=True, inner=True, error_model="numpy", nogil=True)
 def held_torque(p, lanes, at, slot, limit, w, field):
     """Torques [N m] that the actions of a slot command, into four fields of w."""
     for wheel in range(4):
@@ -199,7 +199,7 @@ def held_torque(p, lanes, at, slot, limit, w, field):
             target[i] = limit * real(source[i])
 
 
-@njit(cache=True, error_model="numpy", nogil=True)
+@njit(cache=True, inner=True, error_model="numpy", nogil=True)
 def reference(y, z, k, v, p, table, lanes, slot, ahead, numbers, whole):
     """The reference's twist ``ahead`` samples after the clock, into a slot of the rings."""
     tones = whole[TONES]
@@ -228,7 +228,7 @@ def reference(y, z, k, v, p, table, lanes, slot, ahead, numbers, whole):
     show(y, p, lanes, slot, numbers)
 
 
-@njit(cache=True, error_model="numpy", nogil=True)
+@njit(cache=True, inner=True, error_model="numpy", nogil=True)
 def follow_tables(y, k, table, lanes, slot, shift, whole):
     """The same of rows that follow a table."""
     if whole[TABLES]:
@@ -240,7 +240,7 @@ def follow_tables(y, k, table, lanes, slot, shift, whole):
                     y[(3 + 3 * slot + axis) * LANES + i] = table[number, n, axis]
 
 
-@njit(cache=True, error_model="numpy", nogil=True)
+@njit(cache=True, inner=True, error_model="numpy", nogil=True)
 def show(y, p, lanes, slot, numbers):
     """A slot of the reference's samples as it is observed, once for all the times that it is."""
     limit = numbers[TWIST_LIMIT]
@@ -249,7 +249,7 @@ def show(y, p, lanes, slot, numbers):
         scaled(wanted, lanes, share, limit, p[(3 * slot + axis) * LANES :])
 
 
-@njit(cache=True, error_model="numpy", nogil=True)
+@njit(cache=True, inner=True, error_model="numpy", nogil=True)
 def reference_ahead(y, z, k, p, table, tick, numbers, whole, sines):
     """All samples but the newest that the first row sees at its start; bits as ``reference``'s.
 
@@ -278,7 +278,7 @@ def reference_ahead(y, z, k, p, table, tick, numbers, whole, sines):
         show(y, p, one, slot, numbers)
 
 
-@njit(cache=True, error_model="numpy", nogil=True)
+@njit(cache=True, inner=True, error_model="numpy", nogil=True)
 def put_at_start(x, p, w, k, lanes, action, start, states):
     """Rows of a block that begin now: where ``begin_rows`` put them before the plant moved.
 
@@ -316,7 +316,7 @@ def renew(K, first, last):
     return found
 
 
-@njit(cache=True, error_model="numpy", nogil=True)
+@njit(cache=True, inner=True, error_model="numpy", nogil=True)
 def slopes(z, k, v, i, numbers, whole):
     """Of one row: slopes [1/s] of its tones' sums and of the window, into v; after reference()."""
     tones = whole[TONES]
@@ -339,7 +339,7 @@ def slopes(z, k, v, i, numbers, whole):
         v[(SLOPE + axis) * LANES + i] = slope
 
 
-@njit(cache=True, error_model="numpy", nogil=True)
+@njit(cache=True, inner=True, error_model="numpy", nogil=True)
 def count(x, y, v, lanes, at, slot, angles, numbers):
     """Wheel speeds from whole counts over the window, instead of those in v; the ring moves on."""
     resolution, span = numbers[RESOLUTION], numbers[SPAN]
@@ -352,7 +352,7 @@ def count(x, y, v, lanes, at, slot, angles, numbers):
             kept[i] = now
 
 
-@njit(cache=True, error_model="numpy", nogil=True)
+@njit(cache=True, inner=True, error_model="numpy", nogil=True)
 def begin_counts(x, y, v, i, at, slot, window, angles, numbers):
     """Counts of one row as if it had always moved at its present speed; ``v``: wheel speeds."""
     resolution = numbers[RESOLUTION]
@@ -364,7 +364,7 @@ def begin_counts(x, y, v, i, at, slot, window, angles, numbers):
             y[(place + wheel) * LANES + i] = np.floor(angle / resolution)
 
 
-@njit(cache=True, error_model="numpy", nogil=True)
+@njit(cache=True, inner=True, error_model="numpy", nogil=True)
 def measure(v, f, lanes, numbers, noisy):
     """Add noise of normal numbers f to the wheel speeds in v; the twist that they tell."""
     if noisy:
@@ -382,20 +382,20 @@ def measure(v, f, lanes, numbers, noisy):
             v[(MEASURED + axis) * LANES + i] = value
 
 
-@njit(cache=True, error_model="numpy", forceinline=True)
+@njit(cache=True, inner=True, error_model="numpy", forceinline=True)
 def tolerance_of(square, margin):
     """``tolerance`` of an error whose square is given; NaN gives 0."""
     value = 1.0 / fma(9.0 / (margin * margin), square, 1.0)
     return value if value == value else 0.0
 
 
-@njit(cache=True, error_model="numpy", forceinline=True)
+@njit(cache=True, inner=True, error_model="numpy", forceinline=True)
 def sharpness(numbers, term):
     """What a squared error of a reward's term is multiplied with in ``loss_of``."""
     return 9.0 / (numbers[MARGIN + term] * numbers[MARGIN + term])
 
 
-@njit(cache=True, error_model="numpy", forceinline=True)
+@njit(cache=True, inner=True, error_model="numpy", forceinline=True)
 def loss_of(square, sharp):
     """1 over the ``tolerance`` of an error whose square is given; large for NaN.
 
@@ -405,7 +405,7 @@ def loss_of(square, sharp):
     return value if value < 1e12 else 1e12
 
 
-@njit(cache=True, error_model="numpy", nogil=True)
+@njit(cache=True, inner=True, error_model="numpy", nogil=True)
 def judge(x, y, p, v, lanes, row, ring, at, slot, past, numbers, reward):
     """Rewards into ``reward`` from ``row`` on, and into v which episodes end (1.0: diverged).
 
@@ -445,7 +445,7 @@ def judge(x, y, p, v, lanes, row, ring, at, slot, past, numbers, reward):
         put(ended, i, over)
 
 
-@njit(cache=True, error_model="numpy", forceinline=True)
+@njit(cache=True, inner=True, error_model="numpy", forceinline=True)
 def within(value, limit):
     """A number cut to the limits; NaN, which no policy could use, is 0."""
     value = value if value == value else 0.0 * limit
@@ -453,7 +453,7 @@ def within(value, limit):
     return -limit if value < -limit else value
 
 
-@njit(cache=True, error_model="numpy", nogil=True)
+@njit(cache=True, inner=True, error_model="numpy", nogil=True)
 def observe(v, p, lanes, row, tick, at, numbers, whole, seen):
     """Observations of rows from ``row`` on; ``seen`` (D, n), so that rows lie side by side."""
     preview, history = whole[PREVIEW], whole[HISTORY]
@@ -476,14 +476,14 @@ def observe(v, p, lanes, row, tick, at, numbers, whole, seen):
                 put(column, i, given(action, i))
 
 
-@njit(cache=True, error_model="numpy", forceinline=True)
+@njit(cache=True, inner=True, error_model="numpy", forceinline=True)
 def scaled(twist, lanes, share, limit, column):
     """A field over its scale, into a column of observations."""
     for i in range(lanes):
         put(column, i, np.float32(within(given(twist, i) * share, limit)))
 
 
-@njit(cache=True, error_model="numpy", nogil=True)
+@njit(cache=True, inner=True, error_model="numpy", nogil=True)
 def describe(x, y, p, v, i, row, tick, at, clock, numbers, whole, reward, report):
     """A report's row of row ``i`` of a block."""
     line = report[row]
@@ -515,7 +515,7 @@ def describe(x, y, p, v, i, row, tick, at, clock, numbers, whole, reward, report
     line[ENDED_AT] = v[ENDED * LANES + i]
 
 
-@njit(cache=True, error_model="numpy", nogil=True)
+@njit(cache=True, inner=True, error_model="numpy", nogil=True)
 def wanted_rate(y, z, k, v, table, i, row, numbers, whole, report):
     """Acceleration of the reference of row ``i`` [m/s^2, m/s^2, rad/s^2] into its report."""
     number = k[TABLE * LANES + i]
@@ -534,7 +534,7 @@ def wanted_rate(y, z, k, v, table, i, row, numbers, whole, report):
         report[row, WANTED_RATE + axis] = y[axis * LANES + i] * slope
 
 
-@njit(cache=True, error_model="numpy", nogil=True)
+@njit(cache=True, inner=True, error_model="numpy", nogil=True)
 def next_beginning(K, row, last):
     """The first row from ``row`` on, before ``last``, that must begin an episode; else ``last``."""
     while row < last:
