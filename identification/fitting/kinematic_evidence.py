@@ -20,7 +20,7 @@ from identification.fitting.regression import Indices, Regression, covariance_of
 from identification.fitting.settings import FitSettings
 from identification.mechanisms.mechanism import HeldDirections, Mechanism
 from identification.mechanisms.samples import Samples, rolled_speeds
-from identification.signals.filters import block_mean
+from identification.signals.filters import block_mean, pieces
 from identification.signals.noise import white_noise
 from identification.threads import side_by_side
 from youbot_env.physics import inverse_dynamics as dynamics
@@ -334,7 +334,11 @@ def slipping_wheels(
         return SlippingWheels(0.0, tuple(np.zeros(len(item), bool) for item in logs))
     known, internal = settings.kinematics, np.array(mechanism.internal)
     squares, masks = list[Array](), list[NDArray[np.bool_]]()
-    square = sum(float(np.vdot(item.wheel_speed, item.wheel_speed)) for item in logs)
+    square = sum(
+        float(np.vdot(item.wheel_speed[part], item.wheel_speed[part]))
+        for item in logs
+        for part in pieces(len(item))
+    )
     usual = np.sqrt(square / sum(item.wheel_speed.size for item in logs))
     usual = float(usual * np.linalg.norm(internal))
     for item, level in zip(logs, speed_noise, strict=True):
