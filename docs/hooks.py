@@ -5,6 +5,7 @@
 - Formulas in ``math`` blocks as MathML, so that no script is fetched to draw them.
 - Sections of README where a page names one on a line of its own, so that they are written once.
 - Links out of docs/, which lead somewhere in a checkout and nowhere on a site, as plain text.
+- Per cent signs that do not begin a line.
 """
 
 from __future__ import annotations
@@ -95,6 +96,17 @@ def on_page_markdown(markdown: str, page: Page, config: MkDocsConfig, files: Fil
     parts = _CODE.split(_SECTION.sub(_readme_section, markdown))
     return "".join(part if k % 2 else _LINK.sub(led, part) for k, part in enumerate(parts))
 
+
+def on_page_content(html: str, page: Page, config: MkDocsConfig, files: Files) -> str:
+    """Numbers keep their per cent signs on their line; code stays as it is typed."""
+    parts = _TYPED.split(html)
+    return "".join(
+        part if k % 2 else _PER_CENT.sub("\u00a0%", part) for k, part in enumerate(parts)
+    )
+
+
+_TYPED = re.compile(r"(<pre\b.*?</pre>|<code\b.*?</code>)", re.DOTALL)
+_PER_CENT = re.compile(r"(?<=\d)\s%(?!\w)")
 
 _README_ANCHORS = {
     "equations": ("model.md", "dynamics"),

@@ -29,7 +29,7 @@ from identification.fitting.least_squares import Fit, fit as fit_model
 from identification.fitting.misfit import force_floor_of, misfit, misfit_warning
 from identification.fitting.observability import log_observability, refuse_blind
 from identification.fitting.predictability import NoiseFloor, noise_floor, predictability
-from identification.fitting.regression import regression
+from identification.fitting.regression import regression, regressions
 from identification.fitting.settings import FitSettings
 from identification.logs.columns import joint_columns
 from identification.logs.log import Log
@@ -280,7 +280,7 @@ def compare(
         *(mechanism, model.theta, samples, force, velocity, fitted, force_floor_of(model)),
         *(seed, settings.fit),
     )
-    changes = _changes(model, mechanism, samples, fitted, seed, settings.fit)
+    changes = _changes(model, mechanism, samples, fitted, floor, seed, settings.fit)
     where = residual_map(
         *(mechanism, model.theta, samples),
         seed=seed,
@@ -353,7 +353,7 @@ def _fitted(
 ) -> Fit | None:
     """The model's structure fitted to the logs; None where they are too short."""
     free = np.flatnonzero(mechanism.free)
-    rows = [regression(mechanism, theta, item, free, settings) for item in samples]
+    rows = regressions(mechanism, theta, samples, free, settings)
     if sum(len(row.residual) for row in rows) < settings.min_rows_per_parameter * len(free):
         return None
     return fit_model(mechanism, samples, theta, first=rows, settings=settings)
@@ -420,6 +420,7 @@ def _changes(
     mechanism: Mechanism,
     samples: Sequence[Samples],
     fitted: Fit | None,
+    floor: NoiseFloor,
     seed: int,
     settings: FitSettings,
 ) -> ParameterChanges:
@@ -435,7 +436,11 @@ def _changes(
         refitted = kind_of(model).fitted_model(mechanism, last, name=model.name)
     except InputError:
         return ParameterChanges(reason="these logs do not show all of the model's parameters")
-    return changed_parameters(model, refitted, mechanism, settings)
+    left = add_up(
+        SumsOfSquares.of(force_traces(mechanism, last.theta, item, settings)) for item in samples
+    )
+    errors = {"force_error": left.ratio, "noise_floor": {"force_error": add_up(floor.force).ratio}}
+    return changed_parameters(model, replace(refitted, errors=errors), mechanism, settings)
 
 
 def _no_more_than(floor: SumsOfSquares, traces: Traces) -> SumsOfSquares:

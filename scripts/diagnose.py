@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import sys
+from collections.abc import Iterator
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -132,6 +133,26 @@ def main(
     if output:
         held = f", with {', '.join(result.missing)} in it" if result.missing else ""
         out.print(f"model written to {output}{held}", soft_wrap=True)
+    platform = result.model.mechanism.name == "mecanum"
+    for line in next_lines(found, model, output, next_motion) if platform else ():
+        out.print(f"next: {line}", soft_wrap=True, highlight=False)
+
+
+def next_lines(
+    found: dict[str, Any], model: str, output: Path | None, next_motion: Path | None
+) -> Iterator[str]:
+    """What to type next about a platform, where the verdict says what that is."""
+    if found["next_experiment"]:
+        if next_motion:
+            yield f"youbot motions drive/ --next-motion {next_motion}, drive it, and diagnose again"
+        else:
+            yield "the same command with --next-motion FILE writes the motion that tells them apart"
+    elif found["missing"] and output:
+        yield f"youbot compare {output} LOG..., with logs that are none of these"
+    elif found["missing"]:
+        yield "the same command with -o better.json writes the model with what is missing"
+    elif found["verdict"] == "adequate":
+        yield f"youbot evaluate --model {output or model} compares controllers on it"
 
 
 def _write_law(

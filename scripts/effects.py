@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import Annotated, Any
 
 import typer
+from rich.padding import Padding
 
 from youbot_scripts.cli import run_script
 from youbot_scripts.shared.effect_points import site_tables, sites_to_dict
@@ -86,7 +87,11 @@ def main(
         show(screen, [table(chosen, of)])
         for item in chosen:
             formula = of.formula(item, form)
-            screen.print(f"{item.name}\n  {formula}\n  {item.recognise}", soft_wrap=True)
+            screen.print(item.name)
+            for line in (formula, item.recognise):
+                # On a screen a long line goes on below its beginning; in a file it stays one.
+                indented = Padding(line, (0, 0, 0, 2)) if screen.is_terminal else f"  {line}"
+                screen.print(indented, soft_wrap=not screen.is_terminal)
     write_result(json, result)
 
 

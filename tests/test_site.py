@@ -90,5 +90,11 @@ def test_sections_of_readme_and_links_to_them(site: Path):
     assert "velocity_*" in (site / "log_files.html").read_text("utf-8")
 
 
+def test_no_line_begins_with_a_per_cent_sign(site: Path):
+    text = (site / "proposal.html").read_text("utf-8")
+    plain = re.sub(r"(?s)<(pre|code)\b.*?</\1>", "", text)
+    assert not re.search(r"\d[ \n]%", plain) and "\u00a0%" in plain
+
+
 def test_the_site_is_small(site: Path):
     assert sum(path.stat().st_size for path in site.rglob("*") if path.is_file()) < 20e6

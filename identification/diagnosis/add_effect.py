@@ -96,7 +96,8 @@ def add_effect(
         *_errors_that_doubt(before, after, p_value, settings),
         *_parameters_that_doubt(
             effect,
-            new.effects[effect],
+            # Humps of a map overlap: none may be sure alone, though their sum is.
+            {} if is_map(effect) else new.effects[effect],
             [fitted.mechanism.labels[result.free[k]].component for k in result.bounded],
             settings.fit.interval_deviations,
         ),

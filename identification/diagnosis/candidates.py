@@ -40,6 +40,8 @@ from identification.fitting.noise_bias import extrapolated_fit, joint_fit
 from identification.fitting.observability import log_observability, refuse_blind
 from identification.fitting.regression import (
     Indices,
+    acting_share,
+    acting_slope,
     filtered_residual,
     filtered_rows,
     residual_ends,
@@ -361,6 +363,11 @@ def _linear_candidate(
             )
             for item, demand in zip(base.samples, demands, strict=True)
         ]
+        slope = acting_slope(mechanism, theta, base.samples, new)
+        columns = tuple(
+            part + 0.5 * slope * left[..., None]
+            for part, left in zip(columns, residual, strict=True)
+        )
     joined = [np.concatenate([a, b], axis=-1) for a, b in zip(base.columns, columns, strict=True)]
     free = np.concatenate([base.free, new])
     basis = visible_directions(mechanism, free)
@@ -372,7 +379,7 @@ def _linear_candidate(
         directions=basis.shape[1] - base.basis.shape[1],
         fold_ratio=base.fold_ratio(folds),
     )
-    found = replace(found, acting_share=_acting_share(demands, base))
+    found = replace(found, acting_share=_acting_share(mechanism, theta, base))
     lost = _lost_at_bounds(base, found, new, theta[new] + judged.step[len(base.free) :])
     # Another shape may do as well with a sign that can be; where none does, the effect explains
     # nothing.
@@ -386,10 +393,9 @@ def _within_bounds(mechanism: Mechanism, which: Indices, values: Array) -> bool:
     return bool(((lower - rounding <= values) & (values <= upper + rounding)).all())
 
 
-def _acting_share(demands: Sequence[DemandedForce], base: FittedStructure) -> float:
-    """Squares of the torques that channels let act, over those that the structure lets act."""
-    acting, before = (sum(d.acting_square for d in of) for of in (demands, base.demands))
-    return acting / max(before, 1e-300)
+def _acting_share(mechanism: Mechanism, theta: Array, base: FittedStructure) -> float:
+    """Squares of the force that channels let act, over those that the structure lets act."""
+    return acting_share(mechanism, theta, base.samples) / base.acting_share
 
 
 def _lost_at_bounds(base: FittedStructure, item: Candidate, which: Indices, values: Array) -> float:
@@ -450,10 +456,11 @@ def promised_falls(
     """
     residual, own = stacked([part[..., None] for part in first.residual]), stacked(first.columns)
     best: dict[str, float] = {}
+    share = first.acting_share / base.acting_share
     for item in candidates:
         columns = np.concatenate([own, stacked(item.columns)], axis=1)
         left = float(_unexplained(columns, residual, base.settings)[0])
-        effect, fall = effect_of(item.name), (first.square - left) / base.square
+        effect, fall = effect_of(item.name), (first.square - left) / (share * base.square)
         best[effect] = max(fall, best.get(effect, fall))
     return {name: best[effect_of(name)] for name in names}
 
@@ -590,12 +597,13 @@ def _joint_fit(
         held_out=joint.held_out,
         added_noise=added,
         lost_fall=0.0,  # the fit is within bounds
-        acting_share=_acting_share(joint.demands, base),
+        acting_share=_acting_share(item.mechanism, joint.theta, base),
         fold_ratio=base.fold_ratio(joint.held_out.folds),
     )
     # Fall of the fitted squares, scaled to held-out squares. Noise that the effect itself amplifies
     # is no loss.
-    kept = (base.square - joint.square + added) * square / base.square
+    left = (joint.square - added) / new.acting_share
+    kept = (base.square - left) * square / base.square
     if kept < data.settings.min_kept_share_of_fall * (square - new.square):
         return replace(new, lost_fall=square - kept - new.square)
     return new

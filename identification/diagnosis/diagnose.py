@@ -52,10 +52,12 @@ from identification.fitting.changed_parameters import changed_parameters
 from identification.fitting.final_fit import coarse_speed_warnings, final_fit
 from identification.fitting.kinematic_evidence import slip_words
 from identification.fitting.least_squares import Fit
+from identification.fitting.regression import acting_share
 from identification.logs.log import Log, in_order_of_time, shared_clock, warnings_of_logs
 from identification.mechanisms.mechanism import Mechanism
 from identification.mechanisms.registry import AnyModel, kind_of, mechanism_of
 from identification.mechanisms.residual_maps import refuse_unseen_logs
+from identification.mechanisms.samples import Samples
 from identification.proposal.proposal import Proposal
 from identification.residual_map.regime import Regime
 from identification.residual_map.residual_map import residual_map
@@ -275,7 +277,8 @@ def _names(steps: Sequence[Step]) -> list[str]:
 def _held_out_square(first: Step, *others: Step) -> float:
     """Held-out squares of the last step, judged with the folds of the first."""
     last = others[-1] if others else first
-    return first.fitted.fold_ratio(last.fitted.held_out.folds) * last.fitted.held_out.square
+    judged = last.fitted.held_out
+    return first.fitted.fold_ratio(judged.folds) * judged.square / last.fitted.acting_share
 
 
 def _with_sound_free_runs(data: LoggedData, steps: Sequence[Step]) -> list[Step]:
@@ -358,13 +361,21 @@ def _survives_measuring(data: LoggedData, base: FittedStructure, ranking: Rankin
 def _helps_in_each_log(base: FittedStructure, item: Candidate, settings: DiagnosisSettings) -> bool:
     """Whether the held-out squares fall in each log, or rise by little beside the falls."""
     own = base.judged(item.held_out.folds)
+    shares = [_share_in(item, base, log) for log in base.samples]
     gains: dict[int, float] = {}
     for fold, before, after in zip(own.folds, own.residual, item.held_out.residual, strict=True):
-        gain = float((before**2).sum() - (after**2).sum())
+        gain = float((before**2).sum() - (after**2).sum() / shares[fold.log])
         gains[fold.log] = gains.get(fold.log, 0.0) + gain
     lost = -sum(min(gain, 0.0) for gain in gains.values())
     won = sum(max(gain, 0.0) for gain in gains.values())
     return lost <= settings.max_lost_share * won
+
+
+def _share_in(item: Candidate, base: FittedStructure, log: Samples) -> float:
+    """Squares of the force that a candidate lets act in a log, over those with the structure."""
+    theta = item.fitted.theta if item.fitted else item.theta
+    own = acting_share(item.mechanism, theta, [log])
+    return own / acting_share(base.mechanism, base.theta, [log])
 
 
 def _free_run_holds(data: LoggedData, before: Step, after: Step) -> bool:
@@ -407,7 +418,7 @@ def _accepted_pair(
         unlikely = [one for one in ranking.candidates if promised.get(one.name, least) < least]
         second = rank(data, item.fitted, hopeful, rng, unlikely)
         if second.best is not None and second.best.fitted is not None:
-            pairs.append((second.best.square, item, second))
+            pairs.append((second.best.square / item.acting_share, item, second))
     for square, item, second in sorted(pairs, key=lambda pair: pair[0]):
         fall = 1.0 - square / ranking.square
         if fall < 2 * ranking.needed or not second.is_material:

@@ -8,7 +8,7 @@ from typing import Any
 
 from identification.diagnosis.kinematic_sentences import KINEMATIC_WORDS, WHEEL_WORDS
 from youbot_env.physics.catalogue import GRAVITY
-from youbot_env.physics.effect import effect_of
+from youbot_env.physics.effect import effect_of, with_unit
 
 Values = Mapping[str, float]
 
@@ -30,8 +30,7 @@ def describe(effect: Any, values: Values, base: Values) -> str:
         return words(values, base)
     units = {name: effect.public_parameter(name).unit for name in values}
     numbers = ", ".join(
-        f"{name} = {value:.3g}" + (f" {units[name]}" if units[name] not in ("", "1") else "")
-        for name, value in values.items()
+        f"{name} = {with_unit(f'{value:.3g}', units[name])}" for name, value in values.items()
     )
     return f"{effect_of(effect.name).replace('_', ' ')} ({numbers}): {effect.recognise}"
 

@@ -42,7 +42,14 @@ from identification.fitting.predictability import (
     noise_floor,
     predictability,
 )
-from identification.fitting.regression import Indices, Regression, filtered_residual, regression
+from identification.fitting.regression import (
+    Indices,
+    Regression,
+    acting_share,
+    filtered_residual,
+    regression,
+    regressions,
+)
 from identification.logs.log import Log
 from identification.mechanisms.mechanism import Mechanism
 from identification.mechanisms.samples import DemandedForce, Samples, cut
@@ -83,7 +90,7 @@ class FittedStructure:
         settings: DiagnosisSettings,
     ) -> FittedStructure:
         """Rows of all logs at theta."""
-        rows = [regression(mechanism, theta, item, free, settings.rows) for item in samples]
+        rows = regressions(mechanism, theta, samples, free, settings.rows)
         basis = visible_directions(mechanism, free)
         return cls(mechanism, theta, tuple(rows), free, basis, tuple(samples), settings)
 
@@ -106,6 +113,11 @@ class FittedStructure:
     def square(self) -> float:
         """Sum of the squared residuals of all rows."""
         return sum(float((row.residual**2).sum()) for row in self.rows)
+
+    @cached_property
+    def acting_share(self) -> float:
+        """Squares of the force that its channels let act, over those of the logged one."""
+        return acting_share(self.mechanism, self.theta, self.samples)
 
     @cached_property
     def held_out(self) -> CrossValidation:
@@ -162,7 +174,8 @@ class Candidate:
     fold_ratio : the structure's held-out squares over those with the candidate's folds
     lost_fall : part of the fall in held-out squares that the joint fit, within bounds, does not
         confirm
-    acting_share : squares of the torques that its channels let act, over those of the logged ones
+    acting_share : squares of the force that its channels let act, over those that the structure's
+        let act
     tried : score blocks of what was tried beside it: each choice of its shape constants on their
         grid, and the effect in some logs only
     """
@@ -184,7 +197,7 @@ class Candidate:
     # Held-out linear steps ignore bounds and may use a negative inertia.
     lost_fall: float = 0.0
     # A limit under nearly all torques leaves no force to explain, and so hardly any error: what it
-    # leaves counts as a share of the torques that act.
+    # leaves counts as a share of the force that acts.
     acting_share: float = 1.0
     tried: tuple[Array, ...] = field(default=(), repr=False)
 
@@ -195,13 +208,18 @@ class Candidate:
 
     @property
     def square(self) -> float:
-        """Sum of squared held-out residuals, at the structure's own noise and folds."""
-        return (self.square_with_noise - self.added_noise + self.lost_fall) / self.acting_share
+        """Sum of squared held-out residuals, at the structure's own noise, folds and force."""
+        return self.square_with_noise - self.added_noise / self.acting_share + self.lost_fall
 
     @property
     def square_with_noise(self) -> float:
         """The same at its own noise, as it was measured."""
-        return self.fold_ratio * self.held_out.square
+        return self.ratio * self.held_out.square
+
+    @property
+    def ratio(self) -> float:
+        """From its squared held-out residuals to those at the structure's own folds and force."""
+        return self.fold_ratio / self.acting_share
 
     @property
     def parameters(self) -> int:
@@ -399,14 +417,15 @@ def worse_by(item: Candidate, leader: Candidate, base: FittedStructure) -> float
         return 0.0
     # Their folds may differ, but the rows have the same order and can be compared one by one.
     mine, others = (
-        one.fold_ratio * (np.concatenate(one.held_out.residual) ** 2).sum(axis=1)
+        one.ratio * (np.concatenate(one.held_out.residual) ** 2).sum(axis=1)
         for one in (item, leader)
     )
     length = base.settings.residual_map.bootstrap_block_time
     difference = block_sums(mine - others, base.rows[0].step, length)
     # Standard error of a sum of blocks that are taken as independent.
     spread = np.sqrt(len(difference)) * difference.std()
-    worse = difference.sum() - (item.added_noise - leader.added_noise)
+    noise = item.added_noise / item.acting_share - leader.added_noise / leader.acting_share
+    worse = difference.sum() - noise
     return float(worse / max(spread, 1e-300))
 
 

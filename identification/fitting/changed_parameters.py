@@ -131,6 +131,18 @@ def _lacked_from_the_start(given: Model[Any], refitted: Model[Any], settings: Fi
     )
 
 
+def _lacks_now(given: Model[Any], refitted: Model[Any], settings: FitSettings) -> str:
+    """Why parameters that differ may not have changed: something acts on the new logs that no model
+    holds, and was not there when the given one was made. A part of it passes for each parameter."""
+    times, before = misfit_of(refitted, settings), misfit_of(given, settings) or 1.0
+    if times is None or times < settings.max_misfit_growth * before:
+        return ""
+    return (
+        f"these logs hold something that the model lacks (refitted, its force error is {times:.3g} "
+        "times the noise floor), and it could pass for a change of any parameter"
+    )
+
+
 def changed_parameters(
     given: Model[Any],
     refitted: Model[Any],
@@ -142,12 +154,13 @@ def changed_parameters(
     Parameters
     ----------
     given : the model as it was made, on other logs
-    refitted : the same structure, or a larger one, fitted to the logs at hand
+    refitted : the same structure, or a larger one, fitted to the logs at hand; its errors there
     """
     if given.covariance is None or refitted.covariance is None:
         return ParameterChanges(reason=NO_DEVIATIONS)
-    if lacked := _lacked_from_the_start(given, refitted, settings):
-        return ParameterChanges(reason=lacked)
+    for untold in (_lacked_from_the_start, _lacks_now):
+        if reason := untold(given, refitted, settings):
+            return ParameterChanges(reason=reason)
     shared = [name for name in given.covariance_names if name in refitted.covariance_names]
     before = _Known(given.covariance_names, given.values, given.covariance)
     after = _Known(refitted.covariance_names, refitted.values, refitted.covariance)

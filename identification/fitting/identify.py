@@ -38,7 +38,7 @@ from identification.fitting.predictability import (
     predictability,
     too_short,
 )
-from identification.fitting.regression import Regression, regression
+from identification.fitting.regression import Regression, regressions
 from identification.fitting.settings import FitSettings
 from identification.logs.log import Log, shared_clock, warnings_of_logs
 from identification.mechanisms.mechanism import Mechanism
@@ -262,7 +262,7 @@ def identify(
         refuse_unseen_logs(mechanism, start.theta, held.samples)
     samples = held.samples
     free = np.flatnonzero(mechanism.free)
-    rows = [regression(mechanism, start.theta, item, free, settings) for item in samples]
+    rows = regressions(mechanism, start.theta, samples, free, settings)
     total = log_observability(mechanism, rows, settings)
     doubt = _doubt_unless_blind(mechanism, start.theta, rows, total, settings)
     moved = told_apart_at_rest(mechanism, samples, rows, total, settings)

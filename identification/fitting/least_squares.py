@@ -12,9 +12,10 @@ from identification.fitting.gauge import gauge_basis
 from identification.fitting.regression import (
     Indices,
     Regression,
+    acting_share,
     covariance_of,
     filtered_residual,
-    regression,
+    regressions,
 )
 from identification.fitting.settings import FitSettings
 from identification.mechanisms.mechanism import Mechanism
@@ -31,7 +32,8 @@ class Fit:
     theta (P,): all parameters, shape constants included; free (F,): indices of the fitted ones;
     covariance (F, F): true for correlated residuals; rows: residual and columns at theta, per log;
     bounded: indices of parameters that stopped at a physical bound;
-    in_free_run: whether the rows are those of an output-error fit.
+    in_free_run: whether the rows are those of an output-error fit;
+    acting_share: squares of the force that acts, over those of the logged one.
     """
 
     theta: Array
@@ -40,6 +42,7 @@ class Fit:
     rows: tuple[Regression, ...]
     bounded: tuple[int, ...] = ()
     in_free_run: bool = False
+    acting_share: float = 1.0
 
     @property
     def std(self) -> Array:
@@ -48,8 +51,8 @@ class Fit:
 
     @property
     def square(self) -> float:
-        """Sum of the squared residuals of all rows."""
-        return float(sum((row.residual**2).sum() for row in self.rows))
+        """Sum of the squared residuals of all rows, scaled to the force that was logged."""
+        return float(sum((row.residual**2).sum() for row in self.rows)) / self.acting_share
 
 
 def fit(
@@ -65,7 +68,8 @@ def fit(
 ) -> Fit:
     """Fit the free parameters; the others stay at their values in ``start``.
 
-    Gauss-Newton on the filtered force residual: one step where the model is linear.
+    Gauss-Newton on the filtered force residual, as a share of the force that acts: one step where
+    the model is linear.
 
     Parameters
     ----------
@@ -85,18 +89,23 @@ def fit(
     weighted = [_weighted(*pair) for pair in zip(best.rows, best.weights, strict=True)]
     scale = mechanism.scale[search.chosen]
     covariance = covariance_of(weighted, search.basis, scale, settings)
-    return Fit(best.theta, search.chosen, covariance, best.rows, best.bounded)
+    args = (best.theta, search.chosen, covariance, best.rows, best.bounded)
+    return Fit(*args, acting_share=best.acting_share)
 
 
 @dataclass(frozen=True)
 class _Iterate:
-    """A point of the search: theta (P,), its rows, their weights (n,) and weighted squares."""
+    """A point of the search: theta (P,), its rows, their weights (n,) and weighted squares.
+
+    acting_share : of the force; the squares are divided by it
+    """
 
     theta: Array
     rows: tuple[Regression, ...]
     weights: tuple[Array, ...]
     square: float
     bounded: tuple[int, ...]
+    acting_share: float
 
 
 class _GaussNewton:
@@ -151,16 +160,15 @@ class _GaussNewton:
         rows: Sequence[Regression] | None = None,
     ) -> _Iterate:
         """The iterate at theta (P,), whose rows are computed unless they are known."""
-        rows = rows or [
-            regression(self.mechanism, theta, samples, self.chosen, self.settings)
-            for samples in self.logs
-        ]
+        rows = rows or regressions(self.mechanism, theta, self.logs, self.chosen, self.settings)
         weights = (
             huber_weights(rows, self.settings.huber_threshold)
             if self.robust
             else [np.ones(len(row.residual)) for row in rows]
         )
-        return _Iterate(theta, tuple(rows), tuple(weights), _squares(rows, weights), bounded)
+        share = acting_share(self.mechanism, theta, self.logs)
+        square = _squares(rows, weights) / share
+        return _Iterate(theta, tuple(rows), tuple(weights), square, bounded, share)
 
     def step(self, here: _Iterate) -> tuple[_Iterate, bool]:
         """The next iterate, and whether the search has arrived with it."""
@@ -168,7 +176,7 @@ class _GaussNewton:
             *(self.mechanism, here.rows, here.weights, here.theta, self.chosen, self.basis),
             self.settings,
         )
-        most = self.settings.max_converged_square_share * here.square
+        most = self.settings.max_converged_square_share * here.square * here.acting_share
         arrived = _squares_of_step(here, step) < most
         known = None
         # The weights of a robust fit change from step to step, and its squares with them.
@@ -207,7 +215,7 @@ class _GaussNewton:
                 for w, samples in zip(here.weights, self.logs, strict=True)
             )
             # Also false for NaN, where the model breaks down.
-            if sum(squares) < here.square:
+            if sum(squares) < here.square * acting_share(self.mechanism, theta, self.logs):
                 return share
         return None
 

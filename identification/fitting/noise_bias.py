@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from identification.fitting.errors import NoiseLevel
 from identification.fitting.gauge import gauge_basis
 from identification.fitting.least_squares import Fit, fit, solve_step
-from identification.fitting.regression import regression
+from identification.fitting.regression import acting_slope, by_share, regression
 from identification.fitting.settings import FitSettings
 from identification.mechanisms.mechanism import Mechanism, pass_over
 from identification.mechanisms.samples import Samples
@@ -114,6 +114,11 @@ class _Noise:
         """(F,) step without added noise: what a search that ended early still lacks is no bias."""
         return self._step(0.0, 0)
 
+    @cached_property
+    def _slope(self) -> Array:
+        """(F,) see `acting_slope`; noise on the speeds does not change the torque."""
+        return acting_slope(self.mechanism, self.found.theta, self.samples, self.found.free)
+
     def _step(self, size: float, seed: int) -> Array:
         rng, found = np.random.default_rng(seed), self.found
         rows = []
@@ -124,6 +129,7 @@ class _Noise:
             pass_over(rng, item.torque.size)
             args = (self.mechanism, found.theta, item, found.free, self.settings, added)
             rows.append(regression(*args))
+        rows = by_share(rows, self._slope)
         even = [np.ones(len(row.residual)) for row in rows]
         step, _ = solve_step(
             self.mechanism, rows, even, found.theta, found.free, self.basis, self.settings

@@ -13,6 +13,7 @@ from identification.fitting.parts import reduced_by_parts
 from identification.fitting.settings import FitSettings
 from identification.mechanisms.mechanism import Mechanism
 from identification.mechanisms.samples import AddedNoise, DemandedForce, Samples
+from youbot_env.physics.effect import CHANNEL
 
 Array = NDArray[np.float64]
 Indices = NDArray[np.intp]
@@ -93,6 +94,65 @@ def filtered_residual(
         return residual_ends(mechanism, mechanism.demand(theta, part), part)
 
     return rows_by_parts(ends_of, mechanism, samples.for_fit, settings)
+
+
+def regressions(
+    mechanism: Mechanism,
+    theta: Array,
+    logs: Sequence[Samples],
+    free: Indices,
+    settings: FitSettings = FitSettings(),
+) -> list[Regression]:
+    """Rows of some logs, whose least squares are those of the error as a share of what acts.
+
+    Where nothing takes a part of the torque they are the rows of each log. A limit of the torque
+    takes more the lower it is: with one near zero no force acts that a model could miss, and least
+    squares of forces alone would choose it. With S the squares of the residual r and A those of
+    what acts, a step dtheta changes S/A as it changes the squares of r - C dtheta, with columns
+    C = -dr/dtheta + r/2 dln(A)/dtheta.
+    """
+    rows = [regression(mechanism, theta, item, free, settings) for item in logs]
+    return by_share(rows, acting_slope(mechanism, theta, logs, free))
+
+
+def by_share(rows: Sequence[Regression], slope: Array) -> list[Regression]:
+    """The rows with columns of the error as a share of what acts, see `acting_slope`."""
+    if not slope.any():
+        return list(rows)
+    return [
+        replace(row, columns=row.columns + 0.5 * slope * row.residual[..., None]) for row in rows
+    ]
+
+
+def acting_share(mechanism: Mechanism, theta: Array, logs: Sequence[Samples]) -> float:
+    """Squares of the force that channels let pass, over those of the logged one: at most 1."""
+    if not mechanism.structure.has_nonlinear_channel:
+        return 1.0
+    logged = _acting_square(mechanism.with_effects(()), theta, logs)
+    return _acting_square(mechanism, theta, logs) / max(logged, 1e-300)
+
+
+def acting_slope(
+    mechanism: Mechanism, theta: Array, logs: Sequence[Samples], free: Indices
+) -> Array:
+    """(F,) d ln(A) / d theta of the squares A of the force that channels let pass."""
+    found = np.zeros(len(free))
+    if not mechanism.structure.has_nonlinear_channel:
+        return found
+    channels = {item.name for item, _ in mechanism.structure.at(CHANNEL)}
+    for k, index in enumerate(free):
+        label = mechanism.labels[index]
+        if label.component not in channels:
+            continue
+        step = np.zeros(len(theta))
+        step[index] = label.parameter.difference
+        ends = [_acting_square(mechanism, theta + way * step, logs) for way in (1.0, -1.0)]
+        found[k] = np.log(ends[0] / ends[1]) / (2.0 * step[index]) if min(ends) > 0 else 0.0
+    return found
+
+
+def _acting_square(mechanism: Mechanism, theta: Array, logs: Sequence[Samples]) -> float:
+    return sum(float((mechanism.passed_force(theta, item.for_fit) ** 2).sum()) for item in logs)
 
 
 def residual_ends(mechanism: Mechanism, demand: DemandedForce, samples: Samples) -> Array:

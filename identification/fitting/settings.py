@@ -589,6 +589,15 @@ class FitSettings(Settings):
             "changed since the model was made",
         },
     )
+    max_misfit_growth: float = field(
+        default=2.0,
+        metadata={
+            "unit": "times the misfit of the given model on its own logs",
+            "reason": "of a refitted model, up to which a parameter may be said to have changed: "
+            "on rolling contacts both are 1.2, with a payload of 5 kg too; under a carpet's nap, "
+            "which no model holds, it was 10, and mu1 'had risen' by 0.019 +- 0.004 N m s",
+        },
+    )
 
     # Observability
     blind_eigenvalue: float = field(

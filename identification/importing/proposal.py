@@ -188,11 +188,11 @@ def _unit_of_speeds(
     guesses = _guessed_units(peak, settings)
     told = ", ".join(
         f"{unit}{f' of a motor at {gear:g}:1' if gear != 1 else ''} ({size:.3g} rad/s)"
-        for unit, gear, size in guesses
+        for unit, gear, size in guesses[: settings.max_guesses]
     )
     sentence = (
-        f"speeds up to {peak:.4g} are no rad/s of a wheel; they may be {told}, or of a motor "
-        "behind another gear"
+        f"speeds up to {peak:.4g} are no rad/s of a wheel; they may be, the likeliest first, "
+        f"{told}, or of a motor behind another gear"
     )
     if found.map.pose is not None or found.map.gyro is not None:
         found.doubt(

@@ -45,6 +45,12 @@ class ImportSettings(Settings):
         metadata={"unit": "bytes", "reason": "of a chunk of an MCAP file: usual ones have 1 MB"},
     )
 
+    # Guesses
+    max_guesses: int = field(
+        default=3,
+        metadata={"unit": "units", "reason": "a reader in a trial could not choose among six"},
+    )
+
     # Text files
     header_search: int = field(
         default=60,

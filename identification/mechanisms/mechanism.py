@@ -17,7 +17,14 @@ from numpy.typing import NDArray
 
 from identification.logs.log import Log, starts_on_shared_clock
 from identification.mechanisms.quantities import Quantities
-from identification.mechanisms.samples import AddedNoise, DemandedForce, Part, Samples, rolled
+from identification.mechanisms.samples import (
+    AddedNoise,
+    DemandedForce,
+    Part,
+    Samples,
+    passed_torque,
+    rolled,
+)
 from identification.mechanisms.settings import MechanismSettings
 from identification.signals.filters import FilterSettings, filter_samples, integral_of
 from identification.signals.noise import differenced_noise
@@ -455,6 +462,16 @@ class Mechanism(Generic[Known]):
     def measured_force(self, samples: Samples) -> Array:
         """(N, A) generalised force of the logged torques."""
         return (samples.torque @ self.jacobian) * self.force_scale
+
+    def passed_force(self, theta: Array, samples: Samples) -> Array:
+        """(N, A) of the measured force what channels that are not affine let pass.
+
+        A limit of the torque, for instance, takes what is above it. Zero where a fit makes no rows.
+        """
+        theta = self._theta_in(theta, self._silent(samples.name))
+        torque = passed_torque(self.structure, self.geometry, theta, samples)
+        force = self.measured_force(replace(samples, torque=torque))
+        return force if samples.moves is None else force * samples.moves[:, None]
 
     def measured_speed(self, samples: Samples) -> Array:
         """(N, A) measured speeds."""

@@ -221,6 +221,18 @@ def rolled_speeds(
     return np.stack(kind.twist_of(rolling, true), axis=1), np.stack(true, axis=1)
 
 
+def passed_torque(
+    structure: ModelStructure[Geometry], geometry: Geometry, theta: Array, samples: Samples
+) -> Array:
+    """(N, J) of the logged torques what channels that are not affine let pass."""
+    s = samples
+    if not structure.has_nonlinear_channel:
+        return s.torque
+    at = Instant(tuple(s.twist.T), time=s.time, start=s.start)
+    taken = dynamics.taken_torque(np, structure, geometry, theta, tuple(s.torque.T), at)
+    return s.torque - np.stack(taken, axis=1)
+
+
 def _smoothed(signal: Array, window: float) -> Array:
     found = np.empty_like(signal)
     for k, column in enumerate(signal.T):
@@ -318,18 +330,6 @@ class DemandedForce(Generic[Geometry]):
             time=np.stack([s.time[:-1], s.time[1:]]),
             start=s.start,
         )
-
-    @cached_property
-    def acting_square(self) -> float:
-        """Squares of the torques that channels which are not affine let act."""
-        s = self.samples
-        if not self.structure.has_nonlinear_channel:
-            return float((s.torque**2).sum())
-        at = Instant(tuple(s.twist.T), time=s.time, start=s.start)
-        taken = dynamics.taken_torque(
-            np, self.structure, self.geometry, self.theta, tuple(s.torque.T), at
-        )
-        return float(((s.torque - np.stack(taken, axis=1)) ** 2).sum())
 
     @cached_property
     def force(self) -> Array:

@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 from identification.mechanisms.mechanism import Mechanism
 from identification.proposal.law import FoundLaw, Law, Verdict
 from identification.proposal.settings import ProposalSettings
+from youbot_env.physics.effect import with_unit
 from youbot_env.physics.hardware import WHEELS
 
 
@@ -186,13 +187,10 @@ def _fall(before: float, after: float) -> str:
 
 def _sized(name: str, entry: dict[str, Any]) -> str:
     """A number with its unit and interval; a constant that was not fitted without one."""
-    interval, unit = entry["interval"], _plain_unit(entry["unit"])
-    size = f"{name} {entry['value']:.3g} {unit}".rstrip()
+    interval = entry["interval"]
+    number = f"{entry['value']:.3g}"
+    size = f"{name} {with_unit(number, entry['unit'])}"
     if interval is None:
         return size
     low, high = interval
     return f"{size} ({low:.3g} to {high:.3g})"
-
-
-def _plain_unit(unit: str) -> str:
-    return "" if unit == "1" else unit

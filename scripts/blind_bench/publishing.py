@@ -59,20 +59,34 @@ def publish(
     jobs: int = 1,
     progress: Callable[[], None] = lambda: None,
 ) -> None:
-    """Write a blind set.
+    """Write a blind set; one that was interrupted is gone on with.
 
     Raises
     ------
     InputError
-        If the folder holds something already.
+        If the folder holds a whole set, or anything but the beginning of this one.
     """
-    if folder.exists() and any(folder.iterdir()):
-        raise InputError(f"{folder}: is not empty; a blind set needs a folder of its own")
-    for _ in spread(partial(_write_case, folder), specs, jobs):
+    _refuse_other_contents(folder, set(map(code_of, specs)))
+    left = [spec for spec in specs if not _answer_of(folder, code_of(spec)).is_file()]
+    for _ in range(len(specs) - len(left)):
+        progress()
+    for _ in spread(partial(_write_case, folder), left, jobs):
         progress()
     write_json(folder / INDEX, {"schema_version": SCHEMA_VERSION,
                                 "cases": sorted(map(code_of, specs))})  # fmt: skip
     write_atomically(folder / "README.md", RULES)
+
+
+def _refuse_other_contents(folder: Path, codes: set[str]) -> None:
+    found = {path.name for path in folder.iterdir()} if folder.exists() else set()
+    cases = {path.name for path in (folder / CASES).glob("*")}
+    if not found <= {CASES, ANSWERS} or not cases <= codes:
+        raise InputError(f"{folder}: is not empty; a blind set needs a folder of its own")
+
+
+def _answer_of(folder: Path, code: str) -> Path:
+    """A case's answer, which is written last."""
+    return folder / ANSWERS / f"{code}.json"
 
 
 def _write_case(folder: Path, spec: Spec) -> str:
@@ -94,7 +108,7 @@ def _write_case(folder: Path, spec: Spec) -> str:
         "base_error": found["total"]["force_error"],
         "noise_floor": found["noise_floor"]["force_error"],
     }
-    write_json(folder / ANSWERS / f"{code}.json", {"schema_version": SCHEMA_VERSION, **answer})
+    write_json(_answer_of(folder, code), {"schema_version": SCHEMA_VERSION, **answer})
     return code
 
 

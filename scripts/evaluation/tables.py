@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
+from pathlib import Path
 
 from youbot_scripts.evaluation.metrics import AXES, STRETCH
 from youbot_scripts.evaluation.summary import (
@@ -54,11 +55,18 @@ def by_model(results: Sequence[Result]) -> Table:
     ]
     return Table(
         "Mean normalised RMSE [%] by model",
-        columns(*LEAD, *models),
+        columns(*LEAD, *_heads(models)),
         _led(first, rows),
         _not_scored(results),
         f"{in_words({**first[0].place, 'model': ', '.join(models)})}; {_seeds(first)}",
     )
+
+
+def _heads(models: Sequence[str]) -> Sequence[str]:
+    """Files of models without their folders, where that tells them apart: the line above the table
+    holds the whole paths, and a column as wide as a path leaves the controllers no room."""
+    names = [Path(model).name for model in models]
+    return names if len(set(names)) == len(names) else models
 
 
 def _not_scored(results: Sequence[Result]) -> tuple[str, ...]:

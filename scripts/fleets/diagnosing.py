@@ -14,6 +14,7 @@ from typing import Any
 
 from identification.diagnosis.diagnose import Diagnosis, diagnose
 from identification.diagnosis.settings import DiagnosisSettings
+from identification.diagnosis.structures import Ranking
 from identification.fitting.identify import Identification, identify
 from identification.logs.log import Log, warnings_of_logs
 from identification.logs.reading import SetAside, read_usable_logs
@@ -25,6 +26,7 @@ from identification.mechanisms.registry import (
     save_any_model,
 )
 from youbot_env.errors import InputError
+from youbot_env.physics.effect import effect_of
 from youbot_scripts.fleets.records import DIAGNOSIS, SCREEN, Record, RobotFiles
 from youbot_scripts.fleets.robots import Task
 from youbot_scripts.fleets.settings import FleetSettings
@@ -112,7 +114,7 @@ def _of_screen(screened: Identification) -> Record:
 
 
 def _of_diagnosis(found: Diagnosis) -> Record:
-    p_values = {row["effect"]: row["p_value"] for row in found.candidates}
+    p_values = accepted_p_values(found.rankings)
     return {
         "by": DIAGNOSIS,
         "verdict": found.verdict,
@@ -124,6 +126,16 @@ def _of_diagnosis(found: Diagnosis) -> Record:
         "noise_floor": found.noise_floor["force_error"],
         "parameters": _parameters(found.model),
         "warnings": list(found.warnings),
+    }
+
+
+def accepted_p_values(rankings: Sequence[Ranking]) -> dict[str, float]:
+    """By effect, the p-value with which it won its ranking; of several rankings the first."""
+    # In a ranking an effect stands once more where it was tried in some logs only.
+    return {
+        effect_of(ranking.best.name): ranking.p_values[ranking.best.name]
+        for ranking in reversed(rankings)
+        if ranking.best is not None
     }
 
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from typing import Any
 
+from youbot_env.physics.effect import with_unit
 from youbot_scripts.interactive.advice import (
     ABOUT_MODELS,
     Advice,
@@ -16,6 +17,7 @@ from youbot_scripts.interactive.advice import (
 )
 from youbot_scripts.interactive.parts import button, plain, themed
 from youbot_scripts.interactive.project import CANCELLED, DONE, FAILED, Project, Step
+from youbot_scripts.shared.report_page import MAY_VANISH, unbroken
 from youbot_scripts.shared.tables import percent
 
 SHOWN_CANDIDATES = 6
@@ -112,13 +114,15 @@ def _verdict(project: Project) -> list[Any]:
     """The last sentence on the active model, and what to do next."""
     from dash import html
 
-    told = [html.P(line) for line in sentences(project)]
+    told = [html.P(unbroken(line)) for line in sentences(project)]
     told += [html.P([item.text, *_pressed(item)]) for item in advice(project)]
     found = project.result(project.last(*ABOUT_MODELS)) or {}
     # The verdict says so already, and leads to a button of the page.
     warnings = [line for line in found.get("warnings", []) if line != found.get("misfit")]
+    doubt = [html.P(MAY_VANISH, className="note")] if warnings and found.get("misfit") else []
     return [
         html.Div(told, className="verdict", role="status"),
+        *doubt,
         *(html.P(line, className="warning") for line in warnings[:4]),
     ]
 
@@ -252,7 +256,7 @@ def _card(item: Mapping[str, Any], found: Mapping[str, Any], there: set[str]) ->
 
     name = item["effect"]
     sizes = [
-        f"{key} = {entry['value']:.4g} {'' if entry['unit'] == '1' else entry['unit']}".strip()
+        f"{key} = {with_unit(format(entry['value'], '.4g'), entry['unit'])}"
         for key, entry in item["parameters"].items()
     ]
     if len(sizes) > SHOWN_SIZES:

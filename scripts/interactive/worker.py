@@ -83,7 +83,7 @@ class Worker:
         if step.state == CANCELLED:
             return
         if status != 0:
-            self.project.finished(step, FAILED, error or f"ended with status {status}")
+            self.project.finished(step, FAILED, error or _ending(status))
             return
         step.seconds = time.time() - self.project.since
         self.project.finished(step, DONE)
@@ -157,6 +157,13 @@ class Worker:
             os.killpg(process.pid, signal.SIGKILL)
         except ProcessLookupError:
             pass
+
+
+def _ending(status: int) -> str:
+    """Why a command ended without a word; negative: minus the signal that ended it."""
+    if status == -signal.SIGKILL:
+        return "it was killed: by somebody, or by the system where memory ran out"
+    return f"it was ended by signal {-status}" if status < 0 else f"it ended with status {status}"
 
 
 _YOUBOT = [sys.executable, "-m", "youbot_scripts.cli"]

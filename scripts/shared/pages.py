@@ -9,7 +9,14 @@ from typing import TYPE_CHECKING, Any
 
 from youbot_scripts.shared import result_tables
 from youbot_scripts.shared.effect_tables import equations_with
-from youbot_scripts.shared.report_page import Charts, Part, Words, groups_of, write_page
+from youbot_scripts.shared.report_page import (
+    MAY_VANISH,
+    Charts,
+    Part,
+    Words,
+    groups_of,
+    write_page,
+)
 
 if TYPE_CHECKING:
     from identification.comparison import Comparison
@@ -145,7 +152,11 @@ def _of_identification(result: Identification, logs: Sequence[Log], seed: int) -
     errors = result.model.errors
     floor = errors["noise_floor"]
     yield Words([result_tables.verdict(errors["force_error"], floor["force_error"])], "verdict")
-    yield Words(result.warnings, "warning")
+    first, others = result.warnings[: result.told_first], result.warnings[result.told_first :]
+    yield Words(first, "warning")
+    if result.misfit and others:
+        yield Words([MAY_VANISH])
+    yield Words(others, "warning")
     rows = [("the model, on its own logs", errors), ("noise floor", floor)]
     yield result_tables.errors("Errors", rows)
     yield from tables_of_identification(result)

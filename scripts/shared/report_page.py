@@ -56,6 +56,11 @@ class Formulas:
 
 Part = Words | Table | Charts | Formulas
 
+MAY_VANISH = (
+    "While something is missing from the model, the warnings below may come of that, and vanish "
+    "once it is added."
+)
+
 GREEK = {"phi": "φ", "mu": "µ"}
 """Letters of the names of parameters and angles."""
 

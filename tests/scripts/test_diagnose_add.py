@@ -15,6 +15,7 @@ from tests.identification.recordings import recording
 from youbot_env.model.model_file import load_model
 from youbot_env.physics.effect import CATALOGUE
 from youbot_scripts import cli
+from youbot_scripts.diagnose import next_lines
 
 HIDDEN = Path(cli.__file__).parent / "data" / "hidden"
 LOGS = [str(HIDDEN / "calibration.csv.gz"), str(HIDDEN / "multisine_a.csv.gz")]
@@ -62,6 +63,27 @@ def test_draws_the_fall_and_the_residual(diagnosed):
     }
     words = (plots / "errors.svg").read_text()
     assert "<!-- with floor_tilt -->" in words and "<!-- the model, refitted -->" in words
+
+
+@pytest.mark.parametrize(
+    ("found", "files", "told"),
+    [
+        ({"missing": ["floor_tilt"]}, (Path("b.json"), None), "youbot compare b.json LOG..., with"),
+        ({"missing": ["floor_tilt"]}, (None, None), "the same command with -o better.json writes"),
+        ({"missing": ["a"], "next_experiment": {"name": "x"}}, (None, None), "--next-motion FILE"),
+        (
+            {"next_experiment": {"name": "x"}},
+            (None, Path("n.json")),
+            "youbot motions drive/ --next",
+        ),
+        ({"verdict": "adequate"}, (None, None), "youbot evaluate --model m.json"),
+        ({"verdict": "unknown"}, (None, None), None),
+    ],
+)
+def test_what_to_type_next(found, files, told):
+    whole = {"verdict": "effect", "missing": [], "next_experiment": None, **found}
+    lines = list(next_lines(whole, "m.json", *files))
+    assert len(lines) == (told is not None) and (told is None or told in lines[0])
 
 
 def test_adding_a_useless_effect_says_so_and_does_it(diagnosed, tmp_path, capsys):

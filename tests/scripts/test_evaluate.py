@@ -279,6 +279,20 @@ def test_models_of_one_plant_stand_side_by_side():
     assert found[0].rows == (("1-2", "a", "40.0", "4.00"),)
 
 
+@pytest.mark.parametrize(
+    ("models", "heads"),
+    [
+        (("runs/old/a.json", "runs/new/b.json"), ("a.json", "b.json")),
+        (("runs/old/a.json", "runs/new/a.json"), ("runs/old/a.json", "runs/new/a.json")),
+    ],
+)
+def test_columns_of_models_are_as_short_as_tells_them_apart(models, heads):
+    results = gather([record("a", 0, 0.3, model=model) for model in models])
+    found = tables.by_model(results)
+    assert found.headers == ("rad/s", "controller", *heads)
+    assert ", ".join(models) in found.heading
+
+
 def test_ratios_are_those_of_the_worst_axis():
     other = record("b", 0, 0.1)
     other["nrmse"] = [0.1, 0.1, 0.1]

@@ -401,6 +401,11 @@ INSTANCE = "@"
 """Between an effect's name and what tells its instances in a model apart: floor_tilt@2."""
 
 
+def with_unit(number: str, unit: str) -> str:
+    """A number as a sentence has it, with its unit; "1" and "" are no units that anybody reads."""
+    return number if unit in ("", "1") else f"{number} {unit}"
+
+
 def effect_of(name: str) -> str:
     """The registered name of an effect, of which ``name`` may be an instance."""
     return name.partition(INSTANCE)[0]

@@ -28,6 +28,10 @@ LANES = 128
 loop costs before its first row is little beside its rows (64 rows: 3 to 15 % slower; 256: slower
 again, as a block then leaves the first-level cache between loops)."""
 
+TOGETHER = 32
+"""Rows that are integrated to the end of a period before others begin: what they work with stays in
+the first-level cache."""
+
 TORQUE, DURATION, COEFFICIENTS = 0, 4, 5
 """Fields of the workspace ``w``: torques at the interface, length of a step [s], coefficients."""
 
@@ -348,6 +352,7 @@ def lane_source(structure: Structure, dynamics: Dynamics) -> str:
 
 
 _DECORATOR = '@njit(cache=True, error_model="numpy", nogil=True)'
+_INLINED = '@njit(cache=True, error_model="numpy", forceinline=True)'
 
 
 def _loads(names: Sequence[str], array: str, first: int = 0) -> list[str]:
@@ -387,7 +392,8 @@ def _integration(
     used = {word for formula in formulas for word in _words(formula)}
     given = (*names["theta"], *names["torque"])
     kept = [n for n in (*program.constants, *program.held, *still, *given) if n in used]
-    lines = _prepared(structure, names, program, opaque, still, kept)
+    angles = sorted({index for index, _ in turned.values()})
+    lines = _prepared(structure, names, program, opaque, still, kept, angles)
     body = [f"    {name} = {opaque[name]}" for name in moving]
     returned = ", ".join(code[index] for index in direct)
     derivative = "\n".join(
@@ -466,8 +472,9 @@ def _prepared(
     opaque: Mapping[str, str],
     still: Sequence[str],
     kept: Sequence[str],
+    angles: Sequence[int],
 ) -> str:
-    """What does not change while torques are held, into the workspace."""
+    """What does not change while torques are held, and sines of angles, into the workspace."""
     import sympy
 
     printer = _lane_printer()
@@ -487,11 +494,15 @@ def _prepared(
     body += [f"{name} = {opaque[name]}" for name in still]
     body += [f"{name} = {printer.doprint(value)}" for name, value in program.held.items()]
     body += [f"w[{(COEFFICIENTS + i) * LANES} + i] = {name}" for i, name in enumerate(kept)]
+    for at, index in enumerate(angles, COEFFICIENTS + len(kept)):
+        body.append(f"angle = x[{index * LANES} + i]")
+        body.append(f"w[{at * LANES} + i] = sin(angle)")
+        body.append(f"w[{(at + len(angles)) * LANES} + i] = cos(angle)")
     lengths = [f"    {name} = lengths[{i}]" for i, name in enumerate(names["lengths"])]
     return "\n".join(
         [
-            f"WORKSPACE = {COEFFICIENTS + len(kept)}\n\n",
-            _DECORATOR,
+            f"WORKSPACE = {COEFFICIENTS + len(kept) + 2 * len(angles)}\n\n",
+            _INLINED,
             "def prepare(x, w, lanes, lengths):",
             *lengths,
             "    for i in range(lanes):",
@@ -511,8 +522,8 @@ def _runge_kutta(
 ) -> str:
     """The classical Runge-Kutta steps of a block, with the same torque from start to end.
 
-    A step turns an angle by little. So its sine and cosine are computed at the start of a step, and
-    turned by the little that each stage adds.
+    A step turns an angle by little. So its sine and cosine are computed at the start of a period,
+    and turned by the little that each stage and each step adds.
     """
     body = _loads(kept, "w", COEFFICIENTS)
     body += _loads(["dt"], "w", DURATION)
@@ -520,8 +531,9 @@ def _runge_kutta(
     body += ["half = 0.5 * dt", "sixth = dt * 0.16666666666666666"]
     stage = {index: f"s{index}" for index in range(len(names["state"]))}
     angles = sorted({index for index, _ in turned.values()})
-    for index in angles:
-        body += [f"sine{index} = sin(s{index})", f"cosine{index} = cos(s{index})"]
+    sines = COEFFICIENTS + len(kept)
+    body += _loads([f"sine{index}" for index in angles], "w", sines)
+    body += _loads([f"cosine{index}" for index in angles], "w", sines + len(angles))
     turns = [f"{kind}{index}" for index, kind in turned.values()]
     points: list[dict[int, str]] = []
     for number, (letter, step) in enumerate(zip(STAGES, ("half", "half", "dt", ""), strict=True)):
@@ -537,12 +549,17 @@ def _runge_kutta(
                 body.append(f"{letter}_{index} = fma({step}, {value}, s{index})")
                 stage[index] = f"{letter}_{index}"
             for index in angles:
-                body += _turn(f"{letter}{index}", step, index)
+                body += _turn(f"{letter}{index}", f"{step} * {letter}{index}", index)
             turns = [f"{kind}_{letter}{index}" for index, kind in turned.values()]
     for index in direct:
         a, b, c, d = (f"{letter}{index}" for letter in STAGES)
         total = f"({a} + 2.0 * ({b} + {c}) + {d})"
         body.append(f"x[{index * LANES} + i] = fma(sixth, {total}, s{index})")
+        if index in angles:
+            at = sines + angles.index(index)
+            body += _turn(f"step{index}", f"sixth * {total}", index)
+            body.append(f"w[{at * LANES} + i] = sine_step{index}")
+            body.append(f"w[{(at + len(angles)) * LANES} + i] = cosine_step{index}")
     needed = sorted({int(name[1:]) for rows in weights.values() for _, name in rows if name})
     for index in needed:
         a, b, c, d = (point[index] for point in points)
@@ -557,27 +574,30 @@ def _runge_kutta(
         body.append(f"x[{index * LANES} + i] = {code}")
     return "\n".join(
         [
-            _DECORATOR,
+            _INLINED,
             "def lane_step(x, w, lanes):",
             "    for i in range(lanes):",
             *(f"        {line}" for line in body),
             "\n",
             _DECORATOR,
             "def integrate(x, w, lanes, substeps, lengths):",
-            "    prepare(x, w, lanes, lengths)",
-            "    for _ in range(substeps):",
-            "        lane_step(x, w, lanes)",
+            f"    for first in range(0, lanes, {TOGETHER}):",
+            "        rows, own = x[first:], w[first:]",
+            f"        count = min({TOGETHER}, lanes - first)",
+            "        prepare(rows, own, count, lengths)",
+            "        for _ in range(substeps):",
+            "            lane_step(rows, own, count)",
         ]
     )
 
 
-def _turn(rate: str, step: str, index: int) -> list[str]:
+def _turn(stage: str, little: str, index: int) -> list[str]:
     """Sine and cosine of a stage's angle from those at the start of the step."""
     return [
-        f"little = {step} * {rate}",
+        f"little = {little}",
         "u, v = sine_of_little(little), cosine_of_little(little)",
-        f"sine_{rate} = fma(sine{index}, v, cosine{index} * u)",
-        f"cosine_{rate} = fma(cosine{index}, v, -(sine{index} * u))",
+        f"sine_{stage} = fma(sine{index}, v, cosine{index} * u)",
+        f"cosine_{stage} = fma(cosine{index}, v, -(sine{index} * u))",
     ]
 
 

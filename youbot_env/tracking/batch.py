@@ -218,12 +218,13 @@ class Batch:
     def _lay_out(self, threads: int | None) -> None:
         whole, blocks = self._whole, -(-self.platforms // LANES)
         fields = int(whole[lanes.STATES]) + len(self.structure.parameter_names)
-        task = 3 + 3 * int(whole[lanes.PREVIEW] + 1) + 4 * int(whole[lanes.ACTIONS])
-        task += 4 * int(whole[lanes.WINDOW]) if self.setup.sensors.resolution else 0
+        samples = 3 * int(whole[lanes.PREVIEW] + 1)
+        task = 3 + samples + (4 * int(whole[lanes.WINDOW]) if self.setup.sensors.resolution else 0)
         self._x = np.zeros((blocks, fields * LANES), self.setup.real)
         self._y = np.zeros((blocks, task * LANES), self.setup.real)
         self._z = np.zeros((blocks, 6 * int(whole[lanes.TONES]) * LANES), np.uint16)
-        self._p = np.zeros((blocks, 3 * (int(whole[lanes.PREVIEW]) + 1) * LANES), np.float32)
+        seen = samples + 4 * int(whole[lanes.ACTIONS])
+        self._p = np.zeros((blocks, seen * LANES), np.float32)
         self._k = np.zeros((blocks, lanes.COUNTERS * LANES), np.int64)
         self._k.reshape(blocks, lanes.COUNTERS, LANES)[:, lanes.PENDING] = 1
         self._k.reshape(blocks, lanes.COUNTERS, LANES)[:, lanes.TABLE] = -1
@@ -243,7 +244,7 @@ class Batch:
         if whole[lanes.RESETS] == lanes.SAME_STEP:
             self._final = np.zeros(self.results.observation.shape, np.float32)
             self._final_report = np.zeros_like(self.results.report)
-        self._work: list[tuple[Numbers, Numbers]] = []
+        self._work: list[tuple[Numbers, Numbers, NDArray[np.float32]]] = []
 
     def _new_results(self) -> Results:
         return Results.empty(self.platforms, self.setup.task.observation_size, self.reports)
@@ -408,10 +409,12 @@ class Batch:
             self._pool.append(results)
         return results
 
-    def _workspace(self, number: int) -> tuple[Numbers, Numbers]:
+    def _workspace(self, number: int) -> tuple[Numbers, Numbers, NDArray[np.float32]]:
+        """What a thread works in: w, v and f."""
         while len(self._work) <= number:
             sizes, real = (self._kernel.workspace * LANES, lanes.WORK * LANES), self.setup.real
-            self._work.append((np.zeros(sizes[0], real), np.zeros(sizes[1], real)))
+            normals = np.zeros((1, 4 * LANES), np.float32)
+            self._work.append((np.zeros(sizes[0], real), np.zeros(sizes[1], real), normals))
         return self._work[number]
 
     # Stepping -----------------------------------------------------------------------------------
@@ -458,13 +461,16 @@ class Batch:
         """New episodes of rows whose last one is over; the coming period shows their start."""
         count = lanes.renew(self._k, 0, self.platforms)
         helpers = min(self._threads, -(-count // ROWS_TO_DRAW))
-        parts = iter(self._parts if helpers > 1 else [(0, self.platforms)])
+        if helpers <= 1:
+            self._prepare_part(shown, self._start, 0, (0, self.platforms))
+            return
+        parts = iter(self._parts)
 
         def prepare(number: int) -> None:
             for rows in parts:
                 self._prepare_part(shown, self._start, number, rows)
 
-        WORKERS.share([lambda n=n: prepare(n) for n in range(max(1, helpers))])
+        WORKERS.share([lambda n=n: prepare(n) for n in range(helpers)])
 
     def _step_parts(self, action: NDArray[np.float32], shown: Results) -> int:
         self._taken[0] = 0
@@ -493,11 +499,11 @@ class Batch:
         """List the addresses of the arrays anew: after one was replaced, and in a copy."""
         self._places = []
         for number in range(self._threads):
-            w, v = self._workspace(number)
+            w, v, f = self._workspace(number)
             arrays = (self._x, self._y, self._z, self._k, self._table, self._numbers)
             more = (self._lengths, w, v, self._whole.reshape(1, -1), self._taken, self._p)
-            listed = np.zeros((13, lanes.PLACE), np.int64)
-            for place, array in zip(listed, (*arrays, *more, self._first), strict=True):
+            listed = np.zeros((14, lanes.PLACE), np.int64)
+            for place, array in zip(listed, (*arrays, *more, self._first, f), strict=True):
                 assert array.flags.c_contiguous
                 place[0] = array.ctypes.data
                 place[1 : 1 + array.ndim] = array.shape

@@ -27,33 +27,34 @@ from youbot_env.caching import njit
 
 from youbot_env.simulation.lane_code import LANES
 from youbot_env.tracking import episode_draws as draw
+from youbot_env.tracking.random_numbers import normal_numbers
 '''
 
 DRIVER = '''
 @njit(cache=True, error_model="numpy", nogil=True)
-def finish(row, x, y, z, k, w, v, p, table, lanes, tick, numbers, whole, lengths,
+def finish(row, x, y, z, k, w, v, p, f, table, lanes, tick, numbers, whole, lengths,
            seen, reward, report):
     """What follows the plant's motion: reference, sensors, reward and observation."""
     kept, preview = whole[ACTIONS], whole[PREVIEW]
-    actions = 3 + 3 * (preview + 1)
+    actions, counts = 3 * (preview + 1), 3 + 3 * (preview + 1)
     slot, past = tick % kept, (tick - 1) % kept
     newest = (tick + preview) % (preview + 1)
     reference(y, z, k, v, p, table, lanes, newest, preview, numbers, whole)
     if numbers[RESOLUTION] > 0.0:
-        count(x, y, v, lanes, actions + 4 * kept, tick % whole[WINDOW], whole[ANGLES], numbers)
+        count(x, y, v, lanes, counts, tick % whole[WINDOW], whole[ANGLES], numbers)
     else:
         joint_rates(x, w, lanes, lengths, v[SPEED * LANES :])
     noisy = numbers[DEVIATION] > 0.0
     if noisy:
-        noise(k, v, lanes, numbers[DEVIATION])
-    measure(v, lanes, numbers, noisy)
+        normal_numbers(k[KEY * LANES :], k[EPISODE * LANES :], k[CLOCK * LANES :], lanes, LANES, f)
+    measure(v, f, lanes, numbers, noisy)
     ring = 3 + 3 * (tick % (preview + 1))
-    judge(x, y, v, lanes, row, ring, actions, slot, past, numbers, reward)
-    observe(y, v, p, lanes, row, tick, actions, numbers, whole, seen)
+    judge(x, y, p, v, lanes, row, ring, actions, slot, past, numbers, reward)
+    observe(v, p, lanes, row, tick, actions, numbers, whole, seen)
     if report.shape[0]:
         acting(x, w, lanes, lengths, v[APPLIED * LANES :])
         for i in range(lanes):
-            describe(x, y, v, i, row + i, tick, actions, k[CLOCK * LANES + i], numbers, whole,
+            describe(x, y, p, v, i, row + i, tick, actions, k[CLOCK * LANES + i], numbers, whole,
                      reward, report)
             wanted_rate(y, z, k, v, table, i, row + i, numbers, whole, report)
 
@@ -74,14 +75,15 @@ def period(action, places, tick, moves, seen, reward, over, report, first, last)
     Z, numbers = small_at(places, 2), row_at(places, 5)
     lengths, w, v = row_at(places, 6), row_at(places, 7), row_at(places, 8)
     whole, taken = whole_at(places, 9)[0], whole_at(places, 10)
-    P, start = shown_at(places, 11), row_at(places, 12)
+    P, start, f = shown_at(places, 11), row_at(places, 12), shown_at(places, 13)[0]
     if moves == 1:
         bad = refused(action, first, last)
         if bad >= 0:
             return -1 - bad
     preview, kept, new = whole[PREVIEW], whole[ACTIONS], 0
-    actions, step = 3 + 3 * (preview + 1), LANES if moves else 1
-    line = 64 // X.itemsize
+    actions, step = 3 * (preview + 1), LANES if moves else 1
+    line, now = 64 // X.itemsize, (3 + 3 * (tick % (preview + 1))) * LANES
+    coming = (3 + 3 * ((tick + preview) % (preview + 1))) * LANES
     stop = last
     while first < last:
         if moves == SHARED:
@@ -97,18 +99,21 @@ def period(action, places, tick, moves, seen, reward, over, report, first, last)
             x, y, z, k, p = X[b, i:], Y[b, i:], Z[b, i:], K[b, i:], P[b, i:]
             if moves and b + 1 < X.shape[0]:
                 # A large batch lies in a cache that is slow, and slower where others use it too.
-                ask_for(X[b + 1], line), ask_for(Y[b + 1], line), ask_for(Z[b + 1], 32)
+                ask_for(X[b + 1], line), ask_for(Z[b + 1], 32)
+                # Of the reference: gains, the sample that counts now and the one that is written.
+                for at in (0, now, coming):
+                    ask_for(Y[b + 1, at : at + 3 * LANES], line)
                 ask_for(K[b + 1], 8), ask_for(P[b + 1], 16)
             if moves:
-                take(action, row, y, lanes, actions, tick % kept)
-                move(x, y, w, lanes, tick, actions, numbers, whole, lengths)
+                take(action, row, p, lanes, actions, tick % kept)
+                move(x, p, w, lanes, tick, actions, numbers, whole, lengths)
                 for lane in range(lanes):
                     k[CLOCK * LANES + lane] += 1
                 if whole[RESETS] == NEXT_STEP:
                     newest = actions + 4 * (tick % kept)
-                    put_at_start(x, y, w, k, lanes, newest, start, whole[STATES])
+                    put_at_start(x, p, w, k, lanes, newest, start, whole[STATES])
             earned = reward[row]
-            finish(row, x, y, z, k, w, v, p, table, lanes, tick, numbers, whole, lengths,
+            finish(row, x, y, z, k, w, v, p, f, table, lanes, tick, numbers, whole, lengths,
                    seen, reward, report)
             if moves:
                 new += ends(row, k, v, lanes, whole, over, reward)
@@ -134,7 +139,7 @@ def begin_rows(places, tick, draws, start, seen, report, final, final_report, fi
     whole, P = whole_at(places, 9)[0], shown_at(places, 11)
     (geometry, nominal, mean, spread, lower, upper) = draws
     states, preview = whole[STATES], whole[PREVIEW]
-    actions, one = 3 + 3 * (preview + 1), last - last + 1
+    actions, one = 3 * (preview + 1), last - last + 1
     theta, stated = np.empty(len(nominal)), np.empty(len(mean))
     sines = np.empty(6 * whole[TONES], np.uint16), np.empty(3 * whole[TONES], X.dtype)
     row = first - 1
@@ -168,13 +173,13 @@ def begin_rows(places, tick, draws, start, seen, report, final, final_report, fi
             x[(states + field) * LANES] = theta[field]
         k[CLOCK * LANES] = 0
         for field in range(4 * whole[ACTIONS]):
-            y[(actions + field) * LANES] = 0.0
+            p[(actions + field) * LANES] = 0.0
         for field in range(4):
             w[field * LANES] = 0.0
         reference_ahead(y, z, k, p, table, tick, numbers, whole, sines)
         if numbers[RESOLUTION] > 0.0:
             joint_rates(x, w, one, lengths, v[SPEED * LANES :])
-            window, counts = whole[WINDOW], actions + 4 * whole[ACTIONS]
+            window, counts = whole[WINDOW], 3 + 3 * (preview + 1)
             begin_counts(x, y, v, 0, counts, tick % window, window, whole[ANGLES], numbers)
 
 
@@ -208,10 +213,10 @@ def ends(row, k, v, lanes, whole, over, reward):
 
 MOVE = '''
 @njit(cache=True, error_model="numpy", nogil=True)
-def move(x, y, w, lanes, tick, actions, numbers, whole, lengths):
+def move(x, p, w, lanes, tick, actions, numbers, whole, lengths):
     """The plant under the action of a delay ago."""
     slot = (tick - whole[DELAY]) % whole[ACTIONS]
-    held_torque(y, lanes, actions, slot, numbers[TORQUE_LIMIT], w, 0)
+    held_torque(p, lanes, actions, slot, numbers[TORQUE_LIMIT], w, 0)
     dt = numbers[PERIOD] / real(whole[SUBSTEPS])
     for i in range(lanes):
         w[4 * LANES + i] = dt
@@ -220,7 +225,7 @@ def move(x, y, w, lanes, tick, actions, numbers, whole, lengths):
 
 MOVE_LATE = '''
 @njit(cache=True, error_model="numpy", nogil=True)
-def move(x, y, w, lanes, tick, actions, numbers, whole, lengths):
+def move(x, p, w, lanes, tick, actions, numbers, whole, lengths):
     """The plant where the model delays torques by any time: two actions act in a period."""
     shifts(x, w, lanes, lengths, w[WORKSPACE * LANES :])
     for part in range(2):
@@ -236,8 +241,8 @@ def move(x, y, w, lanes, tick, actions, numbers, whole, lengths):
             age = whole[DELAY] + np.int64(whole_periods) + (1 if part == 0 else 0)
             slot = (tick - min(age, whole[ACTIONS] - 1)) % whole[ACTIONS]
             for wheel in range(4):
-                value = y[(actions + 4 * slot + wheel) * LANES + i]
-                w[wheel * LANES + i] = numbers[TORQUE_LIMIT] * value
+                value = p[(actions + 4 * slot + wheel) * LANES + i]
+                w[wheel * LANES + i] = numbers[TORQUE_LIMIT] * real(value)
         integrate(x, w, lanes, whole[SUBSTEPS], lengths)
 '''
 

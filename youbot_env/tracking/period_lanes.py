@@ -8,16 +8,15 @@ from this source.
 Arrays of a block
 -----------------
 x : state, parameters
-y : ``Fields`` of the task: gains and coming samples of the reference, past actions, encoder counts
+y : gains and coming samples of the reference, encoder counts
 z : (uint16) phases [turns / 65536] and harmonics of the reference's tones
-p : (float32) the coming samples of the reference as they are observed
+p : (float32) the coming samples of the reference as they are observed, past actions
 k : (int64) ``CLOCK`` ... : a row's counters
 v : workspace of the thread: ``Work``
+f : (float32) the same: normal numbers
 """
 
 from __future__ import annotations
-
-import math
 
 import numba
 import numpy as np
@@ -28,7 +27,6 @@ from youbot_env.simulation.lane_math import (
     fetch,
     fma,
     given,
-    log_of_share,
     pointer,
     put,
     real,
@@ -38,7 +36,6 @@ from youbot_env.simulation.lane_math import (
 )
 from youbot_env.tracking.actuation import AT_LIMIT, BOUND_TOLERANCE
 from youbot_env.tracking.episode_draws import PHASES, draw_reference, workspace
-from youbot_env.tracking.random_numbers import NOISE, words
 
 carray = numba.carray  # pyright: ignore[reportPrivateImportUsage]
 
@@ -52,12 +49,10 @@ COUNTERS = 5
 OVER, BEGIN = 1, 2
 
 # Fields of v.
-TAU, RISE, SUM, SPEED, MEASURED, NORMALS, COMMAND, APPLIED, SLOPE = 0, 1, 2, 5, 9, 12, 16, 20, 24
-ENDED, WORK = 28, 29
+TAU, RISE, SUM, SPEED, MEASURED, APPLIED, SLOPE, ENDED, WORK = 0, 1, 2, 5, 9, 12, 16, 20, 21
 """Fields of the workspace: time of the reference in periods of its lowest harmonic, its window,
-sums of its tones (3); measured wheel speeds (4) and twist (3), normal numbers (4), torques at the
-interface (4) and at the wheels (4), slopes of the tones' sums (3) and of the window; 1 where an
-episode has diverged."""
+sums of its tones (3); measured wheel speeds (4) and twist (3), torques at the wheels (4), slopes of
+the tones' sums (3) and of the window; 1 where an episode has diverged."""
 
 # Whole numbers of a setup.
 (
@@ -180,28 +175,28 @@ def refused(action, first, last):
 @njit(cache=True, error_model="numpy", forceinline=True)
 def within_one(action):
     """An action cut to +-1."""
-    value = real(action)
-    value = 1.0 if value > 1.0 else value
-    return -1.0 if value < -1.0 else value
+    value, one = np.float32(action), np.float32(1.0)
+    value = one if value > one else value
+    return -one if value < -one else value
 
 
 @njit(cache=True, error_model="numpy", nogil=True)
-def take(action, row, y, lanes, at, slot):
+def take(action, row, p, lanes, at, slot):
     """Put actions from ``row`` on, cut to +-1, into the ring of past ones (from field ``at``)."""
     # All four in one loop: what stands side by side is then read side by side.
-    flat, kept = action[row:].reshape(-1), y[(at + 4 * slot) * LANES :]
+    flat, kept = action[row:].reshape(-1), p[(at + 4 * slot) * LANES :]
     for i in range(lanes):
         for wheel in range(4):
             put(kept, wheel * LANES + i, within_one(given(flat, 4 * i + wheel)))
 
 
 @njit(cache=True, error_model="numpy", nogil=True)
-def held_torque(y, lanes, at, slot, limit, w, field):
+def held_torque(p, lanes, at, slot, limit, w, field):
     """Torques [N m] that the actions of a slot command, into four fields of w."""
     for wheel in range(4):
-        source, target = y[(at + 4 * slot + wheel) * LANES :], w[(field + wheel) * LANES :]
+        source, target = p[(at + 4 * slot + wheel) * LANES :], w[(field + wheel) * LANES :]
         for i in range(lanes):
-            target[i] = limit * source[i]
+            target[i] = limit * real(source[i])
 
 
 @njit(cache=True, error_model="numpy", nogil=True)
@@ -284,7 +279,7 @@ def reference_ahead(y, z, k, p, table, tick, numbers, whole, sines):
 
 
 @njit(cache=True, error_model="numpy", nogil=True)
-def put_at_start(x, y, w, k, lanes, action, start, states):
+def put_at_start(x, p, w, k, lanes, action, start, states):
     """Rows of a block that begin now: where ``begin_rows`` put them before the plant moved.
 
     ``action``: field of the actions of this period, which do not count for them.
@@ -299,7 +294,7 @@ def put_at_start(x, y, w, k, lanes, action, start, states):
             for field in range(states):
                 x[field * LANES + i] = start[field]
             for wheel in range(4):
-                y[(action + wheel) * LANES + i] = 0.0
+                p[(action + wheel) * LANES + i] = 0.0
                 w[wheel * LANES + i] = 0.0
             k[CLOCK * LANES + i] = 0
 
@@ -345,26 +340,6 @@ def slopes(z, k, v, i, numbers, whole):
 
 
 @njit(cache=True, error_model="numpy", nogil=True)
-def noise(k, v, lanes, deviation):
-    """Four errors of wheel speeds [rad/s] of each row at its clock, by Box and Muller."""
-    for i in range(lanes):
-        key = np.uint64(k[KEY * LANES + i])
-        a, b, c, d = words(key, k[EPISODE * LANES + i], NOISE, k[CLOCK * LANES + i])
-        # Half a step away from 0, whose logarithm is infinite.
-        first = (real(a) + 0.5) * 2.3283064365386963e-10
-        second = (real(c) + 0.5) * 2.3283064365386963e-10
-        first = 0.9999999403953552 if first > 0.9999999403953552 else first
-        second = 0.9999999403953552 if second > 0.9999999403953552 else second
-        size = deviation * math.sqrt(-2.0 * log_of_share(first))
-        other = deviation * math.sqrt(-2.0 * log_of_share(second))
-        turns, more = real(b) * 2.3283064365386963e-10, real(d) * 2.3283064365386963e-10
-        v[NORMALS * LANES + i] = size * sine_of_turns(turns)
-        v[(NORMALS + 1) * LANES + i] = size * sine_of_turns(turns + 0.25)
-        v[(NORMALS + 2) * LANES + i] = other * sine_of_turns(more)
-        v[(NORMALS + 3) * LANES + i] = other * sine_of_turns(more + 0.25)
-
-
-@njit(cache=True, error_model="numpy", nogil=True)
 def count(x, y, v, lanes, at, slot, angles, numbers):
     """Wheel speeds from whole counts over the window, instead of those in v; the ring moves on."""
     resolution, span = numbers[RESOLUTION], numbers[SPAN]
@@ -390,12 +365,14 @@ def begin_counts(x, y, v, i, at, slot, window, angles, numbers):
 
 
 @njit(cache=True, error_model="numpy", nogil=True)
-def measure(v, lanes, numbers, noisy):
-    """Add noise to the wheel speeds in v, and the twist that they tell."""
+def measure(v, f, lanes, numbers, noisy):
+    """Add noise of normal numbers f to the wheel speeds in v; the twist that they tell."""
     if noisy:
+        deviation = numbers[DEVIATION]
         for wheel in range(4):
+            speed, normal = v[(SPEED + wheel) * LANES :], f[wheel * LANES :]
             for i in range(lanes):
-                v[(SPEED + wheel) * LANES + i] += v[(NORMALS + wheel) * LANES + i]
+                speed[i] = fma(deviation, real(normal[i]), speed[i])
     for axis in range(3):
         a, b = numbers[INVERSE + 4 * axis], numbers[INVERSE + 4 * axis + 1]
         c, d = numbers[INVERSE + 4 * axis + 2], numbers[INVERSE + 4 * axis + 3]
@@ -429,19 +406,19 @@ def loss_of(square, sharp):
 
 
 @njit(cache=True, error_model="numpy", nogil=True)
-def judge(x, y, v, lanes, row, ring, at, slot, past, numbers, reward):
+def judge(x, y, p, v, lanes, row, ring, at, slot, past, numbers, reward):
     """Rewards into ``reward`` from ``row`` on, and into v which episodes end (1.0: diverged).
 
     ``ring`` is the field of the reference now, ``at`` that of the past actions, ``slot`` and
     ``past`` the last two of them.
     """
     limit = numbers[TWIST_LIMIT]
-    wanted, newest = y[ring * LANES :], y[(at + 4 * slot) * LANES :]
-    before = y[(at + 4 * past) * LANES :]
+    wanted, newest = y[ring * LANES :], p[(at + 4 * slot) * LANES :]
+    before = p[(at + 4 * past) * LANES :]
     earned, ended = reward[row:], v[ENDED * LANES :]
     a, b, c = numbers[WEIGHT], numbers[WEIGHT + 1], numbers[WEIGHT + 2]
     d, e = numbers[WEIGHT + 3], numbers[WEIGHT + 4]
-    p, q, r = sharpness(numbers, 0), sharpness(numbers, 1), sharpness(numbers, 2)
+    o, q, r = sharpness(numbers, 0), sharpness(numbers, 1), sharpness(numbers, 2)
     s, t = sharpness(numbers, 3), sharpness(numbers, 4)
     for i in range(lanes):
         over = 0.0 * limit
@@ -452,12 +429,12 @@ def judge(x, y, v, lanes, row, ring, at, slot, past, numbers, reward):
         ahead = given(wanted, i) - given(x, i)
         left = given(wanted, LANES + i) - given(x, LANES + i)
         turn = given(wanted, 2 * LANES + i) - given(x, 2 * LANES + i)
-        lost_x, lost_y = loss_of(ahead * ahead, p), loss_of(left * left, q)
+        lost_x, lost_y = loss_of(ahead * ahead, o), loss_of(left * left, q)
         lost_w = loss_of(turn * turn, r)
         effort, change = 0.0 * limit, 0.0 * limit
         for wheel in range(4):
-            now = given(newest, wheel * LANES + i)
-            moved = now - given(before, wheel * LANES + i)
+            now = real(given(newest, wheel * LANES + i))
+            moved = now - real(given(before, wheel * LANES + i))
             effort += now * now * 0.25
             change += moved * moved * 0.25
         # a / u + b / v + ...: a division takes as long as ten products.
@@ -477,7 +454,7 @@ def within(value, limit):
 
 
 @njit(cache=True, error_model="numpy", nogil=True)
-def observe(y, v, p, lanes, row, tick, at, numbers, whole, seen):
+def observe(v, p, lanes, row, tick, at, numbers, whole, seen):
     """Observations of rows from ``row`` on; ``seen`` (D, n), so that rows lie side by side."""
     preview, history = whole[PREVIEW], whole[HISTORY]
     limit = numbers[TWIST_LIMIT]
@@ -493,10 +470,10 @@ def observe(y, v, p, lanes, row, tick, at, numbers, whole, seen):
     for age in range(history):
         slot = (tick - age) % whole[ACTIONS]
         for wheel in range(4):
-            action = y[(at + 4 * slot + wheel) * LANES :]
+            action = p[(at + 4 * slot + wheel) * LANES :]
             column = seen[6 + 3 * preview + 4 * age + wheel, row:]
             for i in range(lanes):
-                put(column, i, np.float32(given(action, i)))
+                put(column, i, given(action, i))
 
 
 @njit(cache=True, error_model="numpy", forceinline=True)
@@ -507,7 +484,7 @@ def scaled(twist, lanes, share, limit, column):
 
 
 @njit(cache=True, error_model="numpy", nogil=True)
-def describe(x, y, v, i, row, tick, at, clock, numbers, whole, reward, report):
+def describe(x, y, p, v, i, row, tick, at, clock, numbers, whole, reward, report):
     """A report's row of row ``i`` of a block."""
     line = report[row]
     ring = 3 + 3 * (tick % (whole[PREVIEW] + 1))
@@ -523,9 +500,9 @@ def describe(x, y, v, i, row, tick, at, clock, numbers, whole, reward, report):
         line[TERMS_AT + axis] = tolerance_of((wanted - twist) ** 2, numbers[MARGIN + axis])
     effort, change = 0.0, 0.0
     for wheel in range(4):
-        now = y[(at + 4 * slot + wheel) * LANES + i]
+        now = real(p[(at + 4 * slot + wheel) * LANES + i])
         effort += now * now * 0.25
-        change += (now - y[(at + 4 * past + wheel) * LANES + i]) ** 2 * 0.25
+        change += (now - real(p[(at + 4 * past + wheel) * LANES + i])) ** 2 * 0.25
         line[ANGLE + wheel] = x[(angles + wheel) * LANES + i]
         line[SPEED_AT + wheel] = v[(SPEED + wheel) * LANES + i]
         line[COMMANDED_AT + wheel] = numbers[TORQUE_LIMIT] * now

@@ -14,13 +14,15 @@ document.addEventListener("click", event => {
   if (!button || !main) return;
   if (window.innerWidth < 740 || main.getBoundingClientRect().top < 0) main.scrollIntoView();
 });
-// On a phone, the parts that are needed last are folded, so that results are nearer.
+// On a phone, the parts that are needed last are folded, so that results are nearer; on a low screen,
+// so that the name of each part is seen.
 let folded = false;
-function fold_on_a_phone() {
+function fold_what_has_no_room() {
   const parts = document.querySelectorAll("aside details.folding");
   if (folded || !parts.length) return;
   folded = true;
-  if (window.innerWidth < 740) for (const part of parts) part.open = false;
+  const high = document.querySelector("aside").scrollHeight > window.innerHeight;
+  if (window.innerWidth < 740 || high) for (const part of parts) part.open = false;
 }
 // Charts are first drawn while they are hidden, where texts have no size: legends of two lines are
 // placed as if they had one, until something of them changes.
@@ -34,4 +36,4 @@ function place_legends() {
 }
 new MutationObserver(place_legends).observe(document.documentElement, { childList: true, subtree: true });
 new MutationObserver(name_parts).observe(document.documentElement, { childList: true, subtree: true });
-new MutationObserver(fold_on_a_phone).observe(document.documentElement, { childList: true, subtree: true });
+new MutationObserver(fold_what_has_no_room).observe(document.documentElement, { childList: true, subtree: true });

@@ -61,3 +61,11 @@ def test_logs_that_leave_its_range_are_refused_by_every_command(added, log):
 def test_two_maps_at_one_place_are_refused(added, log):
     with pytest.raises(InputError, match="acts at the same place"):
         add_effect(added.model, "residual:position_x", [log])
+
+
+def test_a_weak_map_is_worth_it_though_none_of_its_humps_is_sure_alone():
+    weak = (("cable_twist", (("stiffness", 0.6), ("neutral", 0.0))),)
+    logs = [recording("calibration", weak, rate=50.0, seed=seed) for seed in (1, 2)]
+    found = add_effect(load_model("paper"), "residual:heading", logs)
+    assert found.worthwhile, found.reasons
+    assert found.after.force_error < 0.95 * found.before.force_error

@@ -83,6 +83,30 @@ def test_what_was_missing_from_the_start_is_no_change(made: Model):
         assert [row.name for row in changed] == ["m0"]
 
 
+@pytest.mark.parametrize(("times", "of_given", "told"), [(3.0, 1.0, False), (3.0, 2.5, True)])
+def test_what_is_missing_now_may_pass_for_a_change(
+    made: Model, times: float, of_given: float, told: bool
+):
+    floor = {"force_error": 0.01}
+    heavier = replace(
+        made.with_values({"m0": made.values["m0"] + 6.0}),
+        covariance=made.covariance,
+        covariance_names=made.covariance_names,
+        errors={"force_error": 0.01 * times, "noise_floor": floor},
+    )
+    given = replace(made, errors={"force_error": 0.01 * of_given, "noise_floor": floor})
+    found = changed_parameters(given, heavier, mechanism_of(made))
+    assert [row.name for row in found.changed] == (["m0"] if told else [])
+    assert told or "3 times the noise floor" in found.reason
+
+
+def test_a_platform_with_dry_friction_has_no_other_parameters_than_before(made: Model):
+    plant = load_model("paper").with_effect("wheel_coulomb_friction", torque=0.3)
+    log = record(plant, [multisine(np.random.default_rng(0), duration=20.0)], seed=3)[0]
+    found = compare(made, [log]).changes
+    assert found.sentences == [] and "these logs hold something" in found.reason
+
+
 @pytest.mark.slow
 def test_the_floor_of_a_model_that_lacks_much_is_that_of_its_own_logs():
     """No motion repeats in a multisine, and trees leave a tenth of so large a residual."""

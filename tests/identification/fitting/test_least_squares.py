@@ -7,7 +7,7 @@ import pytest
 from identification.fitting.covariance import hac_covariance
 from identification.fitting.gauge import gauge_basis
 from identification.fitting.least_squares import _bounded_step, fit
-from identification.fitting.regression import regression, stride
+from identification.fitting.regression import acting_share, regression, regressions, stride
 from identification.fitting.settings import FitSettings
 from identification.logs.reading import read_log
 from identification.mechanisms.mecanum import Mecanum
@@ -70,6 +70,37 @@ def test_columns_are_the_derivatives_of_the_demanded_force(names):
         # A channel with an inverse of its own has a kink, and more samples lie at it.
         limit = 5e-3 if engine.structure.has_nonlinear_channel else limit
         assert np.quantile(apart, 0.99) < limit
+
+
+def test_rows_of_a_limit_fall_with_the_error_as_a_share_of_what_acts():
+    engine, limit = mechanism("torque_saturation"), 7
+    log = engine.samples(recording("III"))
+    theta = np.append(1.1 * PAPER.theta, 0.5 * np.abs(log.torque).max())
+
+    def share(value: float) -> float:
+        moved = theta.copy()
+        moved[limit] = value
+        (row,) = regressions(engine, moved, [log], free)
+        return float((row.residual**2).sum()) / acting_share(engine, moved, [log])
+
+    free = np.flatnonzero(engine.free)
+    (row,) = regressions(engine, theta, [log], free)
+    slope = -2 * np.einsum("na,naf->f", row.residual, row.columns)[limit]
+    step = 1e-3 * theta[limit]
+    expected = (share(theta[limit] + step) - share(theta[limit] - step)) / (2 * step)
+    assert 0.0 < acting_share(engine, theta, [log]) < 1.0
+    assert slope / acting_share(engine, theta, [log]) == pytest.approx(expected, rel=0.02)
+
+
+@pytest.mark.parametrize("start", [0.3, 1.5])
+def test_a_limit_does_not_slide_to_where_no_torque_acts(start):
+    """Least squares of forces alone end at the lower bound: what acts there is a hundredth."""
+    tether = ("tether", (("stiffness", 3.0), ("anchor_x", 1.0), ("anchor_y", -1.0)))
+    log = recording("III", (("torque_saturation", (("limit", 0.5),)), tether), rate=50.0)
+    engine = mechanism("torque_saturation")
+    found = fit(engine, [engine.samples(log)], np.append(PAPER.theta, start))
+    assert found.theta[-1] == pytest.approx(0.5, rel=0.1)
+    assert 0.1 < found.acting_share < 0.5
 
 
 def test_noise_free_log_gives_the_parameters_back():

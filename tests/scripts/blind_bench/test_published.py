@@ -68,6 +68,25 @@ def test_nothing_beside_the_logs_tells_what_was_planted(blind: Published):
         publish(SPECS, blind.folder)
 
 
+def test_an_interrupted_set_is_gone_on_with(blind: Published, tmp_path: Path):
+    half = tmp_path / "half"
+    shutil.copytree(blind.folder, half, ignore=shutil.ignore_patterns("tools"))
+    code = code_of(SPECS[0])
+    for name in ("cases.json", "README.md", f"answers/{code}.json", f"cases/{code}/unseen.csv"):
+        (half / name).unlink()
+    with pytest.raises(InputError, match="is not empty"):
+        publish([replace(spec, seed=4) for spec in SPECS], half)
+    kept = {path: path.stat().st_mtime_ns for path in half.rglob("*.csv")}
+    steps: list[None] = []
+    publish(SPECS, half, progress=lambda: steps.append(None))
+    assert len(steps) == len(SPECS)
+    for path in blind.folder.rglob("*"):
+        if path.is_file() and "tools" not in path.parts:
+            again = half / path.relative_to(blind.folder)
+            assert again.read_bytes() == path.read_bytes()
+            assert code in str(again) or kept.get(again, 0) in (0, again.stat().st_mtime_ns)
+
+
 def test_right_answers_have_the_full_score_and_none_have_none(blind: Published, tmp_path: Path):
     claims = {code: perfect(blind, code) for code in blind.codes}
     for code in blind.codes:

@@ -11,15 +11,18 @@ import time
 from dataclasses import dataclass, replace
 from importlib.util import find_spec
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any
 
 import pytest
 
+from identification.diagnosis.structures import Ranking
 from identification.logs.reading import write_log
 from identification.mechanisms.axis_model import axis_model, save_axis_model
 from tests.identification.mechanisms.test_axis import STAGE, log_of, planted
 from youbot_scripts.cli import main
 from youbot_scripts.fleets import diagnosing
+from youbot_scripts.fleets.diagnosing import accepted_p_values
 from youbot_scripts.fleets.records import LINES, MODELS, ROBOTS
 
 
@@ -82,6 +85,14 @@ def test_a_robot_each_with_its_model_and_the_reason_where_there_is_none(once):
     lines = [json.loads(line) for line in (output / LINES).read_text().splitlines()]
     assert [line["robot"] for line in lines] == ["a", "b", "c", "dead", "spring"]
     assert {path.stem for path in (output / MODELS).iterdir()} == {"a", "b", "c", "spring"}
+
+
+def test_the_p_value_is_that_with_which_an_effect_won():
+    """In some logs only it was tried too, and chance does as much there."""
+    won: Any = SimpleNamespace(name="torque_saturation")
+    first = Ranking((), {"torque_saturation": 0.001, "torque_saturation@2": 1.0}, (), won, 1.0, 0.1)
+    last = Ranking((), {"cable_drag": 0.6}, (), None, 1.0, 0.1)
+    assert accepted_p_values([first, last]) == {"torque_saturation": 0.001}
 
 
 @pytest.mark.slow
