@@ -22,7 +22,7 @@ from identification.mechanisms.mechanism import HeldDirections, Mechanism
 from identification.mechanisms.samples import Samples, rolled_speeds
 from identification.signals.filters import block_mean, pieces
 from identification.signals.noise import white_noise
-from identification.threads import side_by_side
+from identification.threads import give_back, side_by_side
 from youbot_env.physics import inverse_dynamics as dynamics
 from youbot_env.physics.effect import CONTACT, SPEED
 
@@ -449,10 +449,12 @@ def doubts_of_kinematics(
     names = [n for n in kinematic_effects(mechanism) if n not in mechanism.structure.effects]
     if not names:
         return []
-    evidence = KinematicEvidence(mechanism, theta, logs, settings)
+    # Without what earlier uses of the samples keep: smoothed channels of an hour take much.
+    evidence = KinematicEvidence(mechanism, theta, [replace(item) for item in logs], settings)
     if not evidence.logs:
         return []
     before = evidence.at(mechanism, theta)
+    give_back()
 
     def fitted(name: str) -> KinematicFit:
         start = mechanism.extend_theta(theta, name, {})
