@@ -20,9 +20,9 @@ from identification.fitting.regression import Indices, Regression, covariance_of
 from identification.fitting.settings import FitSettings
 from identification.mechanisms.mechanism import HeldDirections, Mechanism
 from identification.mechanisms.samples import Samples, rolled_speeds
-from identification.signals.filters import block_mean
+from identification.signals.filters import block_mean, pieces
 from identification.signals.noise import white_noise
-from identification.threads import side_by_side
+from identification.threads import give_back, side_by_side
 from youbot_env.physics import inverse_dynamics as dynamics
 from youbot_env.physics.effect import CONTACT, SPEED
 
@@ -334,7 +334,11 @@ def slipping_wheels(
         return SlippingWheels(0.0, tuple(np.zeros(len(item), bool) for item in logs))
     known, internal = settings.kinematics, np.array(mechanism.internal)
     squares, masks = list[Array](), list[NDArray[np.bool_]]()
-    square = sum(float(np.vdot(item.wheel_speed, item.wheel_speed)) for item in logs)
+    square = sum(
+        float(np.vdot(item.wheel_speed[part], item.wheel_speed[part]))
+        for item in logs
+        for part in pieces(len(item))
+    )
     usual = np.sqrt(square / sum(item.wheel_speed.size for item in logs))
     usual = float(usual * np.linalg.norm(internal))
     for item, level in zip(logs, speed_noise, strict=True):
@@ -445,10 +449,12 @@ def doubts_of_kinematics(
     names = [n for n in kinematic_effects(mechanism) if n not in mechanism.structure.effects]
     if not names:
         return []
-    evidence = KinematicEvidence(mechanism, theta, logs, settings)
+    # Without what earlier uses of the samples keep: smoothed channels of an hour take much.
+    evidence = KinematicEvidence(mechanism, theta, [replace(item) for item in logs], settings)
     if not evidence.logs:
         return []
     before = evidence.at(mechanism, theta)
+    give_back()
 
     def fitted(name: str) -> KinematicFit:
         start = mechanism.extend_theta(theta, name, {})

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from identification.fitting.settings import FitSettings
 from identification.mechanisms.samples import AddedNoise, Samples, cut
 from identification.signals.filters import RowFilter, settled
-from identification.threads import side_by_side
+from identification.threads import give_back, side_by_side
 
 Array = NDArray[np.float64]
 
@@ -83,4 +83,5 @@ def rows_in_parts(
         found[at : at + len(part)] = part
 
     side_by_side(fill, starts)
+    give_back()
     return found

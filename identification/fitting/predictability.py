@@ -544,7 +544,8 @@ def _repeated_square(
     for item, trace in zip(samples, traces, strict=True):
         speed = mechanism.measured_speed(item)[-len(trace.time) :]
         parts = [(part.start, part.end) for part in mechanism.parts(item)]
-        square, found = repeated_noise(trace.time, speed, trace.residual, parts, settings)
+        forces = (trace.measured, trace.predicted)
+        square, found = repeated_noise(trace.time, speed, forces, parts, settings)
         total, count = total + square, count + found
     return total / count if count else np.full(len(total), np.inf)
 

@@ -20,7 +20,7 @@ Array = NDArray[np.float64]
 def repeated_noise(
     time: Array,
     speed: Array,
-    residual: Array,
+    forces: tuple[Array, Array],
     parts: Sequence[tuple[float, float]],
     settings: PredictabilitySettings,
 ) -> tuple[Array, int]:
@@ -28,22 +28,29 @@ def repeated_noise(
 
     Parameters
     ----------
-    time : (n,) uniform [s]; speed : (n, A) of the motion; residual : (n, A) of the forces
+    time : (n,) uniform [s]; speed : (n, A) of the motion
+    forces : (n, A) each, measured and predicted: their difference is the residual
     parts : stretches [s] in which a motion may repeat
     """
     step = float(time[1] - time[0])
-    total, count = np.zeros(residual.shape[1]), 0
+    total, count = np.zeros(speed.shape[1]), 0
     for start, end in parts:
         first, last = np.searchsorted(time, [start, end]).tolist()
         lag, earlier = _period(speed[first:last], step, settings)
         if lag:
-            of_part = residual[first:last]
-            later, before = of_part[lag:][earlier], of_part[:-lag][earlier]
+            both = [force[first:last] for force in forces]
+            later, before = ([one[rows][earlier] for one in both] for rows in _pair(lag))
             # Half: each difference holds the noise of two periods.
-            for some in pieces(len(later)):
-                total += 0.5 * ((later[some] - before[some]) ** 2).sum(axis=0)
-            count += len(later)
+            for some in pieces(len(later[0])):
+                noise = (later[0][some] - later[1][some]) - (before[0][some] - before[1][some])
+                total += 0.5 * (noise**2).sum(axis=0)
+            count += len(later[0])
     return total, count
+
+
+def _pair(lag: int) -> tuple[slice, slice]:
+    """Rows, and those ``lag`` before them."""
+    return slice(lag, None), slice(None, -lag)
 
 
 def _period(speed: Array, step: float, settings: PredictabilitySettings) -> tuple[int, slice]:

@@ -139,6 +139,8 @@ def _assemble(
     )
     assert velocity is not None and effort is not None  # select() requires them
     gyro = draft.channels(GYRO)
+    # Kept once where no repair has changed it.
+    unchanged = np.array_equal(draft.time, file_time)
     return Log(
         name=log_name(draft.source),
         joints=joints,
@@ -153,7 +155,7 @@ def _assemble(
         sha256=sha256,
         valid=draft.valid,
         rows=draft.lines,
-        file_time=file_time,
+        file_time=None if unchanged else file_time,  # type: ignore[arg-type]
         noise_settings=draft.settings.noise,
     )
 

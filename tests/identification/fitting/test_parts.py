@@ -4,20 +4,32 @@ from __future__ import annotations
 
 import subprocess
 import sys
+import tracemalloc
+from collections.abc import Callable
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
+from numpy.typing import NDArray
 
+from controllers.recording import record
 from identification.fitting.errors import force_traces
+from identification.fitting.harmonic_scan import harmonic_scan
+from identification.fitting.kinematic_evidence import KinematicEvidence
+from identification.fitting.output_error import _FreeRuns
 from identification.fitting.predictability import predictability
 from identification.fitting.regression import filtered_residual, regression
 from identification.fitting.settings import FitSettings
-from identification.mechanisms.mechanism import pass_over
+from identification.logs.reading import write_log
+from identification.mechanisms.mechanism import Mechanism, pass_over
 from identification.mechanisms.registry import mechanism_of
-from identification.mechanisms.samples import Samples
+from identification.mechanisms.samples import Samples, cut
 from tests.identification.healthy import healthy_log
 from youbot_env.model.model_file import load_model
+from youbot_env.motions.multisine import multisine
+
+Array = NDArray[np.float64]
 
 WHOLE = FitSettings()
 PARTS = replace(WHOLE, max_part_samples=500)
@@ -135,28 +147,84 @@ def test_numbers_that_are_passed_over_leave_the_next_ones_what_they_are():
     assert (one.standard_normal(5) == other.standard_normal(5)).all()
 
 
-PEAK = """
-import resource, sys
-from identification import identify
-from tests.identification.healthy import healthy_log
-identify([healthy_log(rate=1000.0, duration=float(sys.argv[1]))], recursive=False)
-print(resource.getrusage(resource.RUSAGE_SELF).ru_maxrss * 1024)
-"""
+GROWTH = 350
+"""Bytes a row: an hour at 1 kHz, 3.6 million rows, is to fit into 1.5 GB with all the rest."""
+
+
+def _scan(mechanism: Mechanism, theta: Array, part: Samples, settings: FitSettings) -> None:
+    rows = filtered_residual(mechanism, theta, part, settings)
+    assert harmonic_scan(mechanism, [rows], [part], settings)
+
+
+def _wheels_and_pose(
+    mechanism: Mechanism, theta: Array, part: Samples, settings: FitSettings
+) -> None:
+    evidence = KinematicEvidence(mechanism, theta, [part], settings)
+    more = mechanism.extended("wheel_creep")
+    assert len(evidence.at(more, mechanism.extend_theta(theta, "wheel_creep", {})).rows) == 1
+
+
+def _free_run(mechanism: Mechanism, theta: Array, part: Samples, settings: FitSettings) -> None:
+    run = _FreeRuns(mechanism, [part], settings, lambda: None)
+    assert np.isfinite(run.residuals(theta)[0]).all()
+
+
+@pytest.mark.parametrize("work", [_scan, _wheels_and_pose, _free_run])
+def test_what_is_found_out_of_a_longer_log_takes_little_more_memory(work: Callable[..., None]):
+    mechanism, theta = mechanism_of(load_model("paper")), load_model("paper").theta
+    mechanism = replace(mechanism, settings=replace(mechanism.settings, max_run_samples=2000))
+    few = replace(WHOLE.harmonic_scan, max_waves=4, max_wheel_order=2, exact_waves=1)
+    known = replace(WHOLE.kinematics, max_samples_at_once=4000)
+    settings = replace(WHOLE, max_part_samples=4000, harmonic_scan=few, kinematics=known)
+    log = mechanism.samples(healthy_log(rate=500.0, duration=100.0, extras=True))
+
+    def peak(count: int) -> int:
+        part = cut(log, 0, count)
+        tracemalloc.start()
+        try:
+            work(mechanism, theta, part, settings)
+            return tracemalloc.get_traced_memory()[1]
+        finally:
+            tracemalloc.stop()
+
+    short, long = 25_000, 50_000
+    peak(short)  # what is imported and compiled at first
+    # Beside the log itself, which has 250.
+    assert (peak(long) - peak(short)) / (long - short) < 100
+
+
+@pytest.fixture(scope="module")
+def periodic(tmp_path_factory: pytest.TempPathFactory) -> Callable[[float, bool], Path]:
+    """A file with some seconds at 1 kHz of a motion that repeats, with a pose or without one."""
+    folder = tmp_path_factory.mktemp("long")
+
+    def written(duration: float, with_pose: bool) -> Path:
+        motion = multisine(np.random.default_rng(3), duration=60.0)
+        motion = replace(motion, name="long", duration=duration)
+        log = record(load_model("paper"), [motion], rate=1000.0, seed=1)[0]
+        path = folder / f"long_{duration:g}_{with_pose}.csv"
+        write_log(path, log if with_pose else replace(log, pose=None))
+        return path
+
+    return written
 
 
 @pytest.mark.slow
-def test_memory_of_a_long_log_grows_by_little_more_than_its_samples():
-    """An hour at 1 kHz, 3.6 million rows, is to fit into 1.5 GB: 350 bytes a row and the rest."""
-    rows = (300_000, 600_000)
-    peaks = [
-        int(
-            subprocess.run(
-                [sys.executable, "-c", PEAK, str(count / 1000)],
-                capture_output=True,
-                text=True,
-                check=True,
-            ).stdout
-        )
-        for count in rows
-    ]
-    assert (peaks[1] - peaks[0]) / (rows[1] - rows[0]) < 350
+@pytest.mark.parametrize("with_pose", [False, True])
+@pytest.mark.parametrize("command", ["doctor", "identify", "compare"])
+def test_memory_of_a_long_log_grows_by_little_more_than_its_samples(
+    periodic: Callable[[float, bool], Path], command: str, with_pose: bool
+):
+    """The commands on files whose noise is all that a model misses: then all is looked for."""
+    code = "import resource, sys; from youbot_scripts import cli; cli.main(sys.argv[1:]); "
+    code += "print(resource.getrusage(resource.RUSAGE_SELF).ru_maxrss * 1024, file=sys.stderr)"
+    model = ["paper"] if command == "compare" else []
+
+    def peak(duration: float) -> int:
+        path = str(periodic(duration, with_pose))
+        call = [sys.executable, "-c", code, command, *model, path]
+        run = subprocess.run(call, capture_output=True, text=True, check=True)
+        return int(run.stderr.split()[-1])
+
+    short, long = 300.0, 600.0
+    assert (peak(long) - peak(short)) / (1000.0 * (long - short)) < GROWTH

@@ -124,7 +124,9 @@ class TestRepeatedPeriods:
     SPEED = np.column_stack([np.sin(2 * np.pi * TIME / 7.0), np.cos(2 * np.pi * TIME / 3.5)])
 
     def noise(self, residual: np.ndarray, speed: np.ndarray = SPEED) -> tuple[np.ndarray, int]:
-        return repeated_noise(self.TIME, speed, residual, [(0.0, 40.0)], PredictabilitySettings())
+        forces = (residual, np.zeros_like(residual))
+        known = PredictabilitySettings()
+        return repeated_noise(self.TIME, speed, forces, [(0.0, 40.0)], known)
 
     def test_what_repeats_is_no_noise(self):
         white = 0.1 * np.random.default_rng(0).standard_normal(self.SPEED.shape)

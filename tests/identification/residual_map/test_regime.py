@@ -2,6 +2,7 @@
 
 from collections.abc import Callable
 from dataclasses import replace
+from functools import cache
 
 import numpy as np
 import pytest
@@ -16,14 +17,23 @@ from youbot_env.model.model_file import load_model
 
 PAPER = load_model("paper")
 MECHANISM = mechanism_of(PAPER)
-SAMPLES = [
-    replace(MECHANISM.samples(recording(motion, seed=seed)), name=name)
-    for motion, seed, name in (("calibration", 1, "long"), ("I", 2, "short"))
-]
 FIT = FitSettings()
 FREE = np.flatnonzero(MECHANISM.free)
-ROWS = [regression(MECHANISM, PAPER.theta, item, FREE, FIT) for item in SAMPLES]
-NOISE = float(np.concatenate([(row.residual**2).sum(axis=1) for row in ROWS]).mean())
+
+
+# Not made when the file is imported: each process of a parallel run imports all files.
+@cache
+def all_samples() -> list[Samples]:
+    return [
+        replace(MECHANISM.samples(recording(motion, seed=seed)), name=name)
+        for motion, seed, name in (("calibration", 1, "long"), ("I", 2, "short"))
+    ]
+
+
+@cache
+def all_rows() -> list[Regression]:
+    return [regression(MECHANISM, PAPER.theta, item, FREE, FIT) for item in all_samples()]
+
 
 Force = Callable[[Samples], np.ndarray]
 """(N,) what is missing along X [N m]."""
@@ -32,7 +42,7 @@ Force = Callable[[Samples], np.ndarray]
 def lacking(force: Force) -> list[Regression]:
     """The rows with a force that the model lacks."""
     found = []
-    for row, item in zip(ROWS, SAMPLES, strict=True):
+    for row, item in zip(all_rows(), all_samples(), strict=True):
         signal = np.column_stack([force(item), np.zeros((len(item), 2))])
         more = filtered_rows(np.stack([signal[:-1], signal[1:]]), MECHANISM, item, FIT)
         found.append(replace(row, residual=row.residual + more[: len(row.residual)]))
@@ -41,7 +51,8 @@ def lacking(force: Force) -> list[Regression]:
 
 def regime(force: Force) -> Regime | None:
     # What trees leave of a residual is more than noise: they are told only roughly.
-    return find_regime(MECHANISM, lacking(force), SAMPLES, 4 * NOISE)
+    noise = float(np.concatenate([(row.residual**2).sum(axis=1) for row in all_rows()]).mean())
+    return find_regime(MECHANISM, lacking(force), all_samples(), 4 * noise)
 
 
 def drag(item: Samples) -> np.ndarray:
@@ -66,7 +77,7 @@ def test_after_a_time():
 
 
 def test_between_two_places():
-    x = np.concatenate([item.pose[:, 0] for item in SAMPLES])
+    x = np.concatenate([item.pose[:, 0] for item in all_samples()])
     low, high = np.quantile(x, [0.4, 0.6])
     found = regime(lambda item: drag(item) * ((item.pose[:, 0] > low) & (item.pose[:, 0] < high)))
     assert found is not None and "pose_x <" in found.rule
@@ -89,7 +100,7 @@ def test_noise_has_none():
 
 
 def test_a_range_about_zero_keeps_its_bounds():
-    std = float(np.concatenate([item.wheel_speed[:, 0] for item in SAMPLES]).std())
+    std = float(np.concatenate([item.wheel_speed[:, 0] for item in all_samples()]).std())
     found = regime(lambda item: 2.0 * (np.abs(item.wheel_speed[:, 0]) < 0.04 * std))
     assert found is not None and "< velocity_fl <" in found.rule
     low, high = bounds(found.rule)
