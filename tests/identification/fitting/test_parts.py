@@ -211,7 +211,20 @@ def periodic(tmp_path_factory: pytest.TempPathFactory) -> Callable[[float, bool]
 
 @pytest.mark.slow
 @pytest.mark.parametrize("with_pose", [False, True])
-@pytest.mark.parametrize("command", ["doctor", "identify", "compare"])
+@pytest.mark.parametrize(
+    "command",
+    [
+        "doctor",
+        "identify",
+        pytest.param(
+            "compare",
+            marks=pytest.mark.xfail(
+                reason="an hour at 1 kHz takes compare 3.9 GB: its free runs and its map do not "
+                "work in parts yet"
+            ),
+        ),
+    ],
+)
 def test_memory_of_a_long_log_grows_by_little_more_than_its_samples(
     periodic: Callable[[float, bool], Path], command: str, with_pose: bool
 ):
