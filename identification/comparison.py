@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from typing import Any, ClassVar
 
@@ -276,11 +276,15 @@ def compare(
         force.append(force_traces(mechanism, model.theta, item, settings.fit))
         progress()
     fitted = _fitted(mechanism, model.theta, samples, settings.fit)
-    floor = _noise_floor(
+    floor, refitted_error = _noise_floor(
         *(mechanism, model.theta, samples, force, velocity, fitted, force_floor_of(model)),
         *(seed, settings.fit),
     )
-    changes = _changes(model, mechanism, samples, fitted, floor, seed, settings.fit)
+    errors = {
+        "force_error": refitted_error,
+        "noise_floor": {"force_error": add_up(floor.force).ratio},
+    }
+    changes = _changes(model, mechanism, samples, fitted, errors, seed, settings.fit)
     where = residual_map(
         *(mechanism, model.theta, samples),
         seed=seed,
@@ -369,8 +373,8 @@ def _noise_floor(
     known: float | None,
     seed: int,
     settings: FitSettings,
-) -> NoiseFloor:
-    """What noise leaves: taken from the same structure, ``fitted`` to these logs.
+) -> tuple[NoiseFloor, float]:
+    """What noise leaves: taken from the same structure, ``fitted`` to these logs; its force error.
 
     The given parameters' own residual is no measure of the noise: what they miss may be large.
 
@@ -395,7 +399,8 @@ def _noise_floor(
     )
     # On a log of its own the given model may do better than one that is fitted to all.
     least = [_no_more_than(part, trace) for part, trace in zip(floor.force, force, strict=True)]
-    return replace(floor, force=tuple(least))
+    left = add_up(SumsOfSquares.of(trace) for trace in traces)
+    return replace(floor, force=tuple(least)), left.ratio
 
 
 def _noise_as_known(
@@ -420,11 +425,11 @@ def _changes(
     mechanism: Mechanism,
     samples: Sequence[Samples],
     fitted: Fit | None,
-    floor: NoiseFloor,
+    errors: Mapping[str, Any],
     seed: int,
     settings: FitSettings,
 ) -> ParameterChanges:
-    """What the model's structure, ``fitted`` to these logs, says of its parameters."""
+    """What the model's structure, ``fitted`` to these logs with errors, says of its parameters."""
     if model.covariance is None:
         return ParameterChanges(reason=NO_DEVIATIONS)
     if fitted is None:
@@ -436,10 +441,6 @@ def _changes(
         refitted = kind_of(model).fitted_model(mechanism, last, name=model.name)
     except InputError:
         return ParameterChanges(reason="these logs do not show all of the model's parameters")
-    left = add_up(
-        SumsOfSquares.of(force_traces(mechanism, last.theta, item, settings)) for item in samples
-    )
-    errors = {"force_error": left.ratio, "noise_floor": {"force_error": add_up(floor.force).ratio}}
     return changed_parameters(model, replace(refitted, errors=errors), mechanism, settings)
 
 

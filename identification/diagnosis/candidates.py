@@ -42,6 +42,7 @@ from identification.fitting.regression import (
     Indices,
     acting_share,
     acting_slope,
+    columns_by_share,
     filtered_residual,
     filtered_rows,
     residual_ends,
@@ -369,7 +370,7 @@ def _linear_candidate(
         ]
         slope = acting_slope(mechanism, theta, base.samples, new)
         columns = tuple(
-            part + 0.5 * slope * left[..., None]
+            columns_by_share(part, left, slope)
             for part, left in zip(columns, residual, strict=True)
         )
     joined = [np.concatenate([a, b], axis=-1) for a, b in zip(base.columns, columns, strict=True)]

@@ -24,6 +24,9 @@ if TYPE_CHECKING:
 
 Array = NDArray[np.float64]
 
+GREEK = {"phi": "φ", "mu": "µ"}
+"""Letters of the names of parameters and angles."""
+
 # As in `style`, Okabe and Ito's palette, a little lighter: it must stand on black too.
 MEASURED = {"color": "#9a9a9a", "width": 3}
 BEFORE = {"color": "#3d8fd1", "width": 1.2}
@@ -108,16 +111,22 @@ def safe(text: str) -> str:
     return escape(text, quote=False)
 
 
+def typeset(escaped: str) -> str:
+    """Names of parameters and units as markup: powers raised, indices lowered, phi, mu in Greek.
+
+    ``escaped``: text that holds no markup any more.
+    """
+    indexed = re.sub(
+        r"\b(phi|mu|m|I|x|M|a)_?(\d|[XY])\b",
+        lambda name: f"{GREEK.get(name[1], name[1])}<sub>{name[2]}</sub>",
+        escaped,
+    )
+    return re.sub(r"\^(-?\d+)", r"<sup>\1</sup>", indexed)
+
+
 def parameter(name: str, unit: str) -> str:
     """A parameter's name and unit for a title or an axis: ``mu1`` is a letter with an index."""
-    letters = {"mu": "µ"}
-    indexed = re.sub(
-        r"\b(mu|[mIaxM])(\d|[XY])\b",
-        lambda m: f"{letters.get(m[1], m[1])}<sub>{m[2]}</sub>",
-        safe(name).replace("m_a", "m a"),
-    )
-    raised = re.sub(r"\^(-?\d+)", r"<sup>\1</sup>", safe(unit))
-    return f"{indexed} [{raised}]"
+    return f"{typeset(safe(name).replace('m_a', 'm a'))} [{typeset(safe(unit))}]"
 
 
 def label(quantity: Quantity) -> str:

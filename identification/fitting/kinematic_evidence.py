@@ -246,13 +246,9 @@ def slip_rows(
     mechanism: Mechanism, theta: Array, samples: Samples, size: int, settings: FitSettings
 ) -> Array:
     """(n,) [rad/s] means over ``size`` samples of :func:`slip_of_joints`."""
-    pieces = _rolled_pieces(mechanism, theta, samples, size, settings)
-    return np.concatenate(
-        [
-            block_mean(slip_of_joints(mechanism, theta, twist, speed), size)
-            for _, twist, speed in pieces
-        ]
-    )
+    rolled = _rolled_pieces(mechanism, theta, samples, size, settings)
+    slips = (slip_of_joints(mechanism, theta, twist, speed) for _, twist, speed in rolled)
+    return np.concatenate([block_mean(slip, size) for slip in slips])
 
 
 def _rolled_pieces(

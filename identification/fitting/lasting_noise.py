@@ -34,21 +34,20 @@ def lasting_noise(
     white = float(np.sqrt(np.mean(level.speed**2)))
     if left is None or np.sqrt(np.mean(left**2)) < settings.min_lasting_noise_ratio * white:
         return None
-    power = (np.abs(np.fft.rfft(left, axis=0)) ** 2).mean(axis=1)
-    phases = rng.uniform(0.0, 2 * np.pi, (len(power), len(level.speed)))
-    spectrum = np.sqrt(power)[:, None] * np.exp(1j * phases)
+    size = np.abs(np.fft.rfft(left))
+    phases = rng.uniform(0.0, 2 * np.pi, (len(size), len(level.speed)))
+    spectrum = size[:, None] * np.exp(1j * phases)
     extra = np.fft.irfft(spectrum, len(left), axis=0) * level.speed / max(white, 1e-300)
     return mechanism.added_noise(samples, extra)
 
 
 def _beside_motion(mechanism: Mechanism, samples: Samples) -> Array | None:
-    """(N, J - A) what the speeds hold beside those of a rigid motion, each of the noise's size."""
-    axes = len(mechanism.axes)
-    frame, _ = np.linalg.qr(mechanism.jacobian, mode="complete")
-    if frame.shape[1] == axes:
+    """(N,) what the speeds hold beside those of a rigid motion, of the noise's size."""
+    if not mechanism.internal:
         return None
-    rigid, left = samples.wheel_speed @ frame[:, :axes], samples.wheel_speed @ frame[:, axes:]
+    internal = np.array(mechanism.internal) / np.linalg.norm(mechanism.internal)
+    left, speed = samples.wheel_speed @ internal, mechanism.measured_speed(samples)
     # Joints that roll or are measured unevenly: motion, not noise.
-    ways = np.sign(rigid @ frame[:, :axes].T)
-    motion = np.column_stack([np.ones(len(rigid)), rigid, ways])
+    ways = np.sign(mechanism.joint_speed(speed))
+    motion = np.column_stack([np.ones(len(left)), speed, ways])
     return left - motion @ np.linalg.lstsq(motion, left, rcond=None)[0]

@@ -117,11 +117,14 @@ def regressions(
 
 def by_share(rows: Sequence[Regression], slope: Array) -> list[Regression]:
     """The rows with columns of the error as a share of what acts, see `acting_slope`."""
-    if not slope.any():
-        return list(rows)
     return [
-        replace(row, columns=row.columns + 0.5 * slope * row.residual[..., None]) for row in rows
+        replace(row, columns=columns_by_share(row.columns, row.residual, slope)) for row in rows
     ]
+
+
+def columns_by_share(columns: Array, residual: Array, slope: Array) -> Array:
+    """(n, A, F) the same of columns (n, A, F) and the residual (n, A) of a log."""
+    return columns + 0.5 * slope * residual[..., None] if slope.any() else columns
 
 
 def acting_share(mechanism: Mechanism, theta: Array, logs: Sequence[Samples]) -> float:

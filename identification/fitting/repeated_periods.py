@@ -32,25 +32,24 @@ def repeated_noise(
     forces : (n, A) each, measured and predicted: their difference is the residual
     parts : stretches [s] in which a motion may repeat
     """
-    step = float(time[1] - time[0])
+    (measured, predicted), step = forces, float(time[1] - time[0])
     total, count = np.zeros(speed.shape[1]), 0
     for start, end in parts:
         first, last = np.searchsorted(time, [start, end]).tolist()
         lag, earlier = _period(speed[first:last], step, settings)
         if lag:
-            both = [force[first:last] for force in forces]
-            later, before = ([one[rows][earlier] for one in both] for rows in _pair(lag))
-            # Half: each difference holds the noise of two periods.
-            for some in pieces(len(later[0])):
-                noise = (later[0][some] - later[1][some]) - (before[0][some] - before[1][some])
-                total += 0.5 * (noise**2).sum(axis=0)
-            count += len(later[0])
+            at = first + earlier.start
+            rows = earlier.stop - earlier.start
+            for some in pieces(rows):
+                begin, end = at + some.start, at + some.stop
+                before, later = (
+                    measured[begin + late : end + late] - predicted[begin + late : end + late]
+                    for late in (0, lag)
+                )
+                # Half: each difference holds the noise of two periods.
+                total += 0.5 * ((later - before) ** 2).sum(axis=0)
+            count += rows
     return total, count
-
-
-def _pair(lag: int) -> tuple[slice, slice]:
-    """Rows, and those ``lag`` before them."""
-    return slice(lag, None), slice(None, -lag)
 
 
 def _period(speed: Array, step: float, settings: PredictabilitySettings) -> tuple[int, slice]:

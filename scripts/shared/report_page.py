@@ -61,9 +61,6 @@ MAY_VANISH = (
     "once it is added."
 )
 
-GREEK = {"phi": "φ", "mu": "µ"}
-"""Letters of the names of parameters and angles."""
-
 
 def groups_of(charts: Mapping[str, Chart]) -> Iterator[Charts]:
     """Charts folded below their titles; the floor plans of one log side by side.
@@ -161,13 +158,9 @@ def typeset(words: str) -> Any:
     """A unit or a parameter's name as markup: powers raised, indices lowered, phi in Greek."""
     from markupsafe import Markup, escape
 
-    text = re.sub(r"\b(phi|mu|m|I|x|M|a)_?(\d|[XY])\b", _with_index, str(escape(words)))
-    text = text.replace("</sub>&#39;", "</sub>′")
-    return Markup(re.sub(r"\^(-?\d)", r"<sup>\1</sup>", text))
+    from identification.figures import chart_style as look
 
-
-def _with_index(name: re.Match[str]) -> str:
-    return f"{GREEK.get(name[1], name[1])}<sub>{name[2]}</sub>"
+    return Markup(look.typeset(str(escape(words))).replace("</sub>&#39;", "</sub>′"))
 
 
 @cache
