@@ -10,9 +10,10 @@ draws of the null hypothesis behind it).
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, fields
-from functools import cached_property
+from functools import cached_property, reduce
+from operator import add
 from typing import NamedTuple, Self, TypeVar
 
 import numpy as np
@@ -67,16 +68,6 @@ class FoldRows:
         model = np.add.reduceat(np.einsum("na,nap->np", residual, self.columns), starts)
         blocks = [slice(a, a + self.block) for a in starts]
         return model, np.stack([residual[rows].T @ self.features[rows] for rows in blocks])
-
-
-def joined(parts: Sequence[FoldRows]) -> FoldRows:
-    """All rows of some."""
-    return FoldRows(
-        np.concatenate([part.features for part in parts]),
-        np.concatenate([part.columns for part in parts]),
-        np.concatenate([part.residual for part in parts]),
-        parts[0].block,
-    )
 
 
 @dataclass(frozen=True)
@@ -136,36 +127,22 @@ class RightHandSides(_Additive):
         return np.concatenate([self.model, self.of(chosen)])
 
 
-def blocks_of(folds: Sequence[FoldRows]) -> int:
-    """Blocks of all folds."""
-    return sum(-(-len(fold.residual) // fold.block) for fold in folds)
-
-
-def right_hand_sides(
-    folds: Sequence[FoldRows], null: Sequence[Array], signs: Array
-) -> list[RightHandSides]:
-    """Of each fold: for its residual and, behind it, for ``null`` residuals with random signs.
+def right_hand_sides(fold: FoldRows, null: Array, signs: Array) -> RightHandSides:
+    """For a fold's residual and, behind it, for a ``null`` residual with random signs.
 
     Parameters
     ----------
-    null : per fold (n, A), what the null hypothesis leaves
-    signs : (draws, blocks of all folds)
+    null : (n, A), what the null hypothesis leaves
+    signs : (draws, blocks of the fold)
     """
-    found, start = [], 0
-    for fold, residual in zip(folds, null, strict=True):
-        model, features = fold.scores(residual)
-        chosen = signs[:, start : start + len(model)].T
-        start += len(model)
-        real_model, real = (block.sum(axis=0) for block in fold.scores(fold.residual))
-        # Sums by block are computed once; each draw is then one product with its signs.
-        drawn = np.moveaxis(np.tensordot(chosen, features, (0, 0)), 0, -1)
-        found.append(
-            RightHandSides(
-                np.column_stack([real_model, model.T @ chosen]),
-                np.concatenate([real[..., None], drawn], axis=-1),
-            )
-        )
-    return found
+    model, features = fold.scores(null)
+    real_model, real = (block.sum(axis=0) for block in fold.scores(fold.residual))
+    # Sums by block are computed once; each draw is then one product with its signs.
+    drawn = np.moveaxis(np.tensordot(signs.T, features, (0, 0)), 0, -1)
+    return RightHandSides(
+        np.column_stack([real_model, model.T @ signs.T]),
+        np.concatenate([real[..., None], drawn], axis=-1),
+    )
 
 
 @dataclass(frozen=True)
@@ -229,7 +206,7 @@ class Held(NamedTuple):
     @classmethod
     def together(cls, parts: Sequence[Held]) -> Held:
         """Of several parts."""
-        return cls(added([part.matrices for part in parts]), added([part.sides for part in parts]))
+        return cls(added(part.matrices for part in parts), added(part.sides for part in parts))
 
 
 def held_out_gains(
@@ -360,24 +337,25 @@ class PartialRegression:
 Sums = TypeVar("Sums", bound=_Additive)
 
 
-def added(items: Sequence[Sums]) -> Sums:
-    """The sum of some."""
-    first, *rest = items
-    return sum(rest, start=first)
+def added(items: Iterable[Sums]) -> Sums:
+    """The sum of some, of which no two need be there at once."""
+    return reduce(add, items)
 
 
-def model_held_out_square(parts: Sequence[Held], rows: Sequence[FoldRows]) -> float:
+def model_held_out_square(
+    parts: Sequence[Held], residual: Sequence[Array], columns: Sequence[Array]
+) -> float:
     """Held-out squares of the residual with the model's own parameters fitted without each part.
 
-    rows : of each part
+    residual (n, A), columns (n, A, P) : of each part
     """
     model_alone = NuisanceRegressors(np.zeros(0, np.intp), 0.0)
     matrices, side = Held.together(parts)
     total = 0.0
-    for held, part in zip(parts, rows, strict=True):
+    for held, left, of_model in zip(parts, residual, columns, strict=True):
         known = model_alone.inverse(matrices - held.matrices)
         fitted = known @ (side - held.sides).model[:, 0]
-        total += float(((part.residual - part.columns @ fitted) ** 2).sum())
+        total += float(((left - of_model @ fitted) ** 2).sum())
     return total
 
 

@@ -10,9 +10,10 @@ computation on residuals with random signs, block by block, shows what chance al
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -30,10 +31,9 @@ from identification.residual_map.held_out_gain import (
     Held,
     HeldOutGain,
     NuisanceRegressors,
-    added,
-    blocks_of,
+    RightHandSides,
+    Sums,
     held_out_gains,
-    joined,
     model_held_out_square,
     residuals_after,
     right_hand_sides,
@@ -81,7 +81,7 @@ def residual_map(
     table = residual_table(mechanism, np.asarray(theta, float), logs, settings, fit)
     rows = _DealtRows(table)
     rng = np.random.default_rng(seed)
-    signs = random_signs(rng, settings.bootstrap_draws, blocks_of(rows.cells))
+    signs = random_signs(rng, settings.bootstrap_draws, rows.blocks)
     # The twist first, since friction and inertia act through it; then every other variable beside
     # the twist, so that a variable that only moves with the twist gets no share.
     model_alone = NuisanceRegressors(np.zeros(0, np.intp), 0.0)
@@ -89,11 +89,14 @@ def residual_map(
     given = sum((fold.residual**2).sum() for fold in table.folds)
     twist, *others = table.groups
     ways = rows.held_out(residual, signs)
-    squares = [model_held_out_square(*way) for way in ways]
+    squares = rows.squares(ways)
     groups = [(table.index[twist.variable], None)]
     of_twist = [
-        held_out_gains(parts, model_alone, groups, settings.ridge_strengths)[0] for parts, _ in ways
+        held_out_gains(parts, model_alone, groups, settings.ridge_strengths)[0] for parts in ways
     ]
+    chosen = [group for group in others if group.follows_twist]
+    alone = list(_gains(table, ways[0], model_alone, chosen))
+    del ways  # their draws take as much memory as those that are judged beside the twist
     ridge, _ = of_twist[0].best
     with_twist = NuisanceRegressors(table.index[twist.variable], ridge)
     beyond = rows.after(with_twist)
@@ -101,7 +104,7 @@ def residual_map(
     # often than the draws show.
     least = max(settings.min_share_of_residual, 1.0 / signs.shape[1])
     judged = [_Judged(twist, of_twist[0], 0.0, squares[0], least)]
-    for k, (parts, _) in enumerate(rows.held_out(beyond, signs)):
+    for k, parts in enumerate(rows.held_out(beyond, signs)):
         chosen = [group for group in others if k == 0 or group.may_lie_elsewhere]
         # Gains count from the fit with the twist. If that predicts worse than no fit (a negative
         # gain), its loss is taken off them.
@@ -109,8 +112,6 @@ def residual_map(
         enough = max(least, settings.min_stretch_share) if k else least
         gains = _gains(table, parts, with_twist, chosen)
         judged += [_Judged(g, gain, loss, squares[k], enough) for g, gain in gains]
-    chosen = [group for group in others if group.follows_twist]
-    alone = _gains(table, ways[0][0], model_alone, chosen)
     by_itself = [_Judged(g, gain, 0.0, squares[0], least) for g, gain in alone]
     shares = _with_parts_of_twist(
         _shares(table, judged, beyond), _shares(table, by_itself, residual)
@@ -180,54 +181,103 @@ def _curves(
     )
 
 
-_Way = tuple[list[Held], list[FoldRows]]
-"""What is held out together, one part after the other, and the rows of each."""
+class _Cell(NamedTuple):
+    """Rows of one fold of a table: those of one stretch in so many, by its turn.
+
+    blocks : which of the blocks of all cells, whose signs are drawn together, are its own
+    """
+
+    fold: int
+    turn: int
+    rows: Indices
+    blocks: slice
+
+    @property
+    def owners(self) -> tuple[int, int]:
+        """With what it is held out in either way: its fold, and its turn."""
+        return self.fold, self.turn
 
 
 class _DealtRows:
-    """The rows of a table, dealt into cells: of each log those of one stretch in so many."""
+    """The rows of a table, dealt into cells, whose sums make both ways of holding out.
+
+    One cell after another is copied out of the table: all at once would be the table once more.
+    """
 
     def __init__(self, table: ResidualTable) -> None:
-        self.table, settings, first = table, table.settings, 0
-        step = table.reductions[0].step
-        # Whole blocks, whose signs are drawn together.
-        block = table.folds[0].block
-        size = block * max(1, round(settings.log_stretch / (step * block)))
-        self.cells: list[FoldRows] = []
-        self._where: list[tuple[int, int, Indices]] = []
-        for k, fold in enumerate(table.folds):
-            stretch = first + np.arange(len(fold.residual)) // size
-            first = int(stretch[-1]) + 1
-            for turn in range(settings.stretch_folds):
-                rows = np.flatnonzero(stretch % settings.stretch_folds == turn)
-                if len(rows):
-                    self.cells.append(fold.taken(rows))
-                    self._where.append((k, turn, rows))
-        self.total = added([cell.matrices for cell in self.cells])
+        self.table, self._cells = table, list(_cells_of(table))
+        *self._matrices, (self.total,) = self._summed(lambda cell: self._taken(cell).matrices)
+
+    @property
+    def blocks(self) -> int:
+        """Blocks of all cells."""
+        return self._cells[-1].blocks.stop
+
+    def _taken(self, cell: _Cell) -> FoldRows:
+        return self.table.folds[cell.fold].taken(cell.rows)
+
+    def _summed(self, of_cell: Callable[[_Cell], Sums]) -> list[list[Sums]]:
+        """Sums over the cells of each fold, over those of each turn, and over all of them."""
+        found: list[dict[int, Sums]] = [{}, {}, {}]
+        for cell in self._cells:
+            one = of_cell(cell)
+            for sums, owner in zip(found, (*cell.owners, 0), strict=True):
+                sums[owner] = sums[owner] + one if owner in sums else one
+        return [[sums[owner] for owner in sorted(sums)] for sums in found]
 
     def after(self, nuisance: NuisanceRegressors) -> list[Array]:
         """Residuals (n, A) of each fold of the table after a fit of the nuisance to all rows."""
         return residuals_after(self.table.folds, self.total, nuisance)
 
-    def held_out(
-        self, null: Sequence[Array], signs: Array
-    ) -> list[tuple[list[Held], list[FoldRows]]]:
-        """What is held out together, with its rows: the table's folds, and then stretches of all.
+    def held_out(self, null: Sequence[Array], signs: Array) -> list[list[Held]]:
+        """What is held out together: each of the table's folds, and then stretches of all.
 
         Parameters
         ----------
         null : of each fold of the table (n, A); signs : (draws, blocks of all cells)
         """
-        of_cells = [null[k][rows] for k, _, rows in self._where]
-        sides = right_hand_sides(self.cells, of_cells, signs)
-        held = [Held(cell.matrices, side) for cell, side in zip(self.cells, sides, strict=True)]
-        ways = []
-        for owner in ([k for k, _, _ in self._where], [turn for _, turn, _ in self._where]):
-            groups = [[i for i, k in enumerate(owner) if k == one] for one in sorted({*owner})]
-            parts = [Held.together([held[i] for i in group]) for group in groups]
-            rows = [joined([self.cells[i] for i in group]) for group in groups]
-            ways.append((parts, rows))
-        return ways
+
+        def sides(cell: _Cell) -> RightHandSides:
+            of_cell = null[cell.fold][cell.rows]
+            return right_hand_sides(self._taken(cell), of_cell, signs[:, cell.blocks])
+
+        *found, _ = self._summed(sides)
+        ways = zip(self._matrices, found, strict=True)
+        return [[Held(*part) for part in zip(*way, strict=True)] for way in ways]
+
+    def squares(self, ways: Sequence[Sequence[Held]]) -> list[float]:
+        """Of each way: held-out squares of the residual with the model's own parameters alone."""
+        found = []
+        for way, parts in enumerate(ways):
+            rows = [self._rows_of(way, k) for k in range(len(parts))]
+            found.append(model_held_out_square(parts, *zip(*rows, strict=True)))
+        return found
+
+    def _rows_of(self, way: int, part: int) -> tuple[Array, Array]:
+        """Residual (n, A) and columns (n, A, P) of what is held out together."""
+        owner = sorted({cell.owners[way] for cell in self._cells})[part]
+        own = [(self.table.folds[c.fold], c.rows) for c in self._cells if c.owners[way] == owner]
+        return (
+            np.concatenate([fold.residual[rows] for fold, rows in own]),
+            np.concatenate([fold.columns[rows] for fold, rows in own]),
+        )
+
+
+def _cells_of(table: ResidualTable) -> Iterator[_Cell]:
+    settings, first, start = table.settings, 0, 0
+    step = table.reductions[0].step
+    # Whole blocks, whose signs are drawn together.
+    block = table.folds[0].block
+    size = block * max(1, round(settings.log_stretch / (step * block)))
+    for k, fold in enumerate(table.folds):
+        stretch = first + np.arange(len(fold.residual)) // size
+        first = int(stretch[-1]) + 1
+        for turn in range(settings.stretch_folds):
+            rows = np.flatnonzero(stretch % settings.stretch_folds == turn)
+            if len(rows):
+                stop = start + -(-len(rows) // fold.block)
+                yield _Cell(k, turn, rows, slice(start, stop))
+                start = stop
 
 
 @dataclass(frozen=True)
