@@ -5,6 +5,7 @@ from __future__ import annotations
 import os
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from functools import partial
 from typing import Any, ClassVar
 
 import numpy as np
@@ -88,7 +89,10 @@ class ComparisonSettings(Settings):
 
 @dataclass(frozen=True)
 class LogComparison:
-    """One log beside the model's predictions; joint_speed (N, k): of the free run."""
+    """One log beside the model's predictions.
+
+    _joint_speed : makes :attr:`joint_speed`, which of a long log takes memory
+    """
 
     log: Log
     axes: tuple[str, ...]
@@ -97,8 +101,13 @@ class LogComparison:
     velocity: Traces
     force_floor: SumsOfSquares
     velocity_floor: SumsOfSquares
-    joint_speed: Array
+    _joint_speed: Callable[[], Array]
     slip: Slip | None = None
+
+    @property
+    def joint_speed(self) -> Array:
+        """(N, k) of the free run, as the joints' speeds would be logged."""
+        return self._joint_speed()
 
     @property
     def diverges(self) -> bool:
@@ -270,21 +279,9 @@ def compare(
     mechanism = mechanism_of(model, geometry, settings.fit.mechanism)
     samples = mechanism.samples_of(logs, *_clock_of(model))
     refuse_unseen_logs(mechanism, model.theta, samples)
-    force, velocity = [], []
-    for item in samples:
-        velocity.append(_free_run(mechanism, model.theta, item, settings))
-        force.append(force_traces(mechanism, model.theta, item, settings.fit))
-        progress()
-    fitted = _fitted(mechanism, model.theta, samples, settings.fit)
-    floor, refitted_error = _noise_floor(
-        *(mechanism, model.theta, samples, force, velocity, fitted, force_floor_of(model)),
-        *(seed, settings.fit),
-    )
-    errors = {
-        "force_error": refitted_error,
-        "noise_floor": {"force_error": add_up(floor.force).ratio},
-    }
-    changes = _changes(model, mechanism, samples, fitted, errors, seed, settings.fit)
+    # What takes memory of its own goes first, while no traces of long logs are there.
+    noise = [NoiseLevel.of(item, settings.fit).speed for item in samples]
+    kinematics = doubts_of_kinematics(mechanism, model.theta, samples, noise, settings.fit)
     where = residual_map(
         *(mechanism, model.theta, samples),
         seed=seed,
@@ -292,6 +289,24 @@ def compare(
         fit=settings.fit,
     )
     progress()
+    fitted = _fitted(mechanism, model.theta, samples, settings.fit)
+    velocity = [_free_run(mechanism, model.theta, item, settings) for item in samples]
+    floor, refitted_error = _noise_floor(
+        *(mechanism, model.theta, samples, velocity, fitted, force_floor_of(model)),
+        *(seed, settings.fit),
+    )
+    force = []
+    for item in samples:
+        force.append(force_traces(mechanism, model.theta, item, settings.fit))
+        progress()
+    # On a log of its own the given model may do better than one that is fitted to all.
+    least = [_no_more_than(part, trace) for part, trace in zip(floor.force, force, strict=True)]
+    floor = replace(floor, force=tuple(least))
+    errors = {
+        "force_error": refitted_error,
+        "noise_floor": {"force_error": add_up(floor.force).ratio},
+    }
+    changes = _changes(model, mechanism, samples, fitted, errors, seed, settings.fit)
     seen = {log.get("sha256") for log in model.logs}
     found = [
         LogComparison(
@@ -303,13 +318,11 @@ def compare(
             velocity=velocity[k],
             force_floor=floor.force[k],
             velocity_floor=floor.velocity[k],
-            joint_speed=_joint_speed(mechanism, model.theta, samples[k], velocity[k]),
+            _joint_speed=_joint_speed(mechanism, model.theta, samples[k], velocity[k]),
             slip=slip_of(log, platform_geometry(model) if geometry is None else geometry),
         )
         for k, log in enumerate(logs)
     ]
-    noise = [NoiseLevel.of(item, settings.fit).speed for item in samples]
-    kinematics = doubts_of_kinematics(mechanism, model.theta, samples, noise, settings.fit)
     return Comparison(
         *(model, tuple(found), floor, where, changes, settings, geometry), tuple(kinematics)
     )
@@ -345,11 +358,13 @@ def _free_run(
     return Traces(samples.time, measured, predicted)
 
 
-def _joint_speed(mechanism: Mechanism, theta: Array, samples: Samples, velocity: Traces) -> Array:
-    """(N, k) of the free run, as the joints' speeds would be logged."""
+def _joint_speed(
+    mechanism: Mechanism, theta: Array, samples: Samples, velocity: Traces
+) -> Callable[[], Array]:
+    """What makes (N, k) of the free run, as the joints' speeds would be logged."""
     if mechanism.structure.changes_kinematics:
-        return mechanism.free_run_of_joints(theta, samples)
-    return mechanism.joint_speed(velocity.predicted)
+        return partial(mechanism.free_run_of_joints, theta, samples)
+    return partial(mechanism.joint_speed, velocity.predicted)
 
 
 def _fitted(
@@ -367,7 +382,6 @@ def _noise_floor(
     mechanism: Mechanism,
     theta: Array,
     samples: Sequence[Samples],
-    force: Sequence[Traces],
     velocity: Sequence[Traces],
     fitted: Fit | None,
     known: float | None,
@@ -383,10 +397,9 @@ def _noise_floor(
     none, at = np.zeros(0, np.intp), theta
     if fitted is None:
         rows = [regression(mechanism, theta, item, none, settings) for item in samples]
-        traces = list(force)
     else:
         rows, at = list(fitted.rows), fitted.theta
-        traces = [force_traces(mechanism, fitted.theta, item, settings) for item in samples]
+    traces = [force_traces(mechanism, at, item, settings) for item in samples]
     found = predictability(mechanism, rows, samples, seed, settings, at)
     noise = [NoiseLevel.of(item, settings) for item in samples]
     elsewhere = []
@@ -397,10 +410,7 @@ def _noise_floor(
         *(mechanism, theta, samples, rows, found, traces, velocity, noise, seed, settings),
         elsewhere,
     )
-    # On a log of its own the given model may do better than one that is fitted to all.
-    least = [_no_more_than(part, trace) for part, trace in zip(floor.force, force, strict=True)]
-    left = add_up(SumsOfSquares.of(trace) for trace in traces)
-    return replace(floor, force=tuple(least)), left.ratio
+    return floor, add_up(SumsOfSquares.of(trace) for trace in traces).ratio
 
 
 def _noise_as_known(
@@ -461,9 +471,9 @@ def write_predictions(path: str | os.PathLike[str], item: LogComparison) -> None
     """
     log = item.log
     time = log.file_time.tolist()
-    names = joint_columns("velocity", log.joints)
+    names, predicted = joint_columns("velocity", log.joints), item.joint_speed
     speeds = np.column_stack(
-        [np.interp(time, log.time, item.joint_speed[:, k]) for k in range(len(names))]
+        [np.interp(time, log.time, predicted[:, k]) for k in range(len(names))]
     )
     lines = [",".join(["time", *names])]
     # repr keeps every digit of a time stamp, so that rows can be matched to those of the log.

@@ -74,7 +74,7 @@ class SumsOfSquares:
     def of(cls, traces: Traces, residual: Array | None = None) -> SumsOfSquares:
         """Of one log; ``residual`` replaces the traces' own (for a noise floor)."""
         error = traces.residual if residual is None else residual
-        return cls(_squares(error), _squares(traces.measured))
+        return cls(squares_of(error), squares_of(traces.measured))
 
     def __add__(self, other: SumsOfSquares) -> SumsOfSquares:
         return SumsOfSquares(self.residual + other.residual, self.measured + other.measured)
@@ -92,7 +92,7 @@ class SumsOfSquares:
             return np.sqrt(self.residual / self.measured)
 
 
-def _squares(signal: Array) -> Array:
+def squares_of(signal: Array) -> Array:
     """(A,) sums of the squares of (n, A), column by column: those of an hour take memory."""
     return np.array([float(np.square(column).sum()) for column in signal.T])
 

@@ -14,7 +14,7 @@ same noise, acting as a force, and white noise on the measured speeds make the f
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property, partial
 
@@ -27,6 +27,7 @@ from identification.fitting.errors import (
     SumsOfSquares,
     Traces,
     add_up,
+    squares_of,
     velocity_traces,
 )
 from identification.fitting.harmonic_scan import harmonic_scan
@@ -34,7 +35,7 @@ from identification.fitting.regression import Regression, regression, rows_by_pa
 from identification.fitting.repeated_periods import repeated_noise
 from identification.fitting.settings import FitSettings, PredictabilitySettings
 from identification.mechanisms.mechanism import Mechanism
-from identification.mechanisms.samples import Samples, cut
+from identification.mechanisms.samples import AddedNoise, Samples, cut
 from identification.signals.resampling import smoothed
 from identification.threads import side_by_side
 
@@ -528,8 +529,8 @@ def noise_floor(
         # Of what the trees leave, no more is noise in the free run than in the forces.
         left = floor(k, np.full(len(mechanism.axes), np.inf)).residual
         share = np.sqrt(force[k].residual / np.maximum(left, 1e-300))
-        disturbed = disturbed_samples(mechanism, item, rows[k], share * found.noise(k))
-        velocity.append(velocity_floor(mechanism, theta, disturbed, run, level, seed))
+        disturbed = disturbed_torque(mechanism, item, rows[k], share * found.noise(k))
+        velocity.append(velocity_floor(mechanism, theta, item, disturbed, run, level, seed))
     return NoiseFloor(tuple(force), tuple(velocity), found.noise_std, found.correlation_time)
 
 
@@ -575,28 +576,32 @@ def force_floor(
     return SumsOfSquares(noise * len(traces.time), squares.measured)
 
 
-def disturbed_samples(
+def disturbed_torque(
     mechanism: Mechanism, samples: Samples, row: Regression, noise: Array
-) -> Samples:
-    """The samples with noise of the filtered forces (n, A) put on their torques once more.
+) -> Callable[[slice], Array]:
+    """The torques (n, J) of some samples with noise of the filtered forces put on once more.
 
-    The noise stands at rows of the regression, or at each j-th of them.
+    The noise (n, A) stands at rows of the regression, or at each j-th of them.
     """
     thin = max(1, round(len(row.time) / len(noise)))
     time = row.time[::thin][: len(noise)] - 0.5 * row.step
     # The filter undone: f = f_f + f_f' / a_f. What is faster than a row is lost; it would hardly
     # move a speed, which integrates forces.
     force = noise + np.gradient(noise, thin * row.step, axis=0) / mechanism.filter_rate
-    at_samples = np.column_stack(
-        [np.interp(samples.time, time, axis, left=0.0, right=0.0) for axis in force.T]
-    )
-    return replace(samples, torque=samples.torque + mechanism.joint_torque(at_samples))
+
+    def torque(some: slice) -> Array:
+        at = samples.time[some]
+        added = [np.interp(at, time, axis, left=0.0, right=0.0) for axis in force.T]
+        return samples.torque[some] + mechanism.joint_torque(np.column_stack(added))
+
+    return torque
 
 
 def velocity_floor(
     mechanism: Mechanism,
     theta: Array,
-    disturbed: Samples,
+    samples: Samples,
+    disturbed: Callable[[slice], Array],
     clean: Traces,
     noise: NoiseLevel,
     seed: int,
@@ -605,11 +610,32 @@ def velocity_floor(
 
     Parameters
     ----------
-    disturbed : samples whose torques carry the noise on the forces twice
+    disturbed : torques that carry the noise on the forces twice, see `disturbed_torque`
     clean : the free run of the samples as they were logged
     noise : white noise, of which that on the speeds is put on here
     """
     rng = np.random.default_rng(seed)
-    noisy = mechanism.noisy(disturbed, noise.speed, 0.0 * noise.torque, rng)
-    again = velocity_traces(mechanism, theta, noisy)
-    return SumsOfSquares.of(clean, again.residual - clean.residual)
+    added = mechanism.speed_noise(samples, noise.speed, rng)
+    square = np.zeros(len(mechanism.axes))
+    for rows, left in _noisy_run(mechanism, theta, samples, added, disturbed):
+        square = square + squares_of(left - (clean.measured[rows] - clean.predicted[rows]))
+    return SumsOfSquares(square, squares_of(clean.measured))
+
+
+def _noisy_run(
+    mechanism: Mechanism,
+    theta: Array,
+    samples: Samples,
+    added: AddedNoise,
+    torque: Callable[[slice], Array],
+) -> Iterator[tuple[slice, Array]]:
+    """Rows of samples with noise, and how far the free run is from the speeds there (n, A)."""
+    if mechanism.structure.changes_kinematics:
+        # What the logged speeds tell of the motion depends on the whole log.
+        noisy = replace(added.on(samples, 0), torque=torque(slice(None)))
+        yield slice(None), velocity_traces(mechanism, theta, noisy).residual
+        return
+    start = added.on(cut(samples, 0, 1), 0)
+    for rows, twist in mechanism.pieces_of_free_run(theta, samples, torque, start):
+        noisy = added.on(cut(samples, rows.start, rows.stop), rows.start)
+        yield rows, mechanism.measured_speed(noisy) - twist * mechanism.speed_scale

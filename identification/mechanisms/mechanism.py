@@ -7,7 +7,7 @@ identified. N samples, P parameters, F of them free, A axes, J joints.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import Generic, NamedTuple, Protocol, TypeVar
@@ -505,7 +505,8 @@ class Mechanism(Generic[Known]):
         if samples.angle_noise is not None:
             # Noise of angles, differenced over two samples as in `samples`.
             extra = (np.roll(extra, -1, axis=0) - np.roll(extra, 1, axis=0)) / np.sqrt(2.0)
-        return self.added_noise(samples, extra * speed)
+        extra *= speed
+        return self.added_noise(samples, extra)
 
     def added_noise(self, samples: Samples, extra: Array) -> AddedNoise:
         """Noise (N, J) for the speeds of samples."""
@@ -573,30 +574,51 @@ class Mechanism(Generic[Known]):
 
     def _twists_of_free_run(self, theta: Array, samples: Samples) -> Array:
         """(N, A) twists of the free run."""
+        found = np.empty((len(samples), len(self.kind.axes)))
+        for rows, twist in self.pieces_of_free_run(theta, samples):
+            found[rows] = twist
+        return found
+
+    def pieces_of_free_run(
+        self,
+        theta: Array,
+        samples: Samples,
+        torque: Callable[[slice], Array] | None = None,
+        start: Samples | None = None,
+    ) -> Iterator[tuple[slice, Array]]:
+        """Rows and twists (n, A) of a free run, piece after piece.
+
+        Parameters
+        ----------
+        torque : (n, J) of some rows, that drives it; the logged one by default
+        start : samples whose first row it starts from; the log's own by default
+        """
         # numba, which a force fit does without
         from youbot_env.simulation.free_run import simulate_theta
 
         structure, theta = self._structure_in(samples.name, theta)
-        s = rolled(structure, self.geometry, theta, samples, self.settings)
-        start = [*s.twist[0], *s.pose[0], *s.wheel_angle[0], s.time[0]]
+        driving = torque or samples.torque.__getitem__
+        s = rolled(structure, self.geometry, theta, start or samples, self.settings)
+        state = [*s.twist[0], *s.pose[0], *s.wheel_angle[0], s.time[0]]
         if structure.has_actuator:
             at = Instant(tuple(s.twist[0]), time=s.time[0], start=s.start)
-            torque = tuple(s.torque[0])
-            start += dynamics.channel_torque(np, structure, self.geometry, theta, torque, at)
-            start += [0.0] * (len(torque) * (structure.drive_order - 1))
+            first = tuple(driving(slice(0, 1))[0])
+            state += dynamics.channel_torque(np, structure, self.geometry, theta, first, at)
+            state += [0.0] * (len(first) * (structure.drive_order - 1))
         if structure.reads_start:
-            start.append(s.start)
+            state.append(s.start)
         # A delay reaches behind the start of a piece, so such a run is simulated as a whole.
         delayed = float(dynamics.torque_delay(np, structure, theta)) > 0
-        most = len(s) if delayed else self.settings.max_run_samples
-        found = np.empty((len(s), len(self.kind.axes)))
+        count, axes = len(samples), len(self.kind.axes)
+        most = count if delayed else self.settings.max_run_samples
         # Each piece of a long run goes on from the last state of the one before.
-        for begin in range(0, max(len(s) - 1, 1), most):
-            end = min(begin + most, len(s) - 1)
-            args = (np.full(end - begin, s.dt), s.torque[begin : end + 1], start)
+        for begin in range(0, max(count - 1, 1), most):
+            end = min(begin + most, count - 1)
+            args = (np.full(end - begin, s.dt), driving(slice(begin, end + 1)), state)
             states = simulate_theta(structure, self.geometry, theta, *args)
-            found[begin : end + 1], start = states[:, : found.shape[1]], states[-1]
-        return found
+            known = int(begin > 0)
+            yield slice(begin + known, end + 1), states[known:, :axes]
+            state = states[-1]
 
     def _structure_in(self, log: str, theta: Array) -> tuple[ModelStructure[Known], Array]:
         """The structure and theta with which a log is simulated.

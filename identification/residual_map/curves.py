@@ -9,7 +9,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from identification.residual_map.settings import ResidualMapSettings
-from identification.residual_map.variables import MotionVariables, RowReduction, smooth
+from identification.residual_map.variables import MotionVariables, smooth
+from identification.signals.filters import RowFilter
 
 Array = NDArray[np.float64]
 
@@ -52,7 +53,7 @@ class _Abscissa:
 def curves_of(
     variable: str,
     logs: Sequence[MotionVariables],
-    reductions: Sequence[RowReduction],
+    reductions: Sequence[RowFilter],
     residual: Sequence[Array],
     *,
     block: int,
@@ -75,7 +76,7 @@ def curves_of(
     for abscissa in _abscissae(logs, variable, cycles, period, settings.smoothing_rate):
         knots = _knots(abscissa, settings)
         features = [
-            reduction(hat_functions(values, knots, abscissa.period))
+            reduction.of_samples(hat_functions(values, knots, abscissa.period))
             for values, reduction in zip(abscissa.values, reductions, strict=True)
         ]
         rows, force = np.concatenate(features), np.concatenate(residual)

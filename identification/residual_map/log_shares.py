@@ -16,7 +16,8 @@ from scipy.special import ndtr
 from identification.residual_map.held_out_gain import FoldRows
 from identification.residual_map.settings import ResidualMapSettings
 from identification.residual_map.shares import Share
-from identification.residual_map.variables import MotionVariables, RowReduction
+from identification.residual_map.variables import MotionVariables
+from identification.signals.filters import RowFilter
 
 Array = NDArray[np.float64]
 Indices = NDArray[np.intp]
@@ -25,7 +26,7 @@ Indices = NDArray[np.intp]
 def log_shares(
     folds: Sequence[FoldRows],
     variables: Sequence[MotionVariables],
-    reductions: Sequence[RowReduction],
+    reductions: Sequence[RowFilter],
     settings: ResidualMapSettings,
 ) -> tuple[Share, ...]:
     """Shares of "log" and "shared_time", in this order; () for a log alone.
@@ -67,13 +68,14 @@ def log_shares(
     return tuple(found)
 
 
-def _constant_forces(one: MotionVariables, reduction: RowReduction, fold: FoldRows) -> Array:
+def _constant_forces(one: MotionVariables, reduction: RowFilter, fold: FoldRows) -> Array:
     """(n, A, C) columns of constant forces along the body's axes, and along the world's."""
     rows, axes = fold.residual.shape
     body = np.broadcast_to(np.eye(axes), (rows, axes, axes))
     if one.heading is None or axes < 2:
         return body
-    waves = reduction(np.column_stack([np.cos(one.heading), np.sin(one.heading)]))[:rows]
+    heading = np.column_stack([np.cos(one.heading), np.sin(one.heading)])
+    waves = reduction.of_samples(heading)[:rows]
     world = np.zeros((rows, axes, 2))
     world[:, 0, 0], world[:, 1, 0] = waves[:, 0], -waves[:, 1]
     world[:, 0, 1], world[:, 1, 1] = waves[:, 1], waves[:, 0]

@@ -10,9 +10,8 @@ computation on residuals with random signs, block by block, shows what chance al
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
-from functools import partial
 from typing import NamedTuple
 
 import numpy as np
@@ -44,6 +43,8 @@ from identification.residual_map.log_shares import log_shares
 from identification.residual_map.settings import ResidualMapSettings
 from identification.residual_map.shares import ResidualMap, Share
 from identification.residual_map.table import ResidualTable, residual_table
+from identification.residual_map.variables import MotionVariables
+from identification.signals.filters import RowFilter
 
 Array = NDArray[np.float64]
 Indices = NDArray[np.intp]
@@ -78,6 +79,8 @@ def residual_map(
     seconds = sum(samples.dt * len(samples) for samples in logs)
     if seconds < settings.min_duration:
         return ResidualMap((), seconds=seconds)
+    # First, while no table is there: it reads all samples.
+    periodic = _periodic(mechanism, theta, logs, fit)
     table = residual_table(mechanism, np.asarray(theta, float), logs, settings, fit)
     rows = _DealtRows(table)
     rng = np.random.default_rng(seed)
@@ -119,10 +122,10 @@ def residual_map(
     own = _beyond_twist(
         log_shares(table.folds, table.variables, table.reductions, settings), shares
     )
-    shares = _with_periods(shares, _beyond_twist(_periodic(mechanism, theta, logs, fit), shares))
+    shares = _with_periods(shares, _beyond_twist(periodic, shares))
     refit = 1.0 - squares[0] / given if given > 0 else 0.0
     shares = tuple(sorted([*shares, *own], key=lambda item: item.order))
-    return ResidualMap(shares, float(refit), seconds, partial(_curves, table, residual, beyond))
+    return ResidualMap(shares, float(refit), seconds, _CurvesOfMap.of(table, residual, beyond))
 
 
 def _periodic(
@@ -156,29 +159,50 @@ def _beyond_twist(own: Sequence[Share], shares: Sequence[Share]) -> list[Share]:
     return [replace(item, share=min(item.share, left)) for item in own]
 
 
-def _curves(
-    table: ResidualTable,
-    residual: Sequence[Array],
-    beyond: Sequence[Array],
-    share: Share,
-) -> list[Curve]:
-    """Over the twist: of the model's residual. Over others: of what the twist leaves of it.
+@dataclass(frozen=True)
+class _CurvesOfMap:
+    """Curves of a map. It keeps what they show, and none of the features.
 
-    None over the log and the time that logs share: what differs there are parameters.
+    index : places of each variable's features
+    residual, beyond : (n, A) of each fold, of the model, and what the twist leaves of it
+    block : rows within which residuals are correlated
     """
-    variable = share.variable
-    if variable not in table.index:
-        return []
-    return curves_of(
-        variable,
-        table.variables,
-        table.reductions,
-        residual if variable == "twist" else beyond,
-        block=table.folds[0].block,
-        settings=table.settings,
-        cycles=share.cycles or 1,
-        period=share.period,
-    )
+
+    index: Mapping[str, Indices]
+    variables: tuple[MotionVariables, ...]
+    reductions: tuple[RowFilter, ...]
+    residual: Sequence[Array]
+    beyond: Sequence[Array]
+    block: int
+    settings: ResidualMapSettings
+
+    @classmethod
+    def of(
+        cls, table: ResidualTable, residual: Sequence[Array], beyond: Sequence[Array]
+    ) -> _CurvesOfMap:
+        """Of a table."""
+        variables = tuple(one.for_curves() for one in table.variables)
+        block, settings = table.folds[0].block, table.settings
+        return cls(table.index, variables, table.reductions, residual, beyond, block, settings)
+
+    def __call__(self, share: Share) -> list[Curve]:
+        """Over the twist: of the model's residual. Over others: of what the twist leaves of it.
+
+        None over the log and the time that logs share: what differs there are parameters.
+        """
+        variable = share.variable
+        if variable not in self.index:
+            return []
+        return curves_of(
+            variable,
+            self.variables,
+            self.reductions,
+            self.residual if variable == "twist" else self.beyond,
+            block=self.block,
+            settings=self.settings,
+            cycles=share.cycles or 1,
+            period=share.period,
+        )
 
 
 class _Cell(NamedTuple):

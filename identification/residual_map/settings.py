@@ -168,6 +168,14 @@ class ResidualMapSettings(Settings):
             "reason": "longer logs get fewer rows a second, so that memory stays bounded",
         },
     )
+    max_part_samples: int = field(
+        default=30_000,
+        metadata={
+            "unit": "samples",
+            "reason": "of a log of which features are made at once: five minutes at that rate, "
+            "0.1 GB",
+        },
+    )
     smoothing_rate: float = field(
         default=20.0,
         metadata={

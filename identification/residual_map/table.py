@@ -10,15 +10,21 @@ import numpy as np
 from numpy.typing import NDArray
 
 from identification.fitting.cross_validation import rows_per_block
+from identification.fitting.parts import reduced_by_parts, rows_in_parts
 from identification.fitting.regression import residual_and_columns, stride
 from identification.fitting.settings import FitSettings
 from identification.mechanisms.mechanism import Mechanism
-from identification.mechanisms.samples import Samples
-from identification.residual_map.features import FeatureGroup, FeatureScales, feature_groups
+from identification.mechanisms.samples import Samples, cut
+from identification.residual_map.features import (
+    FeatureGroup,
+    FeatureScales,
+    at_ends,
+    feature_groups,
+)
 from identification.residual_map.held_out_gain import FoldRows
 from identification.residual_map.settings import ResidualMapSettings
-from identification.residual_map.variables import MotionVariables, RowReduction, smooth
-from identification.signals.filters import block_mean, slope_ends
+from identification.residual_map.variables import MotionVariables, smooth
+from identification.signals.filters import RowFilter, block_mean, settled, slope_ends
 
 Array = NDArray[np.float64]
 Indices = NDArray[np.intp]
@@ -39,7 +45,7 @@ class ResidualTable:
     index: Mapping[str, Indices]
     folds: tuple[FoldRows, ...]
     variables: tuple[MotionVariables, ...]
-    reductions: tuple[RowReduction, ...]
+    reductions: tuple[RowFilter, ...]
     settings: ResidualMapSettings
 
 
@@ -56,37 +62,102 @@ def residual_table(
     row_rate = min(settings.max_row_rate, settings.max_rows / seconds)
     constants = fit.filter.settling_time_constants
     reductions = [
-        RowReduction(mechanism.filter_rate, constants, s.dt, stride(s.dt, row_rate)) for s in slow
+        RowFilter(mechanism.filter_rate, constants, s.dt, stride(s.dt, row_rate)) for s in slow
     ]
     rows, variables = [], []
     for samples, reduction in zip(slow, reductions, strict=True):
-        demand = mechanism.demand(theta, samples)
-        free = np.flatnonzero(mechanism.free)
-        ends = residual_and_columns(mechanism, demand, samples, free)
-        rows.append(reduction.of_interval_ends(ends))
-        variables.append(
-            motion_variables(mechanism, samples, demand.force, settings.smoothing_rate)
-        )
+        rows.append(_rows_of_model(mechanism, theta, samples, reduction, settings, fit))
+        demanded = demanded_force(mechanism, theta, samples, reduction, settings, fit)
+        variables.append(motion_variables(mechanism, samples, demanded, settings.smoothing_rate))
+    del slow
     # Scales are pooled over logs: a feature must have the same meaning in training and held-out
     # logs.
     scales, groups = FeatureScales.of(variables, settings), feature_groups(variables[0])
-    folds, sizes = [], []
-    for row, one, reduction in zip(rows, variables, reductions, strict=True):
-        # The same filter and block means as the residual, or a sharp function would not match it.
-        features = [reduction.of_any(group.features(one, scales)) for group in groups]
-        sizes = [part.shape[1] for part in features]
-        block = rows_per_block(settings.bootstrap_block_time, reduction.step)
-        folds.append(FoldRows(np.column_stack(features), row[..., 1:], row[..., 0], block))
+    sizes = [group.features(variables[0].between(0, 2), scales).shape[-1] for group in groups]
     edges = np.cumsum([0, *sizes])
     index = {
         group.variable: np.arange(a, b)
         for group, a, b in zip(groups, edges, edges[1:], strict=False)
     }
+    folds = []
+    for row, one, reduction in zip(rows, variables, reductions, strict=True):
+        features = np.empty((len(row), edges[-1]))
+        for group, a, b in zip(groups, edges, edges[1:], strict=False):
+            features[:, a:b] = _reduced(group, one, scales, reduction, settings, fit)
+        block = rows_per_block(settings.bootstrap_block_time, reduction.step)
+        folds.append(FoldRows(features, row[..., 1:], row[..., 0], block))
     if len(folds) == 1:
         folds = folds[0].split(fit.blocks_of_single_log)
     return ResidualTable(
         tuple(groups), index, tuple(folds), tuple(variables), tuple(reductions), settings
     )
+
+
+def _rows_of_model(
+    mechanism: Mechanism,
+    theta: Array,
+    samples: Samples,
+    reduction: RowFilter,
+    settings: ResidualMapSettings,
+    fit: FitSettings,
+) -> Array:
+    """(n, A, 1 + P) residual and columns of the free parameters."""
+    free = np.flatnonzero(mechanism.free)
+
+    def ends_of(part: Samples) -> Array:
+        return residual_and_columns(mechanism, mechanism.demand(theta, part), part, free)
+
+    moving, whole = replace(samples, moves=None), mechanism.structure.changes_kinematics
+    return reduced_by_parts(ends_of, moving, reduction, _in_parts(settings, fit), whole=whole)
+
+
+def _reduced(
+    group: FeatureGroup,
+    one: MotionVariables,
+    scales: FeatureScales,
+    reduction: RowFilter,
+    settings: ResidualMapSettings,
+    fit: FitSettings,
+) -> Array:
+    """(n, Q) a group's features with the same filter and block means as the residual.
+
+    Or a sharp function would not match it.
+    """
+
+    def ends_of(begin: int, end: int) -> Array:
+        found = group.features(one.between(begin, end), scales)
+        return at_ends(found) if found.ndim == 2 else found
+
+    return rows_in_parts(ends_of, len(one.time), None, reduction, _in_parts(settings, fit))
+
+
+def _in_parts(settings: ResidualMapSettings, fit: FitSettings) -> FitSettings:
+    return replace(fit, max_part_samples=settings.max_part_samples)
+
+
+def demanded_force(
+    mechanism: Mechanism,
+    theta: Array,
+    samples: Samples,
+    reduction: RowFilter,
+    settings: ResidualMapSettings,
+    fit: FitSettings,
+) -> Array:
+    """(2, N - 1, A) force that the model demands at both ends of each interval [N m].
+
+    Of long logs in parts, which see as much before and after them as those of the rows.
+    """
+    count, size = len(samples) - 1, settings.max_part_samples
+    if count < size or mechanism.structure.changes_kinematics:
+        return mechanism.demand(theta, samples).force
+    margin = settled(reduction.rate, reduction.dt, fit.part_margin_time_constants)
+    found = np.empty((2, count, len(mechanism.axes)))
+    for begin in range(0, count, size):
+        start, end = max(0, begin - margin), min(begin + size, count)
+        part = cut(samples, start, min(end + margin, count) + 1)
+        force = mechanism.demand(theta, part).force
+        found[:, begin:end] = force[:, begin - start : end - start]
+    return found
 
 
 def averaged_down(samples: Samples, rate: float) -> Samples:

@@ -1,13 +1,13 @@
-"""Variables of a log that a force residual may depend on, and how samples become rows."""
+"""Variables of a log that a force residual may depend on."""
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, fields, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
-from identification.signals.filters import block_mean, filter_samples, first_order, settled
+from identification.signals.filters import filter_samples
 
 Array = NDArray[np.float64]
 
@@ -63,6 +63,22 @@ class MotionVariables:
         """Sample time [s]."""
         return float(self.time[1] - self.time[0])
 
+    def between(self, begin: int, end: int) -> MotionVariables:
+        """The samples from one number to another, and the intervals between them."""
+        parts: dict[str, Array] = {}
+        for field in fields(self):
+            value = getattr(self, field.name)
+            if isinstance(value, np.ndarray):
+                ends = field.name.endswith("_ends")
+                parts[field.name] = value[:, begin : end - 1] if ends else value[begin:end]
+        return replace(self, **parts)
+
+    def for_curves(self) -> MotionVariables:
+        """The same without what is in no curve, which is two thirds of it."""
+        none = np.zeros((0, 0))
+        others = ("rates", "jerk", "load", "torque_rate", "acceleration_ends", "torque_ends")
+        return replace(self, **dict.fromkeys(others, none))
+
 
 def smooth(values: Array, rate: float, dt: float) -> Array:
     """Values (N, ...) through a filter of ``rate`` [rad/s] forwards, then backwards: no delay."""
@@ -72,36 +88,3 @@ def smooth(values: Array, rate: float, dt: float) -> Array:
         start = values[:1]
         values = (start + filter_samples(values - start, rate, dt))[::-1]
     return values
-
-
-@dataclass(frozen=True)
-class RowReduction:
-    """From samples (N, ...) at ``dt`` [s] to rows (n, ...): the filter, then means of blocks.
-
-    rate: of the filter [rad/s]; settling: its time constants until its start is forgotten; size:
-    samples in a row.
-    """
-
-    rate: float
-    settling: float
-    dt: float
-    size: int
-
-    @property
-    def step(self) -> float:
-        """From one row to the next [s]."""
-        return self.size * self.dt
-
-    def __call__(self, signal: Array) -> Array:
-        return self._averaged(filter_samples(signal, self.rate, self.dt))
-
-    def of_any(self, signal: Array) -> Array:
-        """Of a matrix that has rows for samples (N, Q), or for both ends of intervals."""
-        return self(signal) if signal.ndim == 2 else self.of_interval_ends(signal)
-
-    def of_interval_ends(self, ends: Array) -> Array:
-        """The same of a signal given at both ends of each interval (2, N - 1, ...)."""
-        return self._averaged(first_order(ends[0], ends[1], self.rate, self.dt))
-
-    def _averaged(self, filtered: Array) -> Array:
-        return block_mean(filtered[settled(self.rate, self.dt, self.settling) :], self.size)

@@ -211,6 +211,10 @@ class RowFilter:
         moved = block_mean(memory[start:], self.size) < np.exp(-self.settling)
         return rows * moved.reshape(-1, *[1] * (rows.ndim - 1))
 
+    def of_samples(self, signal: Array) -> Array:
+        """Rows (n, ...) of a signal (N, ...) that is continuous at its samples."""
+        return self(np.stack([signal[:-1], signal[1:]]))
+
     def adjoint(
         self,
         rows: Array,

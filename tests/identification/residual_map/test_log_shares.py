@@ -9,7 +9,8 @@ from identification.residual_map.held_out_gain import FoldRows
 from identification.residual_map.log_shares import log_shares
 from identification.residual_map.settings import ResidualMapSettings
 from identification.residual_map.shares import Share
-from identification.residual_map.variables import MotionVariables, RowReduction
+from identification.residual_map.variables import MotionVariables
+from identification.signals.filters import RowFilter
 
 SETTINGS = ResidualMapSettings()
 ROWS, STEP = 1500, 0.02
@@ -29,7 +30,7 @@ def shares(missing: Callable[[int, np.ndarray], np.ndarray], seed: int = 0) -> d
         time = STEP * np.arange(ROWS, dtype=float)
         of_motion = (none, none, none, none, none, none, none, none, none, none)
         variables.append(MotionVariables((), (), (), time, *of_motion))
-        reductions.append(RowReduction(10.0, 0.0, STEP, 1))
+        reductions.append(RowFilter(10.0, 0.0, STEP, 1))
     found = log_shares(folds, variables, reductions, SETTINGS)
     return {item.variable: item for item in found}
 
