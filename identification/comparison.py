@@ -5,8 +5,8 @@ from __future__ import annotations
 import os
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from functools import partial
-from typing import Any, ClassVar
+from functools import partial, reduce
+from typing import Any, ClassVar, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -29,8 +29,15 @@ from identification.fitting.kinematic_evidence import doubts_of_kinematics
 from identification.fitting.least_squares import Fit, fit as fit_model
 from identification.fitting.misfit import force_floor_of, misfit, misfit_warning
 from identification.fitting.observability import log_observability, refuse_blind
-from identification.fitting.predictability import NoiseFloor, noise_floor, predictability
-from identification.fitting.regression import regression, regressions
+from identification.fitting.predictability import (
+    NoiseFloor,
+    NoiseOfForces,
+    Predictability,
+    noise_of_forces,
+    predictability,
+    velocity_floors,
+)
+from identification.fitting.regression import Regression, regression, regressions
 from identification.fitting.settings import FitSettings
 from identification.logs.columns import joint_columns
 from identification.logs.log import Log
@@ -43,6 +50,7 @@ from identification.residual_map.residual_map import residual_map
 from identification.residual_map.settings import ResidualMapSettings
 from identification.residual_map.shares import ResidualMap
 from identification.showing import Shown
+from identification.threads import give_back
 from youbot_env.errors import InputError, Settings, check_settings
 from youbot_env.files import write_atomically
 from youbot_env.physics.geometry import Geometry
@@ -227,7 +235,8 @@ def _log_dict(item: LogComparison) -> dict[str, Any]:
 
 
 def _stretches_of(item: LogComparison, duration: float) -> list[dict[str, Any]]:
-    time, square = item.force.time, item.force.residual**2
+    time, square = item.force.time, item.force.residual
+    square **= 2
     edges = np.arange(time[0], time[-1], duration)
     # Infinity: the last stretch includes the last sample.
     rows = np.searchsorted(time, [*edges, np.inf])
@@ -290,18 +299,25 @@ def compare(
     )
     progress()
     fitted = _fitted(mechanism, model.theta, samples, settings.fit)
-    velocity = [_free_run(mechanism, model.theta, item, settings) for item in samples]
-    floor, refitted_error = _noise_floor(
-        *(mechanism, model.theta, samples, velocity, fitted, force_floor_of(model)),
-        *(seed, settings.fit),
+    left = _left_by(fitted, mechanism, model.theta, samples, seed, settings.fit)
+    give_back()
+    forces, refitted_error = _noise_of_forces(
+        mechanism, samples, left, force_floor_of(model), seed, settings.fit
     )
-    force = []
+    force, velocity = list[Traces](), list[Traces]()
     for item in samples:
         force.append(force_traces(mechanism, model.theta, item, settings.fit))
+        velocity.append(_free_run(mechanism, model.theta, item, settings))
         progress()
     # On a log of its own the given model may do better than one that is fitted to all.
-    least = [_no_more_than(part, trace) for part, trace in zip(floor.force, force, strict=True)]
-    floor = replace(floor, force=tuple(least))
+    least = [_no_more_than(*pair) for pair in zip(forces.squares, force, strict=True)]
+    levels = [NoiseLevel.of(item, settings.fit) for item in samples]
+    floor = NoiseFloor(
+        tuple(least),
+        velocity_floors(mechanism, model.theta, samples, left.rows, forces, velocity, levels, seed),
+        left.predictable.noise_std,
+        left.predictable.correlation_time,
+    )
     errors = {
         "force_error": refitted_error,
         "noise_floor": {"force_error": add_up(floor.force).ratio},
@@ -350,8 +366,9 @@ def _free_run(
     except InputError:
         predicted = np.full_like(measured, np.nan)
     # What is far beyond all that was measured would overflow when it is squared.
-    most = settings.max_free_run_ratio * np.abs(measured).max()
-    sound = np.abs(predicted).max(axis=1) < most
+    # Axis by axis: those of an hour take memory.
+    most = settings.max_free_run_ratio * max(float(np.abs(axis).max()) for axis in measured.T)
+    sound = reduce(np.maximum, map(np.abs, predicted.T)) < most
     if not sound.all():
         predicted = predicted.copy()
         predicted[int(np.argmin(sound)) :] = np.nan
@@ -378,39 +395,58 @@ def _fitted(
     return fit_model(mechanism, samples, theta, first=rows, settings=settings)
 
 
-def _noise_floor(
+class _Left(NamedTuple):
+    """What the structure leaves at theta (P,), fitted to the logs: rows, and their predictability.
+
+    Given parameters' own residual is no measure of the noise: what they miss may be large.
+    """
+
+    theta: Array
+    rows: Sequence[Regression]
+    predictable: Predictability
+
+
+def _left_by(
+    fitted: Fit | None,
     mechanism: Mechanism,
     theta: Array,
     samples: Sequence[Samples],
-    velocity: Sequence[Traces],
-    fitted: Fit | None,
+    seed: int,
+    settings: FitSettings,
+) -> _Left:
+    """Of the structure ``fitted`` to the logs, or of the given one where they are too short."""
+    if fitted is None:
+        none = np.zeros(0, np.intp)
+        rows = [regression(mechanism, theta, item, none, settings) for item in samples]
+    else:
+        rows, theta = list(fitted.rows), fitted.theta
+    found = predictability(mechanism, rows, samples, seed, settings, theta)
+    return _Left(theta, rows, found)
+
+
+def _noise_of_forces(
+    mechanism: Mechanism,
+    samples: Sequence[Samples],
+    left: _Left,
     known: float | None,
     seed: int,
     settings: FitSettings,
-) -> tuple[NoiseFloor, float]:
-    """What noise leaves: taken from the same structure, ``fitted`` to these logs; its force error.
-
-    The given parameters' own residual is no measure of the noise: what they miss may be large.
+) -> tuple[NoiseOfForces, float]:
+    """What noise leaves of the forces, taken from the same structure fitted to these logs, and its
+    force error.
 
     ``known``: the relative force floor of the logs that the model was made of
     """
-    none, at = np.zeros(0, np.intp), theta
-    if fitted is None:
-        rows = [regression(mechanism, theta, item, none, settings) for item in samples]
-    else:
-        rows, at = list(fitted.rows), fitted.theta
-    traces = [force_traces(mechanism, at, item, settings) for item in samples]
-    found = predictability(mechanism, rows, samples, seed, settings, at)
-    noise = [NoiseLevel.of(item, settings) for item in samples]
+    traces = [force_traces(mechanism, left.theta, item, settings) for item in samples]
     elsewhere = []
-    if known is not None and not found.is_noise:  # of noise all is the floor
+    if known is not None and not left.predictable.is_noise:  # of noise all is the floor
+        noise = [NoiseLevel.of(item, settings) for item in samples]
         args = zip(samples, traces, noise, strict=True)
-        elsewhere = [_noise_as_known(mechanism, at, *of, known, seed, settings) for of in args]
-    floor = noise_floor(
-        *(mechanism, theta, samples, rows, found, traces, velocity, noise, seed, settings),
-        elsewhere,
-    )
-    return floor, add_up(SumsOfSquares.of(trace) for trace in traces).ratio
+        elsewhere = [
+            _noise_as_known(mechanism, left.theta, *of, known, seed, settings) for of in args
+        ]
+    found = noise_of_forces(mechanism, samples, left.predictable, traces, settings, elsewhere)
+    return found, add_up(SumsOfSquares.of(trace) for trace in traces).ratio
 
 
 def _noise_as_known(

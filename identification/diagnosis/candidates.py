@@ -44,8 +44,8 @@ from identification.fitting.regression import (
     acting_slope,
     columns_by_share,
     filtered_residual,
-    filtered_rows,
     residual_ends,
+    rows_by_parts,
 )
 from identification.mechanisms.mechanism import Mechanism
 from identification.mechanisms.samples import DemandedForce, Samples
@@ -294,8 +294,7 @@ def _beyond_noise(
     added = []
     for (noisy, _), clean in zip(noise, base.samples, strict=True):
         with_noise, without = (
-            _own_columns(base, item.mechanism, item.mechanism.demand(item.theta, s.for_fit), s, own)
-            for s in (noisy, clean)
+            _own_columns(base, item.mechanism, item.theta, s.for_fit, own) for s in (noisy, clean)
         )
         added.append(with_noise - without)
     cleared = remainder(stacked(added), stacked(base.columns), base.settings.min_seen_share)
@@ -307,13 +306,38 @@ def _beyond_noise(
 def _own_columns(
     base: FittedStructure,
     mechanism: Mechanism,
-    demand: DemandedForce,
+    theta: Array,
     samples: Samples,
     new: Indices,
+    known: DemandedForce | None = None,
 ) -> Array:
-    """Rows (n, A, F) of the parameters ``new`` of a structure that extends another."""
-    ends = np.moveaxis(demand.columns(new), 0, -1)
-    return filtered_rows(ends, mechanism, samples, base.settings.rows)
+    """Rows (n, A, F) of the parameters ``new`` of a structure that extends another.
+
+    ``known``: what the other demands of these samples, which are those of a fit.
+    """
+
+    def ends_of(part: Samples) -> Array:
+        # Of a part of a long log nothing is known.
+        demand = mechanism.demand(theta, part, known if part is samples else None)
+        return np.moveaxis(demand.columns(new), 0, -1)
+
+    return rows_by_parts(ends_of, mechanism, samples, base.settings.rows)
+
+
+def _own_residual(
+    base: FittedStructure,
+    mechanism: Mechanism,
+    theta: Array,
+    samples: Samples,
+    known: DemandedForce | None,
+) -> Array:
+    """Rows (n, A) of what a structure that extends another leaves."""
+
+    def ends_of(part: Samples) -> Array:
+        demand = mechanism.demand(theta, part, known if part is samples else None)
+        return residual_ends(mechanism, demand, part)
+
+    return rows_by_parts(ends_of, mechanism, samples, base.settings.rows)
 
 
 def _square(item: Candidate) -> float:
@@ -350,23 +374,17 @@ def _linear_candidate(
     own = np.arange(len(base.theta), len(theta), dtype=np.intp)
     new = own[mechanism.free[own]]
     # At zero strength the effect changes no force, so the structure's known demand can be reused.
-    demands = [
-        mechanism.demand(theta, item.for_fit, known)
-        for item, known in zip(base.samples, base.demands, strict=True)
-    ]
     columns = tuple(
-        _own_columns(base, mechanism, demand, item, new)
-        for item, demand in zip(base.samples, demands, strict=True)
+        _own_columns(base, mechanism, theta, item.for_fit, new, known)
+        for item, known in zip(base.samples, base.demands, strict=True)
     )
     declared = mechanism.catalogue[name].parameters
     starts = {p.name for p in declared if p.grid and not p.is_shape}
     residual = base.residual
     if starts:
         residual = [
-            filtered_rows(
-                residual_ends(mechanism, demand, item.for_fit), mechanism, item, base.settings.rows
-            )
-            for item, demand in zip(base.samples, demands, strict=True)
+            _own_residual(base, mechanism, theta, item.for_fit, known)
+            for item, known in zip(base.samples, base.demands, strict=True)
         ]
         slope = acting_slope(mechanism, theta, base.samples, new)
         columns = tuple(

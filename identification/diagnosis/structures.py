@@ -96,9 +96,16 @@ class FittedStructure:
         return cls(mechanism, theta, tuple(rows), free, basis, tuple(samples), settings)
 
     @cached_property
-    def demands(self) -> tuple[DemandedForce, ...]:
-        """Demanded force of each log, computed once for all candidates on top of the structure."""
-        return tuple(self.mechanism.demand(self.theta, item.for_fit) for item in self.samples)
+    def demands(self) -> tuple[DemandedForce | None, ...]:
+        """Demanded force of each log, computed once for all candidates on top of the structure.
+
+        None of logs whose rows are made in parts: what is known of an hour would fill gigabytes.
+        """
+        most = self.settings.rows.max_part_samples
+        return tuple(
+            self.mechanism.demand(self.theta, item.for_fit) if len(item) <= most else None
+            for item in self.samples
+        )
 
     @property
     def residual(self) -> list[Array]:

@@ -19,7 +19,7 @@ from identification.fitting.gauge import gauge_basis
 from identification.fitting.regression import Indices, Regression, covariance_of
 from identification.fitting.settings import FitSettings
 from identification.mechanisms.mechanism import HeldDirections, Mechanism
-from identification.mechanisms.samples import Samples, rolled_speeds
+from identification.mechanisms.samples import Samples, averaged_down, rolled_speeds
 from identification.signals.filters import block_mean, pieces
 from identification.signals.noise import white_noise
 from identification.threads import give_back, side_by_side
@@ -159,8 +159,10 @@ class KinematicEvidence:
         logs: Sequence[Samples],
         settings: FitSettings = FitSettings(),
     ) -> None:
-        least = settings.kinematics.min_duration
-        self.logs = [item for item in logs if len(item) * item.dt > least]
+        known = settings.kinematics
+        long = [item for item in logs if len(item) * item.dt > known.min_duration]
+        self.logs = [averaged_down(item, known.max_sample_rate) for item in long]
+        self._longest_sample = max((item.dt for item in long), default=0.0)
         self.settings = settings
         self._first = mechanism, theta
 
@@ -190,8 +192,7 @@ class KinematicEvidence:
             self._regression(mechanism, theta, log, noise, own)
             for log, noise in enumerate(self.noise)
         ]
-        longest = max(item.dt for item in self.logs)
-        return KinematicFit(mechanism, theta, own, tuple(rows), longest, self.settings)
+        return KinematicFit(mechanism, theta, own, tuple(rows), self._longest_sample, self.settings)
 
     def fitted(self, mechanism: Mechanism, theta: Array, effects: Sequence[str]) -> KinematicFit:
         """The same where the effects' parameters leave least, within their bounds."""

@@ -510,28 +510,68 @@ def noise_floor(
     elsewhere : per log (A,) mean square of the noise on its forces as other logs of the robot show
         it; limits, where no motion repeats, what the trees leave of a large residual
     """
+    forces = noise_of_forces(mechanism, samples, found, traces, settings, elsewhere)
+    velocity = velocity_floors(mechanism, theta, samples, rows, forces, runs, noise, seed)
+    return NoiseFloor(forces.squares, velocity, found.noise_std, found.correlation_time)
+
+
+@dataclass(frozen=True)
+class NoiseOfForces:
+    """What of the force residual of some logs is noise.
+
+    squares : per log, the sums of squares that it leaves
+    rows : per log (n, A), what counts as noise of its rows
+    """
+
+    squares: tuple[SumsOfSquares, ...]
+    rows: tuple[Array, ...]
+
+
+def noise_of_forces(
+    mechanism: Mechanism,
+    samples: Sequence[Samples],
+    found: Predictability,
+    traces: Sequence[Traces],
+    settings: FitSettings,
+    elsewhere: Sequence[Array] = (),
+) -> NoiseOfForces:
+    """The part of :func:`noise_floor` that needs the traces of the forces."""
     repeated = _repeated_square(mechanism, samples, traces, settings.predictability)
     if elsewhere and not np.isfinite(repeated).all():
         limits = list(elsewhere)
     else:
         limits = [repeated] * len(traces)
+    squares, noise = list[SumsOfSquares](), list[Array]()
+    for k, most in enumerate(limits):
+        residual, predicted = found.residual[k], found.predicted_square(k)
+        squares.append(force_floor(traces[k], residual, predicted, most))
+        # Of what the trees leave, no more is noise in the free run than in the forces.
+        left = force_floor(traces[k], residual, predicted, np.full(len(most), np.inf)).residual
+        share = np.sqrt(squares[k].residual / np.maximum(left, 1e-300))
+        noise.append(share * found.noise(k))
+    return NoiseOfForces(tuple(squares), tuple(noise))
 
-    def floor(k: int, most: Array) -> SumsOfSquares:
-        return force_floor(traces[k], found.residual[k], found.predicted_square(k), most)
 
-    force = [floor(k, most) for k, most in enumerate(limits)]
-    velocity = []
-    for k, (item, run, level) in enumerate(zip(samples, runs, noise, strict=False)):
+def velocity_floors(
+    mechanism: Mechanism,
+    theta: Array,
+    samples: Sequence[Samples],
+    rows: Sequence[Regression],
+    forces: NoiseOfForces,
+    runs: Sequence[Traces],
+    noise: Sequence[NoiseLevel],
+    seed: int,
+) -> tuple[SumsOfSquares, ...]:
+    """The part of :func:`noise_floor` that needs the free runs: none where these are missing."""
+    found = list[SumsOfSquares]()
+    for item, row, part, run, level in zip(samples, rows, forces.rows, runs, noise, strict=False):
         if not np.isfinite(run.predicted).all():
             # A run that diverges has no floor.
-            velocity.append(SumsOfSquares.of(run))
+            found.append(SumsOfSquares.of(run))
             continue
-        # Of what the trees leave, no more is noise in the free run than in the forces.
-        left = floor(k, np.full(len(mechanism.axes), np.inf)).residual
-        share = np.sqrt(force[k].residual / np.maximum(left, 1e-300))
-        disturbed = disturbed_torque(mechanism, item, rows[k], share * found.noise(k))
-        velocity.append(velocity_floor(mechanism, theta, item, disturbed, run, level, seed))
-    return NoiseFloor(tuple(force), tuple(velocity), found.noise_std, found.correlation_time)
+        disturbed = disturbed_torque(mechanism, item, row, part)
+        found.append(velocity_floor(mechanism, theta, item, disturbed, run, level, seed))
+    return tuple(found)
 
 
 def _repeated_square(

@@ -67,7 +67,8 @@ def samples_of(
     """
     if tuple(log.joints) != WHEELS:
         raise InputError(f"{log.source or log.name}: not the log of a mecanum platform")
-    time = log.time - log.time[0]
+    # Kept once where it starts at zero.
+    time = log.time - log.time[0] if log.time[0] else log.time
     dt = float(time[-1] / (len(time) - 1))
     twist = geometry.body_twist(log.velocity)
     pose = log.pose if log.pose is not None else planar_pose(twist, dt)

@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from identification.mechanisms.settings import MechanismSettings
-from identification.signals.filters import integral_of, slope_ends
+from identification.signals.filters import block_mean, integral_of, slope_ends
 from identification.signals.resampling import low_passed, moved, smoothed
 from youbot_env.physics import inverse_dynamics as dynamics
 from youbot_env.physics.effect import CHANNEL, CONTACT, SPEED, Effect, Parameter
@@ -137,6 +137,25 @@ def cut(samples: Samples, start: int, stop: int) -> Samples:
     return replace(
         samples, **{k: v[start:stop] for k, v in arrays.items() if isinstance(v, np.ndarray)}
     )
+
+
+def averaged_down(samples: Samples, rate: float) -> Samples:
+    """The samples averaged over successive blocks, to ``rate`` [Hz] or just above.
+
+    A block in which the mechanism rests at some time counts as rest.
+    """
+    # Plus 1e-6: rounding of an exact whole ratio must not shorten a block.
+    size = max(1, int(1.0 / (rate * samples.dt) + 1e-6))
+    if size == 1:
+        return samples
+    arrays = {field.name: getattr(samples, field.name) for field in fields(samples)}
+    means = {
+        name: block_mean(np.asarray(value, np.float64), size)
+        for name, value in arrays.items()
+        if isinstance(value, np.ndarray)
+    }
+    moves = None if samples.moves is None else means["moves"] == 1.0
+    return replace(samples, **{**means, "dt": size * samples.dt, "moves": moves})
 
 
 @dataclass(frozen=True)

@@ -21,7 +21,7 @@ from identification.fitting.harmonic_scan import harmonic_scan
 from identification.fitting.regression import filtered_residual
 from identification.fitting.settings import FitSettings
 from identification.mechanisms.mechanism import Mechanism
-from identification.mechanisms.samples import Samples
+from identification.mechanisms.samples import Samples, cut
 from identification.residual_map.bootstrap import family_wise_p_values, random_signs
 from identification.residual_map.curves import Curve, curves_of
 from identification.residual_map.features import FeatureGroup
@@ -45,6 +45,7 @@ from identification.residual_map.shares import ResidualMap, Share
 from identification.residual_map.table import ResidualTable, residual_table
 from identification.residual_map.variables import MotionVariables
 from identification.signals.filters import RowFilter
+from identification.threads import give_back
 
 Array = NDArray[np.float64]
 Indices = NDArray[np.intp]
@@ -81,6 +82,7 @@ def residual_map(
         return ResidualMap((), seconds=seconds)
     # First, while no table is there: it reads all samples.
     periodic = _periodic(mechanism, theta, logs, fit)
+    give_back()
     table = residual_table(mechanism, np.asarray(theta, float), logs, settings, fit)
     rows = _DealtRows(table)
     rng = np.random.default_rng(seed)
@@ -134,7 +136,7 @@ def _periodic(
     """Shares of places by what repeats over them every few centimetres, where that is seen."""
     residual = [filtered_residual(mechanism, np.asarray(theta, float), item, fit) for item in logs]
     waves = harmonic_scan(mechanism, residual, logs, fit, angles=False)
-    unit = "rad" if mechanism.variables(logs[0]).turns else "m"
+    unit = "rad" if mechanism.variables(cut(logs[0], 0, 2)).turns else "m"
     return [
         Share(wave.variable, wave.share, wave.p_value, period=wave.period, unit=unit)
         for wave in waves

@@ -169,11 +169,10 @@ class ResidualMapSettings(Settings):
         },
     )
     max_part_samples: int = field(
-        default=30_000,
+        default=15_000,
         metadata={
             "unit": "samples",
-            "reason": "of a log of which features are made at once: five minutes at that rate, "
-            "0.1 GB",
+            "reason": "of a log of which features are made at once: 150 s at that rate, 0.1 GB",
         },
     )
     smoothing_rate: float = field(

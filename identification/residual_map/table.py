@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, fields, replace
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -14,7 +14,7 @@ from identification.fitting.parts import reduced_by_parts, rows_in_parts
 from identification.fitting.regression import residual_and_columns, stride
 from identification.fitting.settings import FitSettings
 from identification.mechanisms.mechanism import Mechanism
-from identification.mechanisms.samples import Samples, cut
+from identification.mechanisms.samples import Samples, averaged_down, cut
 from identification.residual_map.features import (
     FeatureGroup,
     FeatureScales,
@@ -24,7 +24,7 @@ from identification.residual_map.features import (
 from identification.residual_map.held_out_gain import FoldRows
 from identification.residual_map.settings import ResidualMapSettings
 from identification.residual_map.variables import MotionVariables, smooth
-from identification.signals.filters import RowFilter, block_mean, settled, slope_ends
+from identification.signals.filters import RowFilter, settled, slope_ends
 
 Array = NDArray[np.float64]
 Indices = NDArray[np.intp]
@@ -158,20 +158,6 @@ def demanded_force(
         force = mechanism.demand(theta, part).force
         found[:, begin:end] = force[:, begin - start : end - start]
     return found
-
-
-def averaged_down(samples: Samples, rate: float) -> Samples:
-    """The samples averaged over successive blocks, to ``rate`` [Hz] or just above."""
-    # Plus 1e-6: rounding of an exact whole ratio must not shorten a block.
-    size = max(1, int(1.0 / (rate * samples.dt) + 1e-6))
-    if size == 1:
-        return samples
-    means = {
-        field.name: block_mean(value, size)
-        for field in fields(samples)
-        if isinstance(value := getattr(samples, field.name), np.ndarray)
-    }
-    return replace(samples, dt=size * samples.dt, **means)
 
 
 def motion_variables(
