@@ -5,7 +5,7 @@ from __future__ import annotations
 import os
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from functools import partial, reduce
+from functools import partial
 from typing import Any, ClassVar, NamedTuple
 
 import numpy as np
@@ -29,6 +29,7 @@ from identification.fitting.kinematic_evidence import doubts_of_kinematics
 from identification.fitting.least_squares import Fit, fit as fit_model
 from identification.fitting.misfit import force_floor_of, misfit, misfit_warning
 from identification.fitting.observability import log_observability, refuse_blind
+from identification.fitting.parts import give_back_after
 from identification.fitting.predictability import (
     NoiseFloor,
     NoiseOfForces,
@@ -50,7 +51,7 @@ from identification.residual_map.residual_map import residual_map
 from identification.residual_map.settings import ResidualMapSettings
 from identification.residual_map.shares import ResidualMap
 from identification.showing import Shown
-from identification.threads import give_back
+from identification.signals.filters import pieces
 from youbot_env.errors import InputError, Settings, check_settings
 from youbot_env.files import write_atomically
 from youbot_env.physics.geometry import Geometry
@@ -300,13 +301,14 @@ def compare(
     progress()
     fitted = _fitted(mechanism, model.theta, samples, settings.fit)
     left = _left_by(fitted, mechanism, model.theta, samples, seed, settings.fit)
-    give_back()
+    give_back_after(samples, settings.fit)
     forces, refitted_error = _noise_of_forces(
         mechanism, samples, left, force_floor_of(model), seed, settings.fit
     )
     force, velocity = list[Traces](), list[Traces]()
     for item in samples:
         force.append(force_traces(mechanism, model.theta, item, settings.fit))
+        give_back_after(samples, settings.fit)
         velocity.append(_free_run(mechanism, model.theta, item, settings))
         progress()
     # On a log of its own the given model may do better than one that is fitted to all.
@@ -318,6 +320,7 @@ def compare(
         left.predictable.noise_std,
         left.predictable.correlation_time,
     )
+    give_back_after(samples, settings.fit)
     errors = {
         "force_error": refitted_error,
         "noise_floor": {"force_error": add_up(floor.force).ratio},
@@ -366,9 +369,10 @@ def _free_run(
     except InputError:
         predicted = np.full_like(measured, np.nan)
     # What is far beyond all that was measured would overflow when it is squared.
-    # Axis by axis: those of an hour take memory.
-    most = settings.max_free_run_ratio * max(float(np.abs(axis).max()) for axis in measured.T)
-    sound = reduce(np.maximum, map(np.abs, predicted.T)) < most
+    # Piece by piece: the sizes of an hour take memory.
+    parts = list(pieces(len(predicted)))
+    most = settings.max_free_run_ratio * max(np.abs(measured[some]).max() for some in parts)
+    sound = np.concatenate([np.abs(predicted[some]).max(axis=1) < most for some in parts])
     if not sound.all():
         predicted = predicted.copy()
         predicted[int(np.argmin(sound)) :] = np.nan

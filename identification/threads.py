@@ -9,6 +9,7 @@ import ctypes
 import os
 from collections.abc import Callable, Iterable
 from concurrent.futures import ThreadPoolExecutor
+from functools import cache
 from typing import TypeVar
 
 from youbot_env.threads import threads
@@ -49,6 +50,11 @@ def give_back() -> None:
     The C library of Linux keeps it for each thread of a pool that was, and an hour at 1 kHz took
     half a gigabyte more than it used. Other systems have no such function, and need none.
     """
-    trim = getattr(ctypes.CDLL(None), "malloc_trim", None) if os.name == "posix" else None
-    if trim is not None:
+    if (trim := _trim()) is not None:
         trim(0)
+
+
+@cache
+def _trim() -> Callable[[int], int] | None:
+    """What the C library has for it; looked for once, since each look makes types of its own."""
+    return getattr(ctypes.CDLL(None), "malloc_trim", None) if os.name == "posix" else None

@@ -51,9 +51,10 @@ from identification.fitting.regression import (
     regression,
     regressions,
 )
+from identification.logs.findings import names_of
 from identification.logs.log import Log
 from identification.mechanisms.mechanism import Mechanism
-from identification.mechanisms.samples import DemandedForce, Samples, cut
+from identification.mechanisms.samples import DemandedForce, Samples, averaged_down, cut
 from youbot_env.errors import InputError
 from youbot_env.physics.effect import effect_of
 
@@ -326,7 +327,8 @@ class LoggedData:
         settings: DiagnosisSettings = DiagnosisSettings(),
     ) -> None:
         held = as_they_mean(mechanism, mechanism.samples_of(logs), settings.fit)
-        self.samples, self.notes = list(held.samples), held.notes
+        self.samples, averaged = averaged_to_most(held.samples, settings)
+        self.notes = (*held.notes, *averaged)
         self.noise = [NoiseLevel.of(samples, settings.fit) for samples in self.samples]
         self.seed, self.progress, self.settings = seed, progress, settings
         self._ends = time.process_time() + settings.max_search_time
@@ -423,6 +425,32 @@ class LoggedData:
             *(left.rows, left.predictability, left.traces),
             *(runs, self.noise, self.seed, self.settings.fit),
         )
+
+
+def averaged_to_most(
+    samples: Sequence[Samples], settings: DiagnosisSettings
+) -> tuple[list[Samples], list[str]]:
+    """Samples that are no more than a search takes in bounded time, and what was done, in words.
+
+    Faster logs are averaged down, those of one rate alike; none below a rate that all effects are
+    told apart at.
+    """
+    count = sum(map(len, samples))
+    if count <= settings.max_samples:
+        return list(samples), []
+    share = settings.max_samples / count
+    found = [
+        averaged_down(item, max(share / item.dt, settings.min_sample_rate)) for item in samples
+    ]
+    ways = {(round(1.0 / a.dt), round(1.0 / b.dt)) for a, b in zip(samples, found, strict=True)}
+    rates = [f"from {fast} Hz to {slow} Hz" for fast, slow in sorted(ways) if fast != slow]
+    if not rates:
+        return found, []
+    names = names_of([a.name for a, b in zip(samples, found, strict=True) if a is not b])
+    return found, [
+        f"{names}: {count} samples are more than the search for effects takes in minutes; averaged "
+        f"{' and '.join(rates)}, all of the time"
+    ]
 
 
 def worse_by(item: Candidate, leader: Candidate, base: FittedStructure) -> float:

@@ -73,8 +73,12 @@ class SumsOfSquares:
     @classmethod
     def of(cls, traces: Traces, residual: Array | None = None) -> SumsOfSquares:
         """Of one log; ``residual`` replaces the traces' own (for a noise floor)."""
-        error = traces.residual if residual is None else residual
-        return cls(squares_of(error), squares_of(traces.measured))
+        if residual is None:
+            pairs = zip(traces.measured.T, traces.predicted.T, strict=True)
+            left = np.array([float(np.square(a - b).sum()) for a, b in pairs])
+        else:
+            left = squares_of(residual)
+        return cls(left, squares_of(traces.measured))
 
     def __add__(self, other: SumsOfSquares) -> SumsOfSquares:
         return SumsOfSquares(self.residual + other.residual, self.measured + other.measured)

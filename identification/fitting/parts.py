@@ -2,21 +2,21 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 
 import numpy as np
 from numpy.typing import NDArray
 
 from identification.fitting.settings import FitSettings
 from identification.mechanisms.samples import AddedNoise, Samples, cut
-from identification.signals.filters import RowFilter, settled
+from identification.signals.filters import Ends, RowFilter, settled
 from identification.threads import give_back, side_by_side
 
 Array = NDArray[np.float64]
 
 
 def reduced_by_parts(
-    ends_of: Callable[[Samples], Array],
+    ends_of: Callable[[Samples], Ends],
     samples: Samples,
     reduce: RowFilter,
     settings: FitSettings,
@@ -36,7 +36,7 @@ def reduced_by_parts(
     added : noise on the speeds, put on each part alone
     """
 
-    def of_part(begin: int, end: int) -> Array:
+    def of_part(begin: int, end: int) -> Ends:
         part = samples if end - begin == len(samples) else cut(samples, begin, end)
         return ends_of(part if added is None else added.on(part, begin))
 
@@ -44,7 +44,7 @@ def reduced_by_parts(
 
 
 def rows_in_parts(
-    ends_of: Callable[[int, int], Array],
+    ends_of: Callable[[int, int], Ends],
     count: int,
     moves: NDArray[np.bool_] | None,
     reduce: RowFilter,
@@ -64,7 +64,7 @@ def rows_in_parts(
         return of_part(0, count)
     size = reduce.size
     margin = settled(reduce.rate, reduce.dt, settings.part_margin_time_constants)
-    rows = max(1, settings.max_part_samples // size)
+    rows = max(1, min(settings.part_samples, settings.max_part_samples) // size)
 
     def rows_from(start: int) -> Array:
         most = min(rows, (count - start) // size)
@@ -85,3 +85,9 @@ def rows_in_parts(
     side_by_side(fill, starts)
     give_back()
     return found
+
+
+def give_back_after(logs: Sequence[Samples], settings: FitSettings) -> None:
+    """Return to the system what work on logs has freed, where one is so long that it matters."""
+    if max(map(len, logs)) > settings.max_part_samples:
+        give_back()

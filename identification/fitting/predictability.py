@@ -14,6 +14,7 @@ same noise, acting as a force, and white noise on the measured speeds make the f
 
 from __future__ import annotations
 
+import itertools
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property, partial
@@ -35,7 +36,8 @@ from identification.fitting.regression import Regression, regression, rows_by_pa
 from identification.fitting.repeated_periods import repeated_noise
 from identification.fitting.settings import FitSettings, PredictabilitySettings
 from identification.mechanisms.mechanism import Mechanism
-from identification.mechanisms.samples import AddedNoise, Samples, cut
+from identification.mechanisms.samples import Samples, cut
+from identification.signals.filters import Ends, at_both_ends
 from identification.signals.resampling import smoothed
 from identification.threads import side_by_side
 
@@ -409,9 +411,8 @@ def _motion_features(
 ) -> Array:
     """(n, Q) of one log, with the filter and the means of the residual's rows."""
 
-    def ends_of(part: Samples) -> Array:
-        signals = _motion_signals(mechanism, part, typical, settings)
-        return np.stack([signals[:-1], signals[1:]])
+    def ends_of(part: Samples) -> Ends:
+        return at_both_ends(_motion_signals(mechanism, part, typical, settings))
 
     return rows_by_parts(ends_of, mechanism, samples, settings)
 
@@ -654,10 +655,8 @@ def velocity_floor(
     clean : the free run of the samples as they were logged
     noise : white noise, of which that on the speeds is put on here
     """
-    rng = np.random.default_rng(seed)
-    added = mechanism.speed_noise(samples, noise.speed, rng)
     square = np.zeros(len(mechanism.axes))
-    for rows, left in _noisy_run(mechanism, theta, samples, added, disturbed):
+    for rows, left in _noisy_run(mechanism, theta, samples, noise, disturbed, seed):
         square = square + squares_of(left - (clean.measured[rows] - clean.predicted[rows]))
     return SumsOfSquares(square, squares_of(clean.measured))
 
@@ -666,16 +665,25 @@ def _noisy_run(
     mechanism: Mechanism,
     theta: Array,
     samples: Samples,
-    added: AddedNoise,
+    noise: NoiseLevel,
     torque: Callable[[slice], Array],
+    seed: int,
 ) -> Iterator[tuple[slice, Array]]:
     """Rows of samples with noise, and how far the free run is from the speeds there (n, A)."""
+    rng = np.random.default_rng(seed)
+
+    def noisy(rows: slice) -> Samples:
+        part = cut(samples, *rows.indices(len(samples))[:2])
+        return mechanism.speed_noise(part, noise.speed, rng).on(part, 0)
+
     if mechanism.structure.changes_kinematics:
         # What the logged speeds tell of the motion depends on the whole log.
-        noisy = replace(added.on(samples, 0), torque=torque(slice(None)))
-        yield slice(None), velocity_traces(mechanism, theta, noisy).residual
+        again = replace(noisy(slice(None)), torque=torque(slice(None)))
+        yield slice(None), velocity_traces(mechanism, theta, again).residual
         return
-    start = added.on(cut(samples, 0, 1), 0)
-    for rows, twist in mechanism.pieces_of_free_run(theta, samples, torque, start):
-        noisy = added.on(cut(samples, rows.start, rows.stop), rows.start)
-        yield rows, mechanism.measured_speed(noisy) - twist * mechanism.speed_scale
+    first, *others = mechanism.rows_of_free_run(theta, samples)
+    start = noisy(first)
+    parts = itertools.chain([start], map(noisy, others))
+    run = mechanism.pieces_of_free_run(theta, samples, torque, start)
+    for (rows, twist), part in zip(run, parts, strict=True):
+        yield rows, mechanism.measured_speed(part) - twist * mechanism.speed_scale

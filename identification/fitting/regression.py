@@ -13,6 +13,7 @@ from identification.fitting.parts import reduced_by_parts
 from identification.fitting.settings import FitSettings
 from identification.mechanisms.mechanism import Mechanism
 from identification.mechanisms.samples import AddedNoise, DemandedForce, Samples
+from identification.signals.filters import Ends
 from youbot_env.physics.effect import CHANNEL
 
 Array = NDArray[np.float64]
@@ -174,7 +175,7 @@ def residual_and_columns(
 
 
 def rows_by_parts(
-    ends_of: Callable[[Samples], Array],
+    ends_of: Callable[[Samples], Ends],
     mechanism: Mechanism,
     samples: Samples,
     settings: FitSettings = FitSettings(),

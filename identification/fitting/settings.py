@@ -828,6 +828,14 @@ class FitSettings(Settings):
             "at 1 kHz, so that most logs are one part",
         },
     )
+    part_samples: int = field(
+        default=40_000,
+        metadata={
+            "unit": "samples",
+            "reason": "in each part of a longer log: what is made of them takes 50 MB, and the "
+            "margins of a part at 1 kHz a fifth of its time",
+        },
+    )
     part_margin_time_constants: float = field(
         default=37.0,
         metadata={

@@ -607,18 +607,23 @@ class Mechanism(Generic[Known]):
             state += [0.0] * (len(first) * (structure.drive_order - 1))
         if structure.reads_start:
             state.append(s.start)
+        # Each piece of a long run goes on from the last state of the one before.
+        for rows in self.rows_of_free_run(theta, samples):
+            begin = max(rows.start - 1, 0)
+            args = (np.full(rows.stop - 1 - begin, s.dt), driving(slice(begin, rows.stop)), state)
+            states = simulate_theta(structure, self.geometry, theta, *args)
+            yield rows, states[rows.start - begin :, : len(self.kind.axes)]
+            state = states[-1]
+
+    def rows_of_free_run(self, theta: Array, samples: Samples) -> list[slice]:
+        """The rows of each piece of a free run."""
+        structure, theta = self._structure_in(samples.name, theta)
         # A delay reaches behind the start of a piece, so such a run is simulated as a whole.
         delayed = float(dynamics.torque_delay(np, structure, theta)) > 0
-        count, axes = len(samples), len(self.kind.axes)
+        count = len(samples)
         most = count if delayed else self.settings.max_run_samples
-        # Each piece of a long run goes on from the last state of the one before.
-        for begin in range(0, max(count - 1, 1), most):
-            end = min(begin + most, count - 1)
-            args = (np.full(end - begin, s.dt), driving(slice(begin, end + 1)), state)
-            states = simulate_theta(structure, self.geometry, theta, *args)
-            known = int(begin > 0)
-            yield slice(begin + known, end + 1), states[known:, :axes]
-            state = states[-1]
+        starts = range(0, max(count - 1, 1), most)
+        return [slice(a + (a > 0), min(a + most, count - 1) + 1) for a in starts]
 
     def _structure_in(self, log: str, theta: Array) -> tuple[ModelStructure[Known], Array]:
         """The structure and theta with which a log is simulated.

@@ -66,7 +66,7 @@ class Samples:
     def __len__(self) -> int:
         return len(self.time)
 
-    @cached_property
+    @property
     def for_fit(self) -> Samples:
         """What columns and forces are computed of: speeds and torques without what is too fast.
 
@@ -74,8 +74,12 @@ class Samples:
         at high frequencies, where there is no motion. The torques pass the same filter, so what is
         linear in both stays unbiased.
         """
-        if not np.isfinite(self.bandwidth):
-            return self
+        # Not kept where it is the same: what holds itself stays in memory until somebody looks.
+        return self._slow if np.isfinite(self.bandwidth) else self
+
+    @cached_property
+    def _slow(self) -> Samples:
+        """What the filter leaves."""
         slow = partial(low_passed, cutoff=self.bandwidth, dt=self.dt)
         return replace(
             self,

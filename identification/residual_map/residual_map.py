@@ -18,6 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from identification.fitting.harmonic_scan import harmonic_scan
+from identification.fitting.parts import give_back_after
 from identification.fitting.regression import filtered_residual
 from identification.fitting.settings import FitSettings
 from identification.mechanisms.mechanism import Mechanism
@@ -45,7 +46,6 @@ from identification.residual_map.shares import ResidualMap, Share
 from identification.residual_map.table import ResidualTable, residual_table
 from identification.residual_map.variables import MotionVariables
 from identification.signals.filters import RowFilter
-from identification.threads import give_back
 
 Array = NDArray[np.float64]
 Indices = NDArray[np.intp]
@@ -82,7 +82,7 @@ def residual_map(
         return ResidualMap((), seconds=seconds)
     # First, while no table is there: it reads all samples.
     periodic = _periodic(mechanism, theta, logs, fit)
-    give_back()
+    give_back_after(logs, fit)
     table = residual_table(mechanism, np.asarray(theta, float), logs, settings, fit)
     rows = _DealtRows(table)
     rng = np.random.default_rng(seed)

@@ -15,16 +15,11 @@ from identification.fitting.regression import residual_and_columns, stride
 from identification.fitting.settings import FitSettings
 from identification.mechanisms.mechanism import Mechanism
 from identification.mechanisms.samples import Samples, averaged_down, cut
-from identification.residual_map.features import (
-    FeatureGroup,
-    FeatureScales,
-    at_ends,
-    feature_groups,
-)
+from identification.residual_map.features import FeatureGroup, FeatureScales, feature_groups
 from identification.residual_map.held_out_gain import FoldRows
 from identification.residual_map.settings import ResidualMapSettings
 from identification.residual_map.variables import MotionVariables, smooth
-from identification.signals.filters import RowFilter, settled, slope_ends
+from identification.signals.filters import Ends, RowFilter, at_both_ends, settled, slope_ends
 
 Array = NDArray[np.float64]
 Indices = NDArray[np.intp]
@@ -124,9 +119,9 @@ def _reduced(
     Or a sharp function would not match it.
     """
 
-    def ends_of(begin: int, end: int) -> Array:
+    def ends_of(begin: int, end: int) -> Ends:
         found = group.features(one.between(begin, end), scales)
-        return at_ends(found) if found.ndim == 2 else found
+        return at_both_ends(found) if found.ndim == 2 else found
 
     return rows_in_parts(ends_of, len(one.time), None, reduction, _in_parts(settings, fit))
 

@@ -77,7 +77,7 @@ class MotionVariables:
         """The same without what is in no curve, which is two thirds of it."""
         none = np.zeros((0, 0))
         others = ("rates", "jerk", "load", "torque_rate", "acceleration_ends", "torque_ends")
-        return replace(self, **dict.fromkeys(others, none))
+        return replace(self, departure=None, **dict.fromkeys(others, none))
 
 
 def smooth(values: Array, rate: float, dt: float) -> Array:

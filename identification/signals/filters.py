@@ -56,9 +56,13 @@ def first_order(start: Array, end: Array, rate: float, dt: float) -> Array:
     (N, ...) filtered signal at the samples, starting from zero. Exact for such signals.
     """
     decay, weight_start, weight_end = hold_weights(rate, dt)
+    start, end = np.asarray(start, float), np.asarray(end, float)
+    total = np.zeros((len(start) + 1, *start.shape[1:]))
+    np.multiply(start, weight_start, out=total[1:])
+    total[1:] += weight_end * end
     # All axes behind the first become one: the recursion is the same for each of them.
-    steps = weight_start * np.asarray(start, float) + weight_end * np.asarray(end, float)
-    return accumulate(steps.reshape(len(steps), -1), decay).reshape(-1, *steps.shape[1:])
+    _accumulate(total.reshape(len(total), -1), decay)
+    return total
 
 
 def hold_weights(rate: float, dt: float) -> tuple[float, float, float]:
@@ -80,6 +84,12 @@ def accumulate(steps: Array, decay: float) -> Array:
     over the last 2^(j-1) and the decayed one before. It equals scipy.signal.lfilter to 5e-15.
     """
     total = np.concatenate([np.zeros((1, steps.shape[1])), steps])
+    _accumulate(total, decay)
+    return total
+
+
+def _accumulate(total: Array, decay: float) -> None:
+    """The same in the place of zeros (1, W) and steps (N - 1, W)."""
     reach = 1
     # Once the decay is below rounding, more terms do not change the sum.
     while reach < len(total) and decay > np.finfo(float).eps / 100:
@@ -87,12 +97,20 @@ def accumulate(steps: Array, decay: float) -> Array:
         # every element on the right is still the one of the last round.
         total[reach:] += decay * total[:-reach]
         reach, decay = 2 * reach, decay * decay
-    return total
 
 
 def filter_samples(signal: Array, rate: float, dt: float) -> Array:
     """`first_order` of a signal (N, ...) that is continuous at its samples; returns (N, ...)."""
     return first_order(signal[:-1], signal[1:], rate, dt)
+
+
+Ends = Array | tuple[Array, Array]
+"""A signal at the start and the end of each interval: (2, N - 1, ...), or two of (N - 1, ...)."""
+
+
+def at_both_ends(signal: Array) -> tuple[Array, Array]:
+    """A signal (N, ...) that is continuous at its samples, without a copy."""
+    return signal[:-1], signal[1:]
 
 
 def settled(
@@ -191,9 +209,9 @@ class RowFilter:
         return self.size * self.dt
 
     def __call__(
-        self, ends: Array, moves: NDArray[np.bool_] | None = None, first: int | None = None
+        self, ends: Ends, moves: NDArray[np.bool_] | None = None, first: int | None = None
     ) -> Array:
-        """Rows (n, ...) of a signal that is given at interval ends (2, N - 1, ...).
+        """Rows (n, ...) of a signal that is given at the ends of intervals.
 
         Rows in which the mechanism rests are zero: they neither ask nor tell anything.
 
@@ -213,7 +231,7 @@ class RowFilter:
 
     def of_samples(self, signal: Array) -> Array:
         """Rows (n, ...) of a signal (N, ...) that is continuous at its samples."""
-        return self(np.stack([signal[:-1], signal[1:]]))
+        return self(at_both_ends(signal))
 
     def adjoint(
         self,
