@@ -276,22 +276,25 @@ def slip_of_joints(mechanism: Mechanism, theta: Array, twist: Array, speed: Arra
 
 
 def leaders_of(before: KinematicFit, tried: Mapping[str, KinematicFit]) -> tuple[str, ...]:
-    """The effects that explain wheels and pose, alike and best; empty if none does."""
-    settings = before.settings.kinematics
-    square = before.square
-    name = min(tried, key=lambda key: tried[key].square)
-    fall = square - tried[name].square
-    if fall < settings.min_explained_share * square or not _matters(tried[name]):
+    """The effects that explain wheels and pose, alike and best; empty if none of them matters."""
+    settings, square = before.settings.kinematics, before.square
+    least = min(fit.square for fit in tried.values())
+    fall = square - least
+    if fall < settings.min_explained_share * square:
         return ()
-    most = tried[name].square + settings.max_tied_share * fall
-    found = [key for key, fit in tried.items() if fit.square <= most and _matters(fit)]
-    return tuple(sorted(found, key=lambda key: tried[key].square))
+    most = least + settings.max_tied_share * fall
+    found = {name: fit for name, fit in tried.items() if fit.square <= most and _is_firm(fit)}
+    # One large enough to matter is enough: rollers that stand askew by a third of a degree do to
+    # the speeds what wheels do that differ by 2 %, so each may be what is there.
+    if all(fit.size < settings.min_size_share for fit in found.values()):
+        return ()
+    return tuple(sorted(found, key=lambda name: found[name].square))
 
 
-def _matters(fit: KinematicFit) -> bool:
-    """Whether a fitted effect is significant and of a size that is worth a name."""
+def _is_firm(fit: KinematicFit) -> bool:
+    """Whether a fitted effect is significant, and none that every log has."""
     settings, mechanism = fit.settings.kinematics, fit.mechanism
-    if fit.size < settings.min_size_share or fit.p_value > settings.max_p_value:
+    if fit.p_value > settings.max_p_value:
         return False
     if not mechanism.structure.filters_speed:
         return True
