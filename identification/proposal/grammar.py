@@ -22,9 +22,6 @@ from youbot_env.physics.effect import ROLLER, WHEEL, Place
 Array = NDArray[np.float64]
 Choices = Iterable[Shapes]
 
-SLOW = 1e-2
-"""Share of the largest speed below which a motion has no direction."""
-
 
 class Grammar(Protocol):
     """The laws of a mechanism, each with the values at which its shape constants are tried."""
@@ -60,7 +57,7 @@ class PlatformGrammar:
     def periodic(self) -> list[tuple[Law, Choices]]:
         """Ripples of the floor and of the wheels, and friction that the floor has in stripes."""
         laws = [platform_laws.ripple_over_floor(*wave) for wave in self._periods(_of_world)]
-        for wave in self._periods(_against_motion):
+        for wave in self._periods(self._against_motion):
             laws += sized_friction.stripes(self.seen, *wave)
         laws += [
             ripple(cycles, each)
@@ -81,6 +78,12 @@ class PlatformGrammar:
         speed = np.concatenate([np.hypot(*scene.twist[:, :2].T) for scene in scenes])
         rate = self.evidence.mechanism.filter_rate
         return periods_over_floor(place, np.concatenate(parts), speed, rate, self.settings)
+
+    def _against_motion(self, scene: Scene, back: Array) -> Array:
+        """(N, 1) against the motion: of a friction whose size repeats itself this does."""
+        speed = np.hypot(*scene.twist[:, :2].T)
+        power = (back[:, :2] * scene.twist[:, :2]).sum(axis=1)
+        return (power / np.maximum(speed, self.settings.slowest_share * speed.max()))[:, None]
 
     def _cycles(self, torques: Sequence[Array]) -> list[float]:
         """Cycles a turn of torques (N,), one a wheel, that repeat themselves with its angle."""
@@ -159,13 +162,6 @@ def _of_world(scene: Scene, back: Array) -> Array:
     """(N, 2) along the world: the transpose of the way from there to a force on the body."""
     c, s = np.cos(scene.pose[:, 2]), np.sin(scene.pose[:, 2])
     return np.column_stack([c * back[:, 0] - s * back[:, 1], s * back[:, 0] + c * back[:, 1]])
-
-
-def _against_motion(scene: Scene, back: Array) -> Array:
-    """(N, 1) against the motion: of a friction whose size repeats itself this does."""
-    v = scene.twist[:, :2]
-    speed = np.hypot(*v.T)
-    return ((back[:, :2] * v).sum(axis=1) / np.maximum(speed, SLOW * speed.max()))[:, None]
 
 
 def surroundings(evidence: Evidence, samples: Sequence[Samples]) -> Surroundings:
