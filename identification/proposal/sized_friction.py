@@ -192,32 +192,35 @@ def times_a_turn(order: int) -> Constant:
     return Constant("times", "1", 1.0, 8.0, 1.0, (float(order),), fitted=False, whole=True)
 
 
-BY_TIME = Sizing(
-    "that_grows",
-    "which grows from the start of each log",
-    "more from minute to minute",
-    ("time",),
-    (LEVEL, Part("growth", "s", 1.0 / 60.0)),
-    "level + growth * world.time",
-    "a + b t",
-    "a + b t",
-    "time",
-    terms=2,
-)
-"""Growing steadily from the start of each log: something winds up, or wears."""
+def by_time() -> Sizing:
+    """Growing steadily from the start of each log: something winds up, or wears."""
+    return Sizing(
+        "that_grows",
+        "which grows from the start of each log",
+        "more from minute to minute",
+        ("time",),
+        (LEVEL, Part("growth", "s", 1.0 / 60.0)),
+        "level + growth * world.time",
+        "a + b t",
+        "a + b t",
+        "time",
+        terms=2,
+    )
 
-BY_PLACE = Sizing(
-    "by_place",
-    "which changes steadily over the floor",
-    "more on one side of the room",
-    ("position_x", "position_y"),
-    (LEVEL, Part("along_x", "m"), Part("along_y", "m")),
-    "level + along_x * world.x + along_y * world.y",
-    "a + b x + c y",
-    "a + b x + c y",
-    "place",
-)
-"""Changing steadily over the floor: it gets softer, wetter, rougher."""
+
+def by_place() -> Sizing:
+    """Changing steadily over the floor: it gets softer, wetter, rougher."""
+    return Sizing(
+        "by_place",
+        "which changes steadily over the floor",
+        "more on one side of the room",
+        ("position_x", "position_y"),
+        (LEVEL, Part("along_x", "m"), Part("along_y", "m")),
+        "level + along_x * world.x + along_y * world.y",
+        "a + b x + c y",
+        "a + b x + c y",
+        "place",
+    )
 
 
 def over_floor(period: float, direction: float) -> Sizing:
@@ -259,8 +262,8 @@ def sized_frictions(seen: Surroundings, settings: ProposalSettings) -> Iterator[
     dry_turning, viscous_turning = frictions_of_turning(settings)
     for friction in (dry, viscous, viscous_turning):
         yield from (sized(friction, by_heading(order)) for order in (1, 2))
-        yield sized(friction, BY_PLACE)
-    yield from (sized(friction, BY_TIME) for friction in (dry, viscous))
+        yield sized(friction, by_place())
+    yield from (sized(friction, by_time()) for friction in (dry, viscous))
     by_yaw = by_speed("xp.abs(world.yaw_rate)", "|W|", r"|\Omega|", "yaw", "rad/s")
     yield from (sized(friction, by_yaw) for friction in (dry, viscous))
     travel = "xp.sqrt(world.velocity_x**2 + world.velocity_y**2)"
