@@ -596,6 +596,7 @@ class Mechanism(Generic[Known]):
         # numba, which a force fit does without
         from youbot_env.simulation.free_run import simulate_theta
 
+        rows_of_pieces = self.rows_of_free_run(theta, samples)
         structure, theta = self._structure_in(samples.name, theta)
         driving = torque or samples.torque.__getitem__
         s = rolled(structure, self.geometry, theta, start or samples, self.settings)
@@ -608,7 +609,7 @@ class Mechanism(Generic[Known]):
         if structure.reads_start:
             state.append(s.start)
         # Each piece of a long run goes on from the last state of the one before.
-        for rows in self.rows_of_free_run(theta, samples):
+        for rows in rows_of_pieces:
             begin = max(rows.start - 1, 0)
             args = (np.full(rows.stop - 1 - begin, s.dt), driving(slice(begin, rows.stop)), state)
             states = simulate_theta(structure, self.geometry, theta, *args)
