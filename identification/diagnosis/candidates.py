@@ -89,7 +89,8 @@ def try_candidate(base: FittedStructure, sums: BaseSums | None, effect: str) -> 
     name = f"{effect}{INSTANCE}0" if present else effect
     mechanism = base.mechanism.extended(name)
     longest = max(float(item.time[-1]) for item in base.samples)
-    grids = {p.name: _grid(p, longest) for p in mechanism.catalogue[name].parameters if p.grid}
+    searched = [p for p in mechanism.catalogue[name].parameters if p.grid]
+    grids = {p.name: _grid(p, longest, base.settings.max_instants) for p in searched}
     if sums:
         # In all logs from their start on is what the base model holds; in some it is not.
         declared = mechanism.catalogue[name].parameter
@@ -344,14 +345,16 @@ def _square(item: Candidate) -> float:
     return item.square
 
 
-def _grid(parameter: Parameter, longest: float) -> tuple[float, ...]:
-    """Values to try; instants of a log up to the end of the longest one [s]."""
+def _grid(parameter: Parameter, longest: float, most: int) -> tuple[float, ...]:
+    """Values to try; ``most`` instants of a log up to the end of the longest one [s]."""
     grid = parameter.grid
     if not parameter.instant:
         return grid
     step = grid[-1] - grid[-2]
     more = np.arange(grid[-1] + step, longest, step)
-    return tuple(value for value in (*grid, *more.tolist()) if value < longest)
+    found = tuple(value for value in (*grid, *more.tolist()) if value < longest)
+    apart = -(-len(found) // most) or 1
+    return found[apart - 1 :: apart]
 
 
 def _between(grid: Sequence[float], here: float, halving: int, parameter: Parameter) -> list[float]:

@@ -61,7 +61,7 @@ from identification.proposal.proposal import Proposal
 from identification.residual_map.regime import Regime
 from identification.residual_map.residual_map import residual_map
 from identification.residual_map.shares import ResidualMap
-from identification.threads import side_by_side
+from identification.threads import give_back, side_by_side
 from youbot_env.errors import InputError
 from youbot_env.physics.effect import effect_of
 
@@ -516,7 +516,7 @@ def _refitted(data: LoggedData, full: FittedStructure, effects: tuple[str, ...])
 def _final_fit_and_maps(data: LoggedData, steps: Sequence[Step]) -> tuple[Fit, list[ResidualMap]]:
     """The last structure's fit; maps of the base's residual and, with effects, of the last one's.
 
-    Side by side, in threads.
+    Side by side, in threads; of long logs one after another, for each of them takes memory.
     """
     last, settings = steps[-1].fitted, data.settings
 
@@ -531,8 +531,12 @@ def _final_fit_and_maps(data: LoggedData, steps: Sequence[Step]) -> tuple[Fit, l
     shown = [steps[0].fitted] if len(steps) == 1 else [steps[0].fitted, last]
     args = (last.mechanism, data.samples, data.noise, last.theta, data.seed, settings.fit)
     tasks = [partial(final_fit, *args), *(partial(mapped, f) for f in shown)]
-    final, *maps = side_by_side(lambda task: task(), tasks, data.progress)
-    return final, maps
+    if not data.is_long:
+        final, *maps = side_by_side(lambda task: task(), tasks, data.progress)
+        return final, maps
+    final = final_fit(*args)
+    give_back()
+    return final, [mapped(fitted) for fitted in shown]
 
 
 def _model(

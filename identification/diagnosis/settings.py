@@ -242,6 +242,14 @@ class DiagnosisSettings(Settings):
             "reason": "for the choice of effects: torque ripple lives above what a fit needs",
         },
     )
+    max_instants: int = field(
+        default=72,
+        metadata={
+            "unit": "1",
+            "reason": "of a log, at which an effect may set in, that are tried before the best is "
+            "sought between: every 5 s of six minutes, every 50 s of an hour",
+        },
+    )
     grid_halvings: int = field(
         default=3,
         metadata={

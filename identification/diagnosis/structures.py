@@ -328,7 +328,7 @@ class LoggedData:
     ) -> None:
         held = as_they_mean(mechanism, mechanism.samples_of(logs), settings.fit)
         self.samples, averaged = averaged_to_most(held.samples, settings)
-        self.notes = (*held.notes, *averaged)
+        self.notes, self.is_long = (*held.notes, *averaged), bool(averaged)
         self.noise = [NoiseLevel.of(samples, settings.fit) for samples in self.samples]
         self.seed, self.progress, self.settings = seed, progress, settings
         self._ends = time.process_time() + settings.max_search_time
