@@ -46,7 +46,7 @@ from identification.logs.wheel_checks import Slip, slip_of
 from identification.mechanisms.mechanism import Mechanism
 from identification.mechanisms.registry import AnyModel, kind_of, mechanism_of, platform_geometry
 from identification.mechanisms.residual_maps import refuse_unseen_logs
-from identification.mechanisms.samples import Samples
+from identification.mechanisms.samples import Samples, without_angles
 from identification.residual_map.residual_map import residual_map
 from identification.residual_map.settings import ResidualMapSettings
 from identification.residual_map.shares import ResidualMap
@@ -301,6 +301,8 @@ def compare(
     progress()
     fitted = _fitted(mechanism, model.theta, samples, settings.fit)
     left = _left_by(fitted, mechanism, model.theta, samples, seed, settings.fit)
+    if not mechanism.structure.depends_on_angle:
+        samples = [without_angles(item) for item in samples]
     give_back_after(samples, settings.fit)
     forces, refitted_error = _noise_of_forces(
         mechanism, samples, left, force_floor_of(model), seed, settings.fit

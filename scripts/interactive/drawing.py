@@ -10,7 +10,7 @@ import shutil
 import sys
 from collections.abc import Sequence
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -18,6 +18,12 @@ from numpy.typing import NDArray
 from youbot_env.errors import InputError
 from youbot_env.files import write_atomically
 from youbot_scripts.shared.options import load_user_effects
+
+if TYPE_CHECKING:
+    from identification.logs.log import Log
+    from identification.mechanisms.quantities import Quantities
+    from identification.mechanisms.registry import AnyModel
+    from identification.residual_map.shares import ResidualMap
 
 Array = NDArray[np.float64]
 
@@ -36,8 +42,6 @@ def main(arguments: Sequence[str]) -> None:
 
 def draw_model(out: Path, model: str, before: str, logs: Sequence[str]) -> dict[str, Any]:
     """Signals, floor plan and residual of a model on logs, beside those of the model before it."""
-    from identification.comparison import compare
-    from identification.figures.charts import pose_of
     from identification.figures.single_charts import residual_charts
     from identification.logs.reading import read_log
     from identification.mechanisms.registry import load_any_model, quantities_of
@@ -45,32 +49,43 @@ def draw_model(out: Path, model: str, before: str, logs: Sequence[str]) -> dict[
     names = [before, model] if before else [model]
     models = [load_any_model(name) for name in names]
     read = [read_log(path, joints=models[0].mechanism.joints) for path in logs]
-    found = [compare(item, read) for item in models]
     shown = quantities_of(models[0])
-    for k, item in enumerate(found[0].logs):
-        of_each = [result.logs[k] for result in found]
-        for name in ("velocity", "force"):
-            scale = shown.speed_scale if name == "velocity" else np.ones(len(shown.forces))
-            traces = [getattr(one, name) for one in of_each]
-            save(out / f"{name}_{k}_time.npy", traces[0].time)
-            save(out / f"{name}_{k}_measured.npy", traces[0].measured * scale)
-            for j, trace in enumerate(traces):
-                save(out / f"{name}_{k}_predicted_{j}.npy", trace.predicted * scale)
-        if len(shown.speeds) == 3:
-            save(out / f"pose_{k}.npy", pose_of(item, shown))
-    maps = [(name, result.where) for name, result in zip(_short(names), found, strict=True)]
+    # One after another: the signals of an hour at 1 kHz are there once.
+    found = [_draw_one(out, j, item, read, shown) for j, item in enumerate(models)]
+    maps = [(name, where) for name, (where, _) in zip(_short(names), found, strict=True)]
     charts = list(residual_charts(maps, shown.forces))
     return {
         "kind": "model",
         "models": _short(names),
-        "logs": [item.log.name for item in found[0].logs],
+        "logs": [log.name for log in read],
         "forces": [list(pair) for pair in shown.forces],
         "speeds": [list(pair) for pair in shown.speeds],
         "residual": [json.loads(chart.figure.to_json() or "{}") for chart in charts],
         "heights": [chart.height for chart in charts],
-        "errors": [result.to_dict()["total"] for result in found],
-        "noise_floor": found[-1].to_dict()["noise_floor"],
+        "errors": [numbers["total"] for _, numbers in found],
+        "noise_floor": found[-1][1]["noise_floor"],
     }
+
+
+def _draw_one(
+    out: Path, number: int, model: AnyModel, logs: Sequence[Log], shown: Quantities
+) -> tuple[ResidualMap, dict[str, Any]]:
+    """Save the signals of one model; its residual map and its numbers."""
+    from identification.comparison import compare
+    from identification.figures.charts import pose_of
+
+    result = compare(model, logs)
+    for k, item in enumerate(result.logs):
+        for name in ("velocity", "force"):
+            scale = shown.speed_scale if name == "velocity" else np.ones(len(shown.forces))
+            traces = getattr(item, name)
+            if number == 0:
+                save(out / f"{name}_{k}_time.npy", traces.time)
+                save(out / f"{name}_{k}_measured.npy", traces.measured * scale)
+            save(out / f"{name}_{k}_predicted_{number}.npy", traces.predicted * scale)
+        if number == 0 and len(shown.speeds) == 3:
+            save(out / f"pose_{k}.npy", pose_of(item, shown))
+    return result.where, result.to_dict()
 
 
 def draw_drive(out: Path, arguments: Sequence[str]) -> dict[str, Any]:
