@@ -74,8 +74,10 @@ class SumsOfSquares:
     def of(cls, traces: Traces, residual: Array | None = None) -> SumsOfSquares:
         """Of one log; ``residual`` replaces the traces' own (for a noise floor)."""
         if residual is None:
+            # Column by column, as below.
             pairs = zip(traces.measured.T, traces.predicted.T, strict=True)
-            left = np.array([float(np.square(a - b).sum()) for a, b in pairs])
+            columns = (a - b for a, b in pairs)
+            left = np.array([float(np.square(c, out=c).sum()) for c in columns])
         else:
             left = squares_of(residual)
         return cls(left, squares_of(traces.measured))

@@ -13,7 +13,7 @@ from identification.logs.findings import Finding, percent
 from identification.logs.log import Log
 from identification.logs.pose_travel import pose_travel, told_by_pose
 from identification.logs.settings import LogSettings
-from identification.signals.filters import integral_of
+from identification.signals.filters import integral_of, pieces
 from youbot_env.physics.geometry import WHEELS, Geometry
 from youbot_env.physics.hardware import GEAR_RATIO
 
@@ -50,8 +50,14 @@ _DEGREES = 180 / np.pi
 
 def slip_ratio(wheel_speed: NDArray[np.float64], direction: NDArray[np.float64] = NO_SLIP) -> float:
     """Share (root mean square) of the speeds (n, 4) that lies along a unit vector (4,)."""
-    total = float(np.sqrt(np.mean((wheel_speed**2).sum(axis=1))))
+    total = _usual(wheel_speed)
     return float(np.sqrt(np.mean((wheel_speed @ direction) ** 2))) / max(total, 1e-300)
+
+
+def _usual(wheel_speed: NDArray[np.float64]) -> float:
+    """Root mean square of the length of the speeds (n, 4), whose squares are made in pieces."""
+    squares = [(wheel_speed[some] ** 2).sum(axis=1) for some in pieces(len(wheel_speed))]
+    return float(np.sqrt(np.concatenate(squares).mean()))
 
 
 def power_share(log: Log, settings: LogSettings = LogSettings()) -> NDArray[np.float64]:
@@ -366,7 +372,7 @@ def slip_of(
     """The identity on a log; None for a mechanism that has no such four wheels."""
     if tuple(log.joints) != WHEELS:
         return None
-    usual = float(np.sqrt((log.velocity**2).sum(axis=1).mean()))
+    usual = _usual(log.velocity)
     ratio = slip_ratio(log.velocity, no_slip_of(geometry or Geometry()))
     noise = float(np.sqrt((log.speed_noise**2).mean())) / max(usual, 1e-300)
     exceeds = ratio > max(settings.slip_noise_ratio * noise, settings.negligible_slip)
