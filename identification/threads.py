@@ -60,10 +60,7 @@ def _trim() -> Callable[[int], int] | None:
     library = ctypes.CDLL(None) if os.name == "posix" else None
     trim = getattr(library, "malloc_trim", None)
     if library is not None and trim is not None:
+        mmap_threshold = -3  # M_MMAP_THRESHOLD of malloc.h
         # A column of an hour at 1 kHz has 29 MB; up to 32 MB it would be kept when it is freed.
-        library.mallopt(_MMAP_THRESHOLD, 16 << 20)
+        library.mallopt(mmap_threshold, 16 << 20)
     return trim
-
-
-_MMAP_THRESHOLD = -3
-"""M_MMAP_THRESHOLD of malloc.h: from how many bytes on memory goes back when it is freed."""
