@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -20,12 +20,14 @@ from identification.diagnosis.settings import DiagnosisSettings
 from identification.diagnosis.structures import LoggedData, Step
 from identification.fitting.final_fit import final_fit
 from identification.logs.log import Log, shared_clock
+from identification.mechanisms.mechanism import Mechanism
 from identification.mechanisms.registry import AnyModel, kind_of, mechanism_of
 from identification.mechanisms.residual_maps import (
     refuse_unseen_logs,
     sentence_of_map,
     with_map_over,
 )
+from identification.mechanisms.samples import Samples
 from youbot_env.errors import InputError
 from youbot_env.physics.residual_maps import is_map
 
@@ -55,19 +57,12 @@ def add_effect(
     """
     if not logs:
         raise InputError("no log given: add needs at least one")
+    added = (_Map if is_map(effect) else _Named)(effect)
+    _ = mechanism_of(model).catalogue[effect]  # it knows the effect, or says which it knows
+    model, settings = added.start(model), added.settings(settings)
     mechanism = mechanism_of(model, settings=settings.fit.mechanism)
-    item = mechanism.catalogue[effect]
-    if effect in mechanism.structure.effects:
-        if not is_map(effect):
-            raise InputError(f"the model holds {effect} already; identify fits it again")
-        # Drawn anew, over the range of these logs.
-        model = _without(model, effect)
-        mechanism = mechanism_of(model, settings=settings.fit.mechanism)
-    if is_map(effect):
-        settings = _for_a_map(settings)
     data = LoggedData(mechanism, logs, seed, progress, settings)
-    if is_map(effect):
-        mechanism = with_map_over(mechanism, effect, data.samples)
+    mechanism = added.over(mechanism, data.samples)
     refuse_unseen_logs(mechanism, model.theta, data.samples)
     wheels = wheel_evidence(data, mechanism, model.theta, [effect])
     base = fit_base(data, mechanism, model.theta)
@@ -96,8 +91,7 @@ def add_effect(
         *_errors_that_doubt(before, after, p_value, settings),
         *_parameters_that_doubt(
             effect,
-            # Humps of a map overlap: none may be sure alone, though their sum is.
-            {} if is_map(effect) else new.effects[effect],
+            added.judged_one_by_one(new),
             [fitted.mechanism.labels[result.free[k]].component for k in result.bounded],
             settings.fit.interval_deviations,
         ),
@@ -111,27 +105,71 @@ def add_effect(
         p_value=p_value,
         worthwhile=not reasons,
         reasons=tuple(reasons),
-        sentence=sentence_of_map(new, effect, settings.proposal.map_points)
-        if is_map(effect)
-        else describe_in(new, item),
+        sentence=added.sentence(new, settings),
         samples=tuple(data.samples),
         settings=settings,
     )
 
 
-def _for_a_map(settings: DiagnosisSettings) -> DiagnosisSettings:
-    """The settings under which blocks of every log are held out in turn."""
-    blocks = {"blocks_of_single_log": settings.proposal.map_blocks, "min_lone_share": NO_SHARE}
-    return replace(settings, fit=replace(settings.fit, **blocks))
+@dataclass(frozen=True)
+class _Named:
+    """An effect of the catalogue that is added."""
+
+    name: str
+
+    def start(self, model: AnyModel) -> AnyModel:
+        """The model that it is added to."""
+        if self.name in model.effects:
+            raise InputError(f"the model holds {self.name} already; identify fits it again")
+        return model
+
+    def settings(self, given: DiagnosisSettings) -> DiagnosisSettings:
+        """The settings under which it is judged."""
+        return given
+
+    def over(self, mechanism: Mechanism[Any], samples: Sequence[Samples]) -> Mechanism[Any]:
+        """The mechanism, whose catalogue has it as the logs want it."""
+        return mechanism
+
+    def judged_one_by_one(self, fitted: AnyModel) -> Mapping[str, Any]:
+        """Its parameters of which one that is sure speaks for it."""
+        return fitted.effects[self.name]
+
+    def sentence(self, fitted: AnyModel, settings: DiagnosisSettings) -> str:
+        """What it is, with its size."""
+        return describe_in(fitted, mechanism_of(fitted).catalogue[self.name])
+
+
+class _Map(_Named):
+    """A map of the residual that is added."""
+
+    def start(self, model: AnyModel) -> AnyModel:
+        """The model without it: it is drawn anew, over the range of these logs."""
+        if self.name not in model.effects:
+            return model
+        left = {name: values for name, values in model.effects.items() if name != self.name}
+        return replace(model, effects=left, covariance=None, covariance_names=())
+
+    def settings(self, given: DiagnosisSettings) -> DiagnosisSettings:
+        """Blocks of every log are held out in turn."""
+        blocks = {"blocks_of_single_log": given.proposal.map_blocks, "min_lone_share": NO_SHARE}
+        return replace(given, fit=replace(given.fit, **blocks))
+
+    def over(self, mechanism: Mechanism[Any], samples: Sequence[Samples]) -> Mechanism[Any]:
+        """Over the range that the logs pass."""
+        return with_map_over(mechanism, self.name, samples)
+
+    def judged_one_by_one(self, fitted: AnyModel) -> Mapping[str, Any]:
+        """None: its humps overlap, and none may be sure alone though their sum is."""
+        return {}
+
+    def sentence(self, fitted: AnyModel, settings: DiagnosisSettings) -> str:
+        """What it is, how large, and where it holds."""
+        return sentence_of_map(fitted, self.name, settings.proposal.map_points)
 
 
 NO_SHARE = float(np.finfo(float).tiny)
 """Any log shows some column alone, by this."""
-
-
-def _without(model: AnyModel, effect: str) -> Any:
-    left = {name: values for name, values in model.effects.items() if name != effect}
-    return replace(model, effects=left, covariance=None, covariance_names=())
 
 
 def _errors_that_doubt(

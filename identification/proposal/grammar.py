@@ -11,9 +11,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from identification.mechanisms.samples import Samples
-from identification.proposal import place_laws, platform_laws, products
+from identification.proposal import place_laws, platform_laws, products, sized_friction
 from identification.proposal.axis_laws import Travel, axis_laws
-from identification.proposal.evidence import Evidence
+from identification.proposal.evidence import Evidence, Scene
 from identification.proposal.law import Law, Shapes
 from identification.proposal.periods import cycles_of_angles, periods_over_floor
 from identification.proposal.surroundings import Surroundings, choices_near, choices_of
@@ -55,8 +55,10 @@ class PlatformGrammar:
         return self._with_choices(platform_laws.single_laws(self.seen, self.settings))
 
     def periodic(self) -> list[tuple[Law, Choices]]:
-        """Ripples of the floor and of the wheels."""
-        laws = [platform_laws.ripple_over_floor(*pair) for pair in self._periods()]
+        """Ripples of the floor and of the wheels, and friction that the floor has in stripes."""
+        laws = [platform_laws.ripple_over_floor(*wave) for wave in self._periods(_of_world)]
+        for wave in self._periods(self._against_motion):
+            laws += sized_friction.stripes(self.seen, *wave)
         laws += [
             ripple(cycles, each)
             for ripple, found in (
@@ -68,21 +70,20 @@ class PlatformGrammar:
         ]
         return self._with_choices(laws)
 
-    def _periods(self) -> list[tuple[float, float]]:
-        place: list[Array] = []
-        force: list[Array] = []
-        for scene, back in zip(self.evidence.scenes, self._back, strict=True):
-            c, s = np.cos(scene.pose[:, 2]), np.sin(scene.pose[:, 2])
-            # The transpose of the way from a force in the world to one on the body.
-            along_x, along_y = c * back[:, 0] - s * back[:, 1], s * back[:, 0] + c * back[:, 1]
-            force.append(np.column_stack([along_x, along_y]))
-            place.append(scene.pose[:, :2])
+    def _periods(self, part_of: Callable[[Scene, Array], Array]) -> list[tuple[float, float]]:
+        """Periods [m] and directions [rad] of a part of the force that is left, over the floor."""
+        scenes = self.evidence.scenes
+        parts = [part_of(scene, back) for scene, back in zip(scenes, self._back, strict=True)]
+        place = np.concatenate([scene.pose[:, :2] for scene in scenes])
+        speed = np.concatenate([np.hypot(*scene.twist[:, :2].T) for scene in scenes])
         rate = self.evidence.mechanism.filter_rate
-        twist = np.concatenate([scene.twist for scene in self.evidence.scenes])
-        speed = np.hypot(twist[:, 0], twist[:, 1])
-        return periods_over_floor(
-            np.concatenate(place), np.concatenate(force), speed, rate, self.settings
-        )
+        return periods_over_floor(place, np.concatenate(parts), speed, rate, self.settings)
+
+    def _against_motion(self, scene: Scene, back: Array) -> Array:
+        """(N, 1) against the motion: of a friction whose size repeats itself this does."""
+        speed = np.hypot(*scene.twist[:, :2].T)
+        power = (back[:, :2] * scene.twist[:, :2]).sum(axis=1)
+        return (power / np.maximum(speed, self.settings.slowest_share * speed.max()))[:, None]
 
     def _cycles(self, torques: Sequence[Array]) -> list[float]:
         """Cycles a turn of torques (N,), one a wheel, that repeat themselves with its angle."""
@@ -142,7 +143,7 @@ class PlatformGrammar:
 
     def products(self, leaders: Sequence[Law]) -> list[tuple[Law, Choices]]:
         """Laws of the world in a patch, beyond an edge, from a time on."""
-        known = *products.canonical_factors(self.seen), *products.turning_factors(self.settings)
+        known = products.canonical_factors(self.seen, self.settings)
         factors = {law.name: law for law in known}
         factors |= {law.name: law for law in leaders if law.terms <= self.settings.max_factor_terms}
         return self._with_choices(
@@ -155,6 +156,12 @@ class PlatformGrammar:
 
     def _with_choices(self, laws: Sequence[Law]) -> list[tuple[Law, Choices]]:
         return [(law, list(choices_of(law, self.seen, self.settings))) for law in laws]
+
+
+def _of_world(scene: Scene, back: Array) -> Array:
+    """(N, 2) along the world: the transpose of the way from there to a force on the body."""
+    c, s = np.cos(scene.pose[:, 2]), np.sin(scene.pose[:, 2])
+    return np.column_stack([c * back[:, 0] - s * back[:, 1], s * back[:, 0] + c * back[:, 1]])
 
 
 def surroundings(evidence: Evidence, samples: Sequence[Samples]) -> Surroundings:

@@ -21,12 +21,14 @@ Array = NDArray[np.float64]
 def periods_over_floor(
     place: Array, force: Array, speed: Array, filter_rate: float, settings: ProposalSettings
 ) -> list[tuple[float, float]]:
-    """Periods [m] and directions [rad] of the strongest forces along a direction of the world that
-    repeat themselves along it; the strongest first.
+    """Periods [m] and directions [rad] of the strongest forces that repeat themselves along a
+    direction of the floor; the strongest first.
 
     Parameters
     ----------
-    place : (N, 2) [m] at the samples; force : (N, 2) along the world, taken back through the filter
+    place : (N, 2) [m] at the samples
+    force : taken back through the filter, (N, 2) along the world, of which the part along that
+        direction is looked at, or (N, 1) of another direction
     speed : (N,) of O [m/s]; filter_rate : of the filter of forces [rad/s]
     """
     reach = float(np.ptp(place, axis=0).max())
@@ -37,12 +39,16 @@ def periods_over_floor(
     cell = max(cell, 2 * reach / size)
     index = np.floor((place - place.min(axis=0)) / cell).astype(int)
     flat = np.ravel_multi_index(tuple(index.T), (size, size))
-    binned = [np.bincount(flat, part, size * size).reshape(size, size) for part in force.T]
+    # Of what does not depend on the place, the wave would be that of how often each was visited.
+    swing = force - force.mean(axis=0)
+    binned = [np.bincount(flat, part, size * size).reshape(size, size) for part in swing.T]
     waves = np.stack([np.fft.fft2(part) for part in binned])
     k = 2 * np.pi * np.fft.fftfreq(size, cell)
     kx, ky = np.meshgrid(k, k, indexing="ij")
     length = np.hypot(kx, ky)
-    along = (kx * waves[0] + ky * waves[1]) / np.maximum(length, 1e-300)
+    along = waves[0]
+    if len(waves) > 1:
+        along = (kx * waves[0] + ky * waves[1]) / np.maximum(length, 1e-300)
     # Driven in any direction, a wave swings at k v cos(a): the mean over a of what passes.
     passed = sum(1.0 / np.sqrt(1.0 + (length * v / filter_rate) ** 2) for v in _usual(speed))
     power = np.abs(along) ** 2 / passed

@@ -17,20 +17,22 @@ from numpy.typing import NDArray
 from identification.proposal.forms import Form, Quantity, even_forms, speed_forms, strength
 from identification.proposal.law import Constant, Law
 from identification.proposal.place_laws import laws_by_place
-from identification.proposal.products import (
-    friction_by_heading,
-    friction_by_place,
-    friction_by_speed,
-    friction_by_time,
-)
 from identification.proposal.settings import ProposalSettings
+from identification.proposal.sized_friction import (
+    by_wheel_angle,
+    sized,
+    sized_frictions,
+    times_a_turn,
+)
 from identification.proposal.surroundings import (
     CIRCLE,
     CONFIRM,
     TURN,
+    WAVE,
     Surroundings,
     direction_constant,
     instants,
+    wave_constants,
 )
 from youbot_env.physics.effect import BODY, ROLLER, WHEEL, WORLD, Place
 
@@ -48,10 +50,7 @@ def single_laws(seen: Surroundings, settings: ProposalSettings) -> list[Law]:
         *_along_directions(seen, settings),
         *laws_by_place(seen, settings),
         *_by_heading(settings),
-        *friction_by_heading(seen),
-        *friction_by_time(seen),
-        *friction_by_place(seen),
-        *friction_by_speed(seen, settings),
+        *sized_frictions(seen, settings),
         *_by_time(seen, settings),
         *_of_body(seen, settings),
         *_of_joints(seen, settings),
@@ -129,7 +128,7 @@ def _along_and_across(settings: ProposalSettings) -> Law:
 def _by_heading(settings: ProposalSettings) -> Iterator[Law]:
     """Forces along the world and moments that swing with the heading."""
     for order in settings.heading_orders:
-        turns = Constant("times", "1", 1.0, 8.0, 1.0, (float(order),), fitted=False, whole=True)
+        turns = times_a_turn(order)
         pair = (Constant("cosine", "N", size=5.0), Constant("sine", "N", size=5.0))
         swing = "cosine * xp.cos(times * world.yaw) + sine * xp.sin(times * world.yaw)"
         yield Law(
@@ -448,34 +447,11 @@ def _wheels_by_angle(seen: Surroundings, settings: ProposalSettings) -> Iterator
     u = Quantity(
         "wheel.rate", "w", r"\omega", "wheel speed", "rad/s", seen.wheel, settings.smoothing[2]
     )
-    swings = "size = level + cosine * xp.cos(times * angle) + sine * xp.sin(times * angle)"
     for form in speed_forms(u, "torque", "N m", settings):
-        if form.key not in ("dry", "viscous"):
-            continue
-        law = _joint_law(WHEEL, "wheel", form, ("wheel_angle", "wheel_speed"))
-        (strength_of,) = law.strengths
-        for order in settings.wheel_orders:
-            sizes = ("level", "cosine", "sine")
-            times = Constant("times", "1", 1.0, 8.0, 1.0, (float(order),), fitted=False, whole=True)
-            yield replace(
-                law,
-                name=f"uneven_{law.name}_by_angle_{order}",
-                constants=(
-                    *(replace(strength_of, name=name, each_wheel=True) for name in sizes),
-                    *law.shapes,
-                    times,
-                ),
-                lines=("angle = wheel.angle", swings),
-                result=law.result.replace(f"{strength_of.name} ", "size "),
-                meaning=f"{law.meaning}, of a size that swings with its angle: it rubs over a part "
-                "of the turn",
-                formula=f"(a + b cos(n phi) + c sin(n phi)) {law.formula.partition(' ')[2]}",
-                latex=rf"(a + b\cos n\varphi + c\sin n\varphi)\,{law.latex.partition(' ')[2]}",
-                recognise="A friction that swings with the angle of certain wheels, and turns its "
-                "sign with the speed.",
-                dissipative=False,
-                terms=2,
-            )
+        if form.key in ("dry", "viscous"):
+            friction = _joint_law(WHEEL, "wheel", form, ("wheel_speed",))
+            for order in settings.wheel_orders:
+                yield _each(sized(friction, by_wheel_angle(order)))
 
 
 def _variables(point: str) -> tuple[str, ...]:
@@ -487,7 +463,6 @@ def _variables(point: str) -> tuple[str, ...]:
 
 def ripple_over_floor(period: float, direction: float) -> Law:
     """A force along a direction that is periodic in the way along it, near a period [m]."""
-    step = 0.02 * period
     return Law(
         "ripple_of_floor",
         WORLD,
@@ -495,11 +470,9 @@ def ripple_over_floor(period: float, direction: float) -> Law:
         (
             Constant("sine", "N", size=5.0),
             Constant("cosine", "N", size=5.0),
-            Constant("period", "m", 0.5 * period, 2.0 * period, period, (period,), step=0.1 * step),
-            Constant("direction", "rad", *CIRCLE, 1.0, (direction,), step=0.02),
+            *wave_constants(period, direction),
         ),
-        (TURN, "turn = 6.283185307179586 * (world.x * c + world.y * s) / period",
-         "along = sine * xp.sin(turn) + cosine * xp.cos(turn)"),
+        (TURN, WAVE, "along = sine * xp.sin(turn) + cosine * xp.cos(turn)"),
         "along * c, along * s, 0.0",
         "Force that repeats itself along one direction of the floor: joints of tiles, a grid",
         "a sin(2 pi p/P) + b cos(2 pi p/P), p = x cos(d) + y sin(d)",

@@ -125,6 +125,14 @@ class ProposalSettings(Settings):
             "reason": "how often a wheel rubs: once, where it is not round; twice if bent",
         },
     )
+    slowest_share: float = field(
+        default=1e-2,
+        metadata={
+            "unit": "1",
+            "reason": "of the largest speed, below which a motion has no direction: what friction "
+            "does there is as small as the speed's noise",
+        },
+    )
     shortest_period: float = field(
         default=0.04,
         metadata={

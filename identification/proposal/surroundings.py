@@ -65,6 +65,19 @@ CONFIRM = {
 }
 
 
+def wave_constants(period: float, direction: float) -> tuple[Constant, ...]:
+    """Of what repeats itself along a direction of the floor, near a period [m]."""
+    step = 2e-3 * period
+    return (
+        Constant("period", "m", 0.5 * period, 2.0 * period, period, (period,), step=step),
+        Constant("direction", "rad", *CIRCLE, 1.0, (direction,), step=0.02),
+    )
+
+
+WAVE = "turn = 6.283185307179586 * (world.x * c + world.y * s) / period"
+"""Angle of such a wave, behind ``TURN``."""
+
+
 def instants(seen: Surroundings, settings: ProposalSettings) -> tuple[float, ...]:
     inner = np.linspace(0.0, seen.duration, settings.instants + 2)[1:-1]
     return tuple(float(round(t, 2)) for t in inner)

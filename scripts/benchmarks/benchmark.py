@@ -226,10 +226,13 @@ def _training(found: Sequence[LearningSpeed]) -> Table:
     ratio = Column("times\nas fast", lambda value: f"{value:.2f}")
     rate = Column("steps/s\nof a core", lambda value: f"{value:,.0f}")
     rows = tuple(
-        (row.name, row.copies, row.a_round, row.batch, found[0].rate / row.rate, row.rate)
+        (
+            *(row.name, row.copies, row.a_round, row.batch, row.epochs),
+            *(found[0].rate / row.rate, row.rate),
+        )
         for row in found
     )
-    shown = columns("copies in", "copies", "a round", "batch", ratio, rate)
+    shown = columns("copies in", "copies", "a round", "batch", "epochs", ratio, rate)
     notes = ("times as fast: the first row's rate by this one's",)
     return Table("PPO, environment steps with learning", shown, rows, notes)
 

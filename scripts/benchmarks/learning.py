@@ -12,7 +12,8 @@ from typing import Any
 from youbot_env.errors import optional_library
 
 OPTIONS = {"delay": 1, "wheel_speed_noise": 0.01, "randomise": {"m0": ("95%", "105%")}}
-"""Of README's example."""
+README = (4096, 512, 5)
+"""Of README's example: the environments, and steps a round, samples a batch, epochs."""
 
 
 @dataclass(frozen=True)
@@ -20,12 +21,14 @@ class LearningSpeed:
     """A row: env steps a second of a core, learning included.
 
     copies : side by side; a_round : steps between two updates; batch : samples a gradient step
+    epochs : how often an update goes through a round's steps
     """
 
     name: str
     copies: int
     a_round: int
     batch: int
+    epochs: int
     rate: float
 
     def to_dict(self) -> dict[str, Any]:
@@ -36,8 +39,8 @@ class LearningSpeed:
 def learning_speeds(steps: int = 32_768) -> list[LearningSpeed]:
     """PPO on ``youbot_env.sb3`` as in README; on 8 copies in Stable-Baselines3's ``DummyVecEnv``.
 
-    The latter with its own settings, and with README's number of samples. Processor seconds: other
-    work on the machine counts less.
+    The latter with its own settings, and with README's. Processor seconds: other work on the
+    machine counts less.
     """
     needed = ("rl", "the part training needs Stable-Baselines3", "leave it out")
     sb3 = optional_library("stable_baselines3", *needed)
@@ -49,9 +52,9 @@ def learning_speeds(steps: int = 32_768) -> list[LearningSpeed]:
     many = make_vec_env(64, seed=0, threads=1, **OPTIONS)
     few = copies_one_by_one("youbot_env:YouBotTracking-v0", n_envs=8, env_kwargs=OPTIONS)
     cases = (
-        ("youbot_env.sb3", many, 4096, 1024),
-        ("DummyVecEnv, its settings", few, 16_384, 64),
-        ("DummyVecEnv, README's batch", few, 4096, 1024),
+        ("youbot_env.sb3", many, *README),
+        ("DummyVecEnv, its settings", few, 16_384, 64, 10),
+        ("DummyVecEnv, README's settings", few, *README),
     )
     before = torch.get_num_threads()
     torch.set_num_threads(1)
@@ -62,13 +65,14 @@ def learning_speeds(steps: int = 32_768) -> list[LearningSpeed]:
 
 
 def _measured(
-    algorithm: Any, name: str, env: Any, a_round: int, batch: int, steps: int
+    algorithm: Any, name: str, env: Any, a_round: int, batch: int, epochs: int, steps: int
 ) -> LearningSpeed:
     learner = algorithm(
         "MlpPolicy",
         env,
         n_steps=a_round // env.num_envs,
         batch_size=batch,
+        n_epochs=epochs,
         gamma=0.9,
         seed=0,
         device="cpu",
@@ -77,4 +81,4 @@ def _measured(
     start = time.process_time()
     learner.learn(max(steps, a_round))
     rate = learner.num_timesteps / (time.process_time() - start)
-    return LearningSpeed(name, env.num_envs, a_round, batch, rate)
+    return LearningSpeed(name, env.num_envs, a_round, batch, epochs, rate)

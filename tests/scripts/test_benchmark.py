@@ -75,9 +75,9 @@ def test_times_logs_by_their_length(monkeypatch, capsys):
 
 @pytest.mark.slow
 def test_ppo_learns_faster_on_compiled_copies():
-    ours, theirs, same_batch = learning_speeds(4096)
-    assert ours.rate > 2 * theirs.rate and ours.rate > same_batch.rate
-    assert (ours.a_round, ours.batch) == (same_batch.a_round, same_batch.batch)
+    ours, theirs, alike = learning_speeds(4096)
+    assert ours.rate > 5 * theirs.rate and ours.rate > alike.rate
+    assert (ours.a_round, ours.batch, ours.epochs) == (alike.a_round, alike.batch, alike.epochs)
 
 
 @pytest.mark.slow

@@ -6,7 +6,7 @@ from functools import cache
 
 import numpy as np
 
-from identification.proposal import place_laws, platform_laws, products
+from identification.proposal import place_laws, platform_laws, products, sized_friction
 from identification.proposal.law import FoundLaw, Law
 from identification.proposal.settings import ProposalSettings
 from identification.proposal.surroundings import Surroundings
@@ -26,11 +26,12 @@ def seen() -> Surroundings:
 def every_law() -> tuple[Law, ...]:
     """Single ones, products of two, and those that repeat themselves."""
     laws = platform_laws.single_laws(seen(), SETTINGS)
-    factors = [*products.canonical_factors(seen()), *products.turning_factors(SETTINGS)]
+    factors = products.canonical_factors(seen(), SETTINGS)
     laws += [p for law in factors for p in products.products(law, seen(), SETTINGS)]
     laws += place_laws.laws_at_a_spot(seen(), SETTINGS)
     laws += place_laws.fields_at_a_spot(seen(), SETTINGS)
     laws += [platform_laws.ripple_over_floor(0.1, 0.3)]
+    laws += sized_friction.stripes(seen(), 0.1, 0.3)
     for ripple in (platform_laws.ripple_of_wheels, platform_laws.ripple_of_rollers):
         laws += [ripple(7.3, each) for each in (False, True)]
     return tuple(laws)

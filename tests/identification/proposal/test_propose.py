@@ -104,6 +104,24 @@ RIVALS = (
 )
 
 
+def test_friction_that_the_floor_has_in_stripes_is_found_by_a_scan_over_periods():
+    name = "dry_drag_of_stripes"
+    values = {"level": 8.0, "cosine": 5.0, "sine": -4.0}
+    planted = FoundLaw(law_named(name), values | {"period": 0.213, "direction": 0.7})
+    search, grammar = search_of(planted)
+    search.add(grammar.periodic())
+    rivals = {"dry_drag_by_place", "air_drag", "dry_nap"}
+    search.add([pair for pair in grammar.single() if pair[0].name in rivals])
+    search.refine()
+    verdict = search.verdict()
+    assert verdict is not None and verdict.found.law.name == name
+    found = verdict.found.values
+    assert found["period"] == pytest.approx(0.213, rel=0.01)
+    assert found["direction"] % np.pi == pytest.approx(0.7, abs=0.05)
+    assert found["level"] == pytest.approx(8.0, rel=0.1)
+    assert np.hypot(found["cosine"], found["sine"]) == pytest.approx(41**0.5, rel=0.15)
+
+
 @pytest.mark.parametrize(
     ("name", "finder", "size"),
     [
