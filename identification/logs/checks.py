@@ -33,7 +33,7 @@ from identification.logs.logger_checks import (
     stale_channels,
     unsigned_efforts,
 )
-from identification.logs.pose_checks import pose_against_wheels
+from identification.logs.pose_checks import lost_poses, pose_against_wheels
 from identification.logs.settings import LogSettings
 from identification.logs.timebase import runs_of
 from identification.logs.wheel_checks import CheckLimits, power_share, unsigned_speeds
@@ -387,6 +387,7 @@ _JOINTS = (_power, _position)
 _WHEELS = (
     unsigned_speeds,
     pose_against_wheels,
+    lost_poses,
     late_wheels,
     *wheel_checks.CHECKS,
     effort_order,

@@ -708,6 +708,28 @@ class LogSettings(Settings):
             "both slopes a quarter",
         },
     )
+    min_frame_yaw: float = field(
+        default=0.1,
+        metadata={
+            "unit": "rad",
+            "reason": "of a heading that is measured askew: three times what a real capture had",
+        },
+    )
+    lost_pose_time: float = field(
+        default=0.3,
+        metadata={
+            "unit": "s",
+            "reason": "without a new pose: slower trackers than 4 Hz are none for a robot",
+        },
+    )
+    lost_pose_periods: float = field(
+        default=5.0,
+        metadata={"unit": "usual times between poses", "reason": "a few messages may be lost"},
+    )
+    min_lost_way: float = field(
+        default=0.05,
+        metadata={"unit": "m", "reason": "a leap or a rest of less is within a tracker's error"},
+    )
     wheel_delay_block: float = field(
         default=0.04,
         metadata={
