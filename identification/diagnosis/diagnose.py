@@ -40,7 +40,7 @@ from identification.diagnosis.report import (
     without_imitators,
 )
 from identification.diagnosis.settings import DiagnosisSettings
-from identification.diagnosis.slip import does_slip, refuted, slip_warning
+from identification.diagnosis.slip import refuted, slip_warning, telling_slip
 from identification.diagnosis.structures import (
     Candidate,
     FittedStructure,
@@ -50,7 +50,6 @@ from identification.diagnosis.structures import (
 )
 from identification.fitting.changed_parameters import changed_parameters
 from identification.fitting.final_fit import coarse_speed_warnings, final_fit
-from identification.fitting.kinematic_evidence import slip_words
 from identification.fitting.least_squares import Fit
 from identification.fitting.regression import acting_share
 from identification.logs.log import Log, in_order_of_time, shared_clock, warnings_of_logs
@@ -106,8 +105,8 @@ def diagnose(
     steps, regime = (
         regime_left(data, steps, explained_share(steps)) if unexplained else (steps, None)
     )
-    slips, proposal = does_slip(data, chosen.wheels.slip), None
-    if not slips:
+    slip, proposal = telling_slip(steps[-1].fitted, chosen.wheels.slip), None
+    if slip is None:
         # Also where trees find nothing: a ripple of the floor is too fine for them. Of wheels that
         # slide no law is sought: one of rolling would imitate them.
         steps, proposal = propose(data, steps, unexplained, Fits(fit_structure, final_fit))
@@ -123,9 +122,9 @@ def diagnose(
     fitted_model = _model(steps[-1], final, model, logs, floor)
     of_logs = warnings_of_logs(logs) + [*data.notes, *coarse_speed_warnings(data.samples, final)]
     words = sentences_of(fitted_model, steps, verdict, ties, floor, maps[-1], regime, proposal)
-    if slips:
-        of_logs.append(slip_warning(chosen.wheels.slip, chosen.refused))
-        words = [slip_words(chosen.wheels.slip), *words] if unexplained else words
+    if slip is not None:
+        of_logs.append(slip_warning(slip, chosen.refused))
+        words = [slip.words, *words] if unexplained else words
     return Diagnosis(
         verdict=verdict,
         missing=effects_of(accepted),
@@ -151,7 +150,7 @@ def diagnose(
         regime=regime,
         proposal=proposal,
         changes=changed_parameters(model, fitted_model, mechanism, settings.fit),
-        slip_share=chosen.wheels.slip.share if slips else None,
+        slip=slip,
     )
 
 

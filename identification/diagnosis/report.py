@@ -12,6 +12,7 @@ from identification.diagnosis.sentences import describe
 from identification.diagnosis.settings import DiagnosisSettings
 from identification.diagnosis.structures import Candidate, Ranking, Step
 from identification.fitting.changed_parameters import ParameterChanges
+from identification.fitting.kinematic_evidence import TellingSlip
 from identification.fitting.predictability import too_short
 from identification.mechanisms.mechanism import Mechanism
 from identification.mechanisms.samples import Samples
@@ -41,7 +42,7 @@ class Diagnosis(Shown):
     regime : where what remains lives, of an unknown rest; None if no rule says so
     proposal : a law beyond the catalogue for an unknown rest; None if none was found
     changes : the given model's parameters beside the refitted ones
-    slip_share : of wheels that slip, the share of their speeds that is no rigid motion; else None
+    slip : of the wheels, where it is worth a word
     settings : all numbers that the verdict depends on
     """
 
@@ -66,7 +67,7 @@ class Diagnosis(Shown):
     regime: Regime | None = None
     proposal: Proposal | None = None
     changes: ParameterChanges = field(default_factory=ParameterChanges)
-    slip_share: float | None = None
+    slip: TellingSlip | None = None
 
     kind: ClassVar[str] = "diagnosis"
 
@@ -74,10 +75,10 @@ class Diagnosis(Shown):
         """The verdict in one sentence, with how far the error falls."""
         names = listed([name.replace("_", " ") for name in self.missing]) if self.missing else ""
         line = HEADLINES[self.verdict].format(missing=names)
-        if self.verdict == "unknown" and (names or self.slip_share):
+        if self.verdict == "unknown" and (names or self.slip):
             rest = "something that no effect of the catalogue explains"
-            if self.slip_share:
-                rest = f"the wheels slip ({self.slip_share:.1%} of their speeds is no rigid motion)"
+            if self.slip is not None:
+                rest = self.slip.brief
             line = f"The model lacks {names}, and {rest}" if names else rest[0].upper() + rest[1:]
         first, last = self.steps[0].force_error, self.steps[-1].force_error
         noise = f"noise {self.noise_floor['force_error']:.2%}"
@@ -171,7 +172,7 @@ class Diagnosis(Shown):
             "candidates": self.candidates,
             "where": self.where,
             "remaining": self.remaining,
-            "slip": self.slip_share,
+            "slip": None if self.slip is None else self.slip.share,
             "regime": self.regime and self.regime.rule,
             "proposal": self.proposal and self.proposal.to_dict(),
             "next_experiment": self.next_experiment,

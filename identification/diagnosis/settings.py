@@ -157,6 +157,27 @@ class DiagnosisSettings(Settings):
             "and 6 % in place of 31, 17 and 10 %",
         },
     )
+    min_burst_square_ratio: float = field(
+        default=2.0,
+        metadata={
+            "unit": "mean square of the residual in a burst of slip, over that elsewhere",
+            "reason": "from which on the forces fail too: half of the bursts have more than 2.5 on "
+            "contact simulators with a friction of 0.15 to 0.3; more than 0.7 to 1.0 where "
+            "rollers ripple",
+        },
+    )
+    min_bursts: int = field(
+        default=3,
+        metadata={"unit": "1", "reason": "one may be a bump, two a chance"},
+    )
+    min_burst_rate: float = field(
+        default=1 / 60,
+        metadata={
+            "unit": "1/s",
+            "reason": "of bursts in which forces fail: 2 to 3 a minute with a friction of 0.25, "
+            "1.1 at 0.3; at most 0.5 at 0.8 and 1",
+        },
+    )
     paired_candidates: int = field(
         default=2,
         metadata={

@@ -10,16 +10,55 @@ from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
+from numpy.typing import NDArray
 
 from identification.diagnosis.structures import FittedStructure, LoggedData
-from identification.fitting.kinematic_evidence import SlippingWheels, slip_words
+from identification.fitting.kinematic_evidence import SlippingWheels, TellingSlip
 from identification.fitting.noise_bias import joint_fit
+from identification.fitting.regression import Regression
 from identification.mechanisms.samples import Samples
 
+Array = NDArray[np.float64]
 
-def does_slip(data: LoggedData, slip: SlippingWheels) -> bool:
-    """Whether wheels slip by more than is worth a word."""
-    return slip.share > data.settings.fit.kinematics.min_slip_share
+
+def telling_slip(fitted: FittedStructure, slip: SlippingWheels) -> TellingSlip | None:
+    """The slip of wheels, if it is worth a word: lasting, or bursts in which the structure fails.
+
+    A wheel that slides loses its pull, so the forces fail as the speeds do. Rollers that ripple
+    break the speeds' identity too, and no force fails then.
+    """
+    settings = fitted.settings
+    if slip.share > settings.fit.kinematics.min_slip_share:
+        return TellingSlip(slip.share)
+    bursts, elsewhere, seconds = list[float](), list[Array](), 0.0
+    for samples, row, mask in zip(fitted.samples, fitted.rows, slip.bursts, strict=True):
+        within = _remembered(samples, row, mask, settings.regime.filter_memory)
+        square = (row.residual**2).sum(axis=1)
+        starts = np.flatnonzero(within & ~np.concatenate([[False], within[:-1]]))
+        number = np.cumsum(np.isin(np.arange(len(within)), starts))[within] - 1
+        bursts += (np.bincount(number, square[within]) / np.bincount(number)).tolist()
+        elsewhere.append(square[~within])
+        seconds += len(samples) * samples.dt
+    rest = np.concatenate(elsewhere)
+    if not bursts or not len(rest):
+        return None
+    ratios = np.array(bursts) / max(float(rest.mean()), 1e-300)
+    failing = int((ratios > settings.min_burst_square_ratio).sum())
+    enough = max(settings.min_bursts, settings.min_burst_rate * seconds)
+    # Most of them: where something else is missing, some bursts meet it by chance.
+    if failing < enough or np.median(ratios) <= settings.min_burst_square_ratio:
+        return None
+    return TellingSlip(slip.share, failing, float(np.median(ratios)))
+
+
+def _remembered(
+    samples: Samples, row: Regression, mask: NDArray[np.bool_], memory: float
+) -> NDArray[np.bool_]:
+    """(n,) rows that remember a sample of the mask (N,), through the filter."""
+    count = np.concatenate([[0], np.cumsum(mask)])
+    ends = np.searchsorted(samples.time, row.time, side="right")
+    starts = np.searchsorted(samples.time, row.time - row.step - memory)
+    return count[ends] > count[starts]
 
 
 def refuted(data: LoggedData, fitted: FittedStructure, slip: SlippingWheels) -> list[str]:
@@ -28,7 +67,7 @@ def refuted(data: LoggedData, fitted: FittedStructure, slip: SlippingWheels) -> 
     Any friction, gain, delay or roller angle may imitate what slips.
     """
     names = fitted.mechanism.structure.effects
-    if not names or not does_slip(data, slip):
+    if not names or telling_slip(fitted, slip) is None:
         return []
     firm = [_without(item, mask) for item, mask in zip(fitted.samples, slip.slips, strict=True)]
     kept = 1.0 - float(np.mean(np.concatenate(slip.slips)))
@@ -67,9 +106,9 @@ def _share(fitted: FittedStructure, name: str, samples: Sequence[Samples] | None
     return 1.0 - square / without
 
 
-def slip_warning(slip: SlippingWheels, refused: Sequence[str]) -> str:
+def slip_warning(slip: TellingSlip, refused: Sequence[str]) -> str:
     """What a reader must know of logs whose wheels slip."""
     if not refused:
-        return slip_words(slip)
+        return slip.words
     names = " and ".join(name.replace("_", " ") for name in refused)
-    return f"{slip_words(slip)} ({names} would act like it, but not where no wheel slips)"
+    return f"{slip.words} ({names} would act like it, but not where no wheel slips)"

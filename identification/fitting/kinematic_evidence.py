@@ -276,22 +276,25 @@ def slip_of_joints(mechanism: Mechanism, theta: Array, twist: Array, speed: Arra
 
 
 def leaders_of(before: KinematicFit, tried: Mapping[str, KinematicFit]) -> tuple[str, ...]:
-    """The effects that explain wheels and pose, alike and best; empty if none does."""
-    settings = before.settings.kinematics
-    square = before.square
-    name = min(tried, key=lambda key: tried[key].square)
-    fall = square - tried[name].square
-    if fall < settings.min_explained_share * square or not _matters(tried[name]):
+    """The effects that explain wheels and pose, alike and best; empty if none of them matters."""
+    settings, square = before.settings.kinematics, before.square
+    least = min(fit.square for fit in tried.values())
+    fall = square - least
+    if fall < settings.min_explained_share * square:
         return ()
-    most = tried[name].square + settings.max_tied_share * fall
-    found = [key for key, fit in tried.items() if fit.square <= most and _matters(fit)]
-    return tuple(sorted(found, key=lambda key: tried[key].square))
+    most = least + settings.max_tied_share * fall
+    found = {name: fit for name, fit in tried.items() if fit.square <= most and _is_firm(fit)}
+    # One large enough to matter is enough: rollers that stand askew by a third of a degree do to
+    # the speeds what wheels do that differ by 2 %, so each may be what is there.
+    if all(fit.size < settings.min_size_share for fit in found.values()):
+        return ()
+    return tuple(sorted(found, key=lambda name: found[name].square))
 
 
-def _matters(fit: KinematicFit) -> bool:
-    """Whether a fitted effect is significant and of a size that is worth a name."""
+def _is_firm(fit: KinematicFit) -> bool:
+    """Whether a fitted effect is significant, and none that every log has."""
     settings, mechanism = fit.settings.kinematics, fit.mechanism
-    if fit.size < settings.min_size_share or fit.p_value > settings.max_p_value:
+    if fit.p_value > settings.max_p_value:
         return False
     if not mechanism.structure.filters_speed:
         return True
@@ -307,10 +310,12 @@ class SlippingWheels:
 
     share : root mean square, of that of the wheel speeds; 0 without such a check
     slips : per log (N,), whether a wheel slips then
+    bursts : per log (N,), whether it slips by more than rollers mostly ripple
     """
 
     share: float
     slips: tuple[NDArray[np.bool_], ...]
+    bursts: tuple[NDArray[np.bool_], ...]
 
 
 def slipping_wheels(
@@ -327,9 +332,10 @@ def slipping_wheels(
     speed_noise : per log (J,) white noise of a speed [rad/s]
     """
     if not mechanism.internal:
-        return SlippingWheels(0.0, tuple(np.zeros(len(item), bool) for item in logs))
+        none = tuple(np.zeros(len(item), bool) for item in logs)
+        return SlippingWheels(0.0, none, none)
     known, internal = settings.kinematics, np.array(mechanism.internal)
-    squares, masks = list[Array](), list[NDArray[np.bool_]]()
+    squares, masks = list[Array](), list[list[NDArray[np.bool_]]]()
     square = sum(
         float(np.vdot(item.wheel_speed[part], item.wheel_speed[part]))
         for item in logs
@@ -340,17 +346,22 @@ def slipping_wheels(
     for item, level in zip(logs, speed_noise, strict=True):
         size = max(1, round(known.row_time / item.dt))
         if len(item) < size:
-            masks.append(np.zeros(len(item), bool))
+            masks.append([np.zeros(len(item), bool)] * 2)
             continue
         slip = slip_rows(mechanism, theta, item, size, settings)
         noise = float(np.linalg.norm(internal * level)) / np.sqrt(size)
         squares.append(np.maximum(slip**2 - noise**2, -(noise**2)))
-        most = max(known.slip_deviations * noise, known.min_slip_share * usual)
-        mask = np.repeat(np.abs(slip) > most, size)
-        # Samples that fill no row are as the last one.
-        masks.append(np.pad(mask, (0, len(item) - len(mask)), mode="edge"))
+        both = []
+        for least in (known.min_slip_share, known.min_burst_share):
+            far = np.abs(slip) > max(known.slip_deviations * noise, least * usual)
+            mask = np.repeat(far, size)
+            # Samples that fill no row are as the last one.
+            both.append(np.pad(mask, (0, len(item) - len(mask)), mode="edge"))
+        masks.append(both)
     excess = float(np.mean(np.concatenate(squares))) if squares else 0.0
-    return SlippingWheels(np.sqrt(max(excess, 0.0)) / max(usual, 1e-300), tuple(masks))
+    share = float(np.sqrt(max(excess, 0.0))) / max(usual, 1e-300)
+    slips, bursts = zip(*masks, strict=True)
+    return SlippingWheels(share, slips, bursts)
 
 
 class _WayOfWheels:
@@ -465,12 +476,44 @@ def doubts_of_kinematics(
             f"{share:.0%} of what no rigid motion or pose does; `youbot diagnose` gives its size"
         ]
     slip = slipping_wheels(mechanism, theta, logs, speed_noise, settings)
-    return [slip_words(slip)] if slip.share > settings.kinematics.min_slip_share else []
+    return [slip_words(slip.share)] if slip.share > settings.kinematics.min_slip_share else []
 
 
-def slip_words(slip: SlippingWheels) -> str:
-    """What is to be said of wheels that slip."""
+@dataclass(frozen=True)
+class TellingSlip:
+    """Slip of wheels that is worth a word.
+
+    share : of the wheel speeds that is no rigid motion, root mean square
+    bursts : how often they slip, where they do so now and then; 0 where slip lasts
+    square_ratio : usual mean square of the force residual in a burst, over that elsewhere
+    """
+
+    share: float
+    bursts: int = 0
+    square_ratio: float = 1.0
+
+    @property
+    def brief(self) -> str:
+        """In a headline."""
+        if not self.bursts:
+            return f"the wheels slip ({self.share:.1%} of their speeds is no rigid motion)"
+        return f"the wheels slip now and then ({self.bursts} times)"
+
+    @property
+    def words(self) -> str:
+        """With what to do."""
+        if not self.bursts:
+            return slip_words(self.share)
+        return (
+            f"the wheels slip now and then: {self.bursts} times their speeds are no rigid motion, "
+            f"and the squares of the force error are then {self.square_ratio:.1f} times as large "
+            "as elsewhere; drive more gently, or on a floor with more grip"
+        )
+
+
+def slip_words(share: float) -> str:
+    """What is to be said of wheels that slip, by a share of their speeds."""
     return (
-        f"the wheels slip: {slip.share:.1%} of the wheel speeds is no rigid motion, beyond noise "
+        f"the wheels slip: {share:.1%} of the wheel speeds is no rigid motion, beyond noise "
         "and kinematics; drive more gently, or on a floor with more grip"
     )

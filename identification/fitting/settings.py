@@ -396,6 +396,14 @@ class WheelEvidenceSettings(Settings):
             "friction must hold without slip",
         },
     )
+    min_burst_share: float = field(
+        default=0.015,
+        metadata={
+            "unit": "share of the usual wheel speed",
+            "reason": "a row that slips by more is a burst, if the forces fail then: rollers that "
+            "ripple reach it once to thrice a minute",
+        },
+    )
     min_rest_without_slip: float = field(
         default=0.3,
         metadata={

@@ -14,6 +14,7 @@ from identification.fitting.kinematic_evidence import (
     KinematicFit,
     held_by,
     kinematic_effects,
+    leaders_of,
     slipping_wheels,
 )
 from identification.logs.log import Log
@@ -21,6 +22,7 @@ from identification.mechanisms.mecanum import Mecanum
 from identification.mechanisms.registry import MECHANISMS
 from tests.identification.recordings import recording
 from youbot_env.model.model_file import load_model
+from youbot_env.physics import inverse_dynamics as dynamics
 from youbot_env.physics.geometry import Geometry
 
 PAPER = load_model("paper")
@@ -51,6 +53,28 @@ def test_uneven_radii_come_back_within_their_intervals(size, pose: bool):
     assert (np.abs(apart) < 4 * np.sqrt(np.diag(found.covariance)) + 1e-12).all()
     assert np.abs(apart).max() < 0.02 * np.ptp([value for _, value in size])
     assert found.p_value < 1e-6 and explained(log, "wheel_radius_error") > 0.9
+
+
+def rolled(error: np.ndarray) -> Log:
+    """A minute of wheels whose radii differ, as their speeds alone show it."""
+    time, rng = np.arange(0, 60, 0.02), np.random.default_rng(1)
+    waves = np.sin(np.outer(time, [1.1, 0.7, 0.9]) + [0.0, 1.0, 2.0]) * [0.3, 0.3, 0.8]
+    rates = dynamics.joint_rates(np, BASE.structure, BASE.geometry, PAPER.theta, tuple(waves.T))
+    speed = np.stack(rates, axis=1) / (1.0 + error) + 0.01 * rng.standard_normal((len(time), 4))
+    return Log("minute", BASE.joints, time, speed, 0.0 * speed)
+
+
+@pytest.mark.parametrize("signs", [(1, -1, 1, -1), (1, -1, -1, 1)])
+def test_a_worn_set_is_named_beside_roller_angles_too_small_to_matter(signs):
+    # Wheels of one side, or of a diagonal, that differ by 1 % from the others: without a pose,
+    # rollers that stand askew by a third of a degree explain their speeds as well.
+    log = rolled(0.005 * np.array(signs))
+    names = ("wheel_radius_error", "speed_gain_error", "roller_angle_error")
+    tried = {name: fitted(log, name) for name in names}
+    before = KinematicEvidence(BASE, PAPER.theta, [BASE.samples(log)]).at(BASE, PAPER.theta)
+    assert tried["roller_angle_error"].size < 0.2
+    assert tried["roller_angle_error"].square < 1.02 * tried["wheel_radius_error"].square
+    assert set(leaders_of(before, tried)) == set(names)
 
 
 def test_radius_and_gain_explain_the_wheels_alike_and_nothing_else_does():

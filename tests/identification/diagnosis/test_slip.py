@@ -1,0 +1,87 @@
+"""Slip in bursts is told where forces fail with the speeds, and only there."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from identification.diagnosis.settings import DiagnosisSettings
+from identification.diagnosis.slip import slip_warning, telling_slip
+from identification.diagnosis.structures import FittedStructure
+from identification.fitting.errors import NoiseLevel
+from identification.fitting.kinematic_evidence import (
+    SlippingWheels,
+    TellingSlip,
+    slipping_wheels,
+)
+from identification.fitting.regression import Regression
+from identification.logs.log import Log
+from identification.mechanisms.mecanum import Mecanum
+from identification.mechanisms.samples import Samples
+from youbot_env.model.model_file import load_model
+from youbot_env.physics import inverse_dynamics as dynamics
+from youbot_env.physics.geometry import Geometry
+
+PAPER = load_model("paper")
+BASE = Mecanum(Geometry())
+SETTINGS = DiagnosisSettings()
+
+
+def driven(burst: float) -> Samples:
+    """Two minutes of wheels, one of which turns too fast [rad/s] for half a second in twenty."""
+    time, rng = np.arange(0, 120, 0.02), np.random.default_rng(1)
+    waves = np.sin(np.outer(time, [1.1, 0.7, 0.9]) + [0.0, 1.0, 2.0]) * [0.3, 0.3, 0.8]
+    rates = dynamics.joint_rates(np, BASE.structure, BASE.geometry, PAPER.theta, tuple(waves.T))
+    speed = np.stack(rates, axis=1) + 0.01 * rng.standard_normal((len(time), 4))
+    speed[:, 1] += burst * (time % 20 < 0.5)
+    return BASE.samples(Log("two minutes", BASE.joints, time, speed, 0.0 * speed))
+
+
+def slip_of(samples: Samples) -> SlippingWheels:
+    return slipping_wheels(BASE, PAPER.theta, [samples], [NoiseLevel.of(samples).speed])
+
+
+def left(samples: Samples, factor: float) -> FittedStructure:
+    """A structure whose residual is larger by a factor in the bursts and for 0.3 s behind them."""
+    time, rng = np.arange(0.5, 119.5, 0.05), np.random.default_rng(2)
+    residual = rng.standard_normal((len(time), 3)) * (1 + (factor - 1) * (time % 20 < 0.8))[:, None]
+    row = Regression(time, 0.05, residual, np.zeros((len(time), 3, 0)))
+    none = np.arange(0)
+    return FittedStructure(BASE, PAPER.theta, (row,), none, np.zeros((0, 0)), (samples,), SETTINGS)
+
+
+def test_bursts_in_which_forces_fail_are_slip():
+    samples = driven(1.0)
+    slip = slip_of(samples)
+    assert slip.share > 0.0
+    brief = SlippingWheels(0.005, slip.slips, slip.bursts)
+    found = telling_slip(left(samples, 3.0), brief)
+    assert found is not None and found.bursts == 6
+    assert 5.0 < found.square_ratio < 13.0
+    assert "now and then (6 times)" in found.brief and "6 times their speeds" in found.words
+    assert "yaw scrub would act like it" in slip_warning(found, ["yaw_scrub"])
+
+
+def test_one_bump_is_no_slip():
+    samples = driven(1.0)
+    slip = slip_of(samples)
+    once = tuple(mask & (samples.time < 10.0) for mask in slip.bursts)
+    found = telling_slip(left(samples, 10.0), SlippingWheels(0.005, slip.slips, once))
+    assert found is None
+
+
+@pytest.mark.parametrize(("burst", "factor"), [(1.0, 1.0), (0.0, 3.0), (0.1, 3.0)])
+def test_ripple_without_lost_force_and_lost_force_without_slip_are_none(burst, factor):
+    samples = driven(burst)
+    slip = slip_of(samples)
+    rare = SlippingWheels(0.005, slip.slips, slip.bursts)
+    assert telling_slip(left(samples, factor), rare) is None
+
+
+def test_slip_that_lasts_is_told_by_its_share_alone():
+    samples = driven(0.0)
+    slip = slip_of(samples)
+    lasting = SlippingWheels(0.036, slip.slips, slip.bursts)
+    found = telling_slip(left(samples, 1.0), lasting)
+    assert found is not None and found == TellingSlip(0.036)
+    assert found.brief == "the wheels slip (3.6% of their speeds is no rigid motion)"
