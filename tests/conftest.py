@@ -9,8 +9,8 @@ import pytest
 # imports anew, 0.3 s of this package alone and 1 s of torch.
 os.environ.pop("PYTHONDONTWRITEBYTECODE", None)
 
-# As the commands have it: OpenBLAS' threads wait for each other by spinning, so where the cores have
-# other work (a second process of a parallel run) an eigenvalue problem takes 36 times the CPU.
+# As the commands have it: OpenBLAS' threads wait for each other by spinning, so where the cores
+# have other work (a second process of a parallel run) an eigenvalue problem takes 36 times the CPU.
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 
 # The processes of a parallel run share the cores already.
