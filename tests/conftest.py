@@ -9,9 +9,14 @@ import pytest
 # imports anew, 0.3 s of this package alone and 1 s of torch.
 os.environ.pop("PYTHONDONTWRITEBYTECODE", None)
 
+# As the commands have it: OpenBLAS' threads wait for each other by spinning, so where the cores
+# have other work (a second process of a parallel run) an eigenvalue problem takes 36 times the CPU.
+os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
+
 # The processes of a parallel run share the cores already.
 if "PYTEST_XDIST_WORKER" in os.environ:
     os.environ.setdefault("YOUBOT_THREADS", "1")
+    os.environ.setdefault("OMP_NUM_THREADS", "1")
 
 
 @pytest.fixture(autouse=True)

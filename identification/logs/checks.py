@@ -29,13 +29,15 @@ from identification.logs.logger_checks import (
     foreign_drive,
     interpolated_channels,
     moving,
+    overflows,
     stale_channels,
     unsigned_efforts,
 )
-from identification.logs.pose_checks import pose_against_wheels
+from identification.logs.pose_checks import lost_poses, pose_against_wheels
 from identification.logs.settings import LogSettings
 from identification.logs.timebase import runs_of
 from identification.logs.wheel_checks import CheckLimits, power_share, unsigned_speeds
+from identification.logs.wheel_timing import late_wheels
 from identification.signals.filters import block_mean, integral_of
 from identification.signals.noise import thinned, white_noise
 from youbot_env.physics.geometry import WHEELS, Geometry
@@ -369,6 +371,7 @@ _SENSORS = (
     _length,
     _motion,
     _units,
+    overflows,
     _dead_channels,
     _frozen_channels,
     _stale_rows,
@@ -384,6 +387,8 @@ _JOINTS = (_power, _position)
 _WHEELS = (
     unsigned_speeds,
     pose_against_wheels,
+    lost_poses,
+    late_wheels,
     *wheel_checks.CHECKS,
     effort_order,
     units_of_motion,

@@ -83,6 +83,45 @@ def counted_speeds(log: Log, limits: CheckLimits) -> Iterator[Finding]:
         yield Finding("warning", message, cure=cure)
 
 
+def overflows(log: Log, limits: CheckLimits) -> Iterator[Finding]:
+    """Channels that leap to their other end where they would go on: a number that overflows."""
+    for kind in ("velocity", "effort"):
+        for name, channel in zip(
+            joint_columns(kind, log.joints), getattr(log, kind).T, strict=True
+        ):
+            at, leap = _leaps_back(channel, limits.settings)
+            if len(at):
+                message = (
+                    f"leaps by {leap:.4g} at {len(at)} places, to its other end, and goes on as "
+                    "before: the number overflows"
+                )
+                cure = "log a wider type of number, or one with coarser units"
+                yield Finding("error", message, int(log.rows[at[0] + 1]), name, cure)
+
+
+def _leaps_back(channel: Array, settings: LogSettings) -> tuple[NDArray[np.intp], float]:
+    """Indices of the samples before a leap against the way that a channel goes, over nearly all its
+    span; and the usual size of a leap. None where such leaps are few, or not all alike.
+
+    A command that switches between two ends leaps as far, but stands there.
+    """
+    none = np.zeros(0, np.intp)
+    steps = np.diff(channel)
+    span = float(np.ptp(channel))
+    at = np.flatnonzero(np.abs(steps) > settings.min_overflow_share * span)
+    # A few samples of slope before and behind: noise is small against them at an end.
+    near = settings.overflow_surroundings
+    at = at[(at >= near) & (at < len(channel) - near - 1)]
+    if len(at) < settings.min_overflows:
+        return none, 0.0
+    leap = steps[at]
+    before, after = channel[at] - channel[at - near], channel[at + 1 + near] - channel[at + 1]
+    goes_on = (before * leap < 0) & (after * leap < 0)
+    if goes_on.mean() < settings.min_overflow_agreement:
+        return none, 0.0
+    return at, float(np.median(np.abs(leap)))
+
+
 def stale_channels(log: Log, limits: CheckLimits) -> Iterator[Finding]:
     """Channels that take a new value every few rows only, and always as few: of a kind, or one."""
     for kind in ("velocity", "effort"):

@@ -8,9 +8,11 @@ import numpy as np
 
 from identification.kinematics.motion import Motion, fresh_pose
 from identification.kinematics.settings import KinematicsSettings
-from identification.logs.findings import Finding
+from identification.logs.findings import Finding, percent
 from identification.logs.log import Log
-from identification.logs.wheel_checks import CheckLimits
+from identification.logs.wheel_checks import CheckLimits, off_forward
+from identification.signals.filters import integral_of
+from identification.signals.noise import thinned
 from youbot_env.physics.geometry import Geometry
 
 
@@ -51,9 +53,43 @@ def pose_against_wheels(log: Log, limits: CheckLimits) -> Iterator[Finding]:
         yield Finding("error", message, None, "pose_x", f"divide both by {metre:g}")
     forward = float(np.angle(orientation.c))
     if abs(forward) > settings.doubtful_frame_yaw:
-        message = f"the robot drives {np.degrees(forward):+.0f} degrees off the pose's forward"
-        cure = "turn the pose's frame (pose_yaw) by that; youbot kinematics says it exactly"
-        yield Finding("warning", message, cure=cure)
+        yield off_forward(forward)
+
+
+def lost_poses(log: Log, limits: CheckLimits) -> Iterator[Finding]:
+    """Stretches in which the pose stands while the wheels roll, and leaps that none rolled."""
+    if log.pose is None:
+        return
+    settings = limits.settings
+    fresh = np.flatnonzero(np.r_[True, (np.diff(log.pose, axis=0) != 0).any(axis=1)])
+    if len(fresh) < settings.kinematics.min_poses:
+        return
+    speed = np.hypot(*limits.geometry.body_twist(log.velocity)[:, :2].T)
+    rolled, time = np.diff(integral_of(speed, log.dt)[fresh]), np.diff(log.time[fresh])
+    longest = max(settings.lost_pose_time, settings.lost_pose_periods * float(np.median(time)))
+    lost = (time > longest) & (rolled > settings.min_lost_way)
+    if lost.any():
+        at = int(np.argmax(lost))
+        message = (
+            f"the pose stands still for {time[at]:.2g} s while the wheels roll {rolled[at]:.2g} m"
+            f" ({percent(float(time[lost].sum()) / log.duration)} of the log): tracking was lost"
+        )
+        yield _lost(log, int(fresh[at]), message)
+    beyond = np.hypot(*np.diff(log.pose[fresh, :2], axis=0).T) - rolled
+    some = thinned(np.abs(beyond), settings.noise.max_samples)
+    usual = float(np.quantile(some, settings.usual_step_quantile))
+    leaps = beyond > max(settings.min_lost_way, settings.outlier_steps * usual)
+    if leaps.any():
+        at = int(np.argmax(beyond))
+        message = (
+            f"the pose leaps by {beyond[at]:.2g} m ({leaps.sum()} such): no wheel rolled there"
+        )
+        yield _lost(log, int(fresh[at + 1]), message)
+
+
+def _lost(log: Log, at: int, message: str) -> Finding:
+    cure = "split the log there, or leave the pose columns out"
+    return Finding("warning", message, int(log.rows[at]), "pose_x", cure)
 
 
 def _travels(log: Log, limits: CheckLimits) -> bool:

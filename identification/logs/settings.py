@@ -685,6 +685,85 @@ class LogSettings(Settings):
             "reason": "a wheel is off by a factor only where the other three agree as well",
         },
     )
+    min_overflow_share: float = field(
+        default=0.8,
+        metadata={
+            "unit": "share of a channel's span",
+            "reason": "that a number which overflows leaps by in one row: all, less two steps",
+        },
+    )
+    overflow_surroundings: int = field(
+        default=3,
+        metadata={"unit": "rows", "reason": "over which its slope is taken, beside a leap"},
+    )
+    min_overflows: int = field(
+        default=4,
+        metadata={"unit": "1", "reason": "one or two such leaps are outliers, and mended"},
+    )
+    min_overflow_agreement: float = field(
+        default=0.8,
+        metadata={
+            "unit": "share of the leaps",
+            "reason": "after which the channel goes on as before; by chance half of them would, of "
+            "both slopes a quarter",
+        },
+    )
+    min_frame_yaw: float = field(
+        default=0.1,
+        metadata={
+            "unit": "rad",
+            "reason": "of a heading that is measured askew: three times what a real capture had",
+        },
+    )
+    lost_pose_time: float = field(
+        default=0.3,
+        metadata={
+            "unit": "s",
+            "reason": "without a new pose: slower trackers than 4 Hz are none for a robot",
+        },
+    )
+    lost_pose_periods: float = field(
+        default=5.0,
+        metadata={"unit": "usual times between poses", "reason": "a few messages may be lost"},
+    )
+    min_lost_way: float = field(
+        default=0.05,
+        metadata={"unit": "m", "reason": "a leap or a rest of less is within a tracker's error"},
+    )
+    wheel_delay_block: float = field(
+        default=0.04,
+        metadata={
+            "unit": "s",
+            "reason": "of a mean speed: noise of 0.01 rad/s then leaves an acceleration within a "
+            "tenth of usual ones",
+        },
+    )
+    min_delay_eigenvalue: float = field(
+        default=0.01,
+        metadata={
+            "unit": "share of the largest",
+            "reason": "motions along one axis accelerate all wheels alike, and tell none apart",
+        },
+    )
+    min_delay_evidence: float = field(
+        default=1.0,
+        metadata={
+            "unit": "times the noise's squares",
+            "reason": "what breaks the identity must be more than noise, which is known to a tenth",
+        },
+    )
+    max_left_by_delay: float = field(
+        default=0.3,
+        metadata={
+            "unit": "share of the squares",
+            "reason": "that delays leave of what breaks the identity: slip and radii have none in "
+            "step with accelerations",
+        },
+    )
+    min_wheel_delay: float = field(
+        default=1e-3,
+        metadata={"unit": "s", "reason": "at 5 rad/s^2 it is less than usual noise of a speed"},
+    )
     slip_noise_ratio: float = field(
         default=1.5,
         metadata={

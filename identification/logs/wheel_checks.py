@@ -257,14 +257,29 @@ def scale_of_pose(log: Log, limits: CheckLimits) -> Iterator[Finding]:
     twist, yaw = geometry.body_twist(velocity), pose[:, 2]
     c, s = np.cos(yaw), np.sin(yaw)
     world = np.column_stack([c * twist[:, 0] - s * twist[:, 1], s * twist[:, 0] + c * twist[:, 1]])
-    rolled = np.diff(integral_of(world, log.dt)[::stride], axis=0)
-    travelled = np.diff(pose[::stride, :2], axis=0)
-    square = float((rolled**2).sum())
+    rolled, travelled = (
+        way[:, 0] + 1j * way[:, 1]
+        for way in (
+            np.diff(integral_of(world, log.dt)[::stride], axis=0),
+            np.diff(pose[::stride, :2], axis=0),
+        )
+    )
+    # A point that is tracked beside the middle is swung around by turning.
+    swung = np.diff(np.exp(1j * yaw[::stride]))
+    size = max(float((np.abs(swung) ** 2).sum()), 1e-300)
+    rolled = rolled - np.vdot(swung, rolled) / size * swung
+    square = float((np.abs(rolled) ** 2).sum())
     if square < len(rolled) * settings.min_compared_size**2:
         return
-    gain = float((rolled * travelled).sum()) / square
-    left = (rolled * (travelled - gain * rolled)).sum(axis=1)
-    std = float(np.sqrt((left**2).sum())) / square
+    # A heading that is measured askew turns all ways alike, and shortens none of them.
+    factor = np.vdot(rolled, travelled) / square
+    gain, askew = float(np.abs(factor)), float(np.angle(factor))
+    left = travelled - factor * rolled - np.vdot(swung, travelled) / size * swung
+    off = np.conj(rolled * factor) * left / max(gain, 1e-300)
+    std = float(np.sqrt((off.real**2).sum())) / square
+    least = settings.scale_deviations * float(np.sqrt((off.imag**2).sum())) / square / gain
+    if max(settings.min_frame_yaw, least) < abs(askew) <= settings.kinematics.doubtful_frame_yaw:
+        yield off_forward(askew)
     certain = max(settings.min_scale_difference, settings.scale_deviations * std)
     if gain <= 0 or abs(gain - 1) < certain:
         return
@@ -302,6 +317,13 @@ def scale_of_pose(log: Log, limits: CheckLimits) -> Iterator[Finding]:
             f"simulated time?): multiply time by {gain:.3g}, or mend the unit of the speeds"
         )
     yield Finding("error", message, column="time" if not unit else "velocity_*", cure=cure)
+
+
+def off_forward(angle: float) -> Finding:
+    """That the robot drives at an angle [rad] to the forward of its pose."""
+    message = f"the robot drives {np.degrees(angle):+.0f} degrees off the pose's forward"
+    cure = "turn the pose's frame (pose_yaw) by that; youbot kinematics says it exactly"
+    return Finding("warning", message, cure=cure)
 
 
 def _compare(

@@ -140,8 +140,8 @@ def _contact(model: Model) -> Callable[[int], None]:
 
 def _solver(model: Model, tolerance: float) -> Callable[[int], None]:
     derivative = kernel(model.structure, inverse_dynamics).derivative
-    numbers = (*map(float, model.lengths), *map(float, model.theta))
-    torques = _torques(1)[:, 0].tolist()
+    lengths, theta = np.array(model.lengths, float), np.array(model.theta, float)
+    torques = _torques(1)[:, 0]
     state = initial_state(model)
 
     def run(steps: int) -> None:
@@ -149,7 +149,7 @@ def _solver(model: Model, tolerance: float) -> Callable[[int], None]:
         for step in range(steps):
             torque = torques[step % 16]
             now = solve_ivp(
-                lambda _, y, u=torque: derivative(*y, *u, *numbers),
+                lambda _, y, u=torque: derivative(y, u, lengths, theta),
                 (0.0, PERIOD),
                 now,
                 rtol=tolerance,

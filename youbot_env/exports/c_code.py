@@ -26,14 +26,13 @@ from youbot_env.physics import inverse_dynamics as dynamics
 from youbot_env.physics.mechanism import Instant
 from youbot_env.physics.namespaces import symbols
 from youbot_env.simulation.generated_code import (
-    ROUNDS,
-    SANE,
     Formulas,
     command_formulas,
     demand_formulas,
     derivative_formulas,
     real_symbols,
 )
+from youbot_env.simulation.inverse_loops import ROUNDS, SANE
 from youbot_env.simulation.plant import plant_substeps
 
 NAME = "youbot"

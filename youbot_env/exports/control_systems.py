@@ -203,8 +203,8 @@ class Platform:
         state = np.zeros(self._size)
         state[self._places], state[TIME] = x, t
         model = self._model
-        rates = self._derivative(*state, *u, *model.lengths, *self._theta(params))
-        return np.array(rates)[self._places]
+        rates = self._derivative(state, u, model.lengths, self._theta(params))
+        return rates[self._places]
 
     def _theta(self, params: Mapping[str, float]) -> Array:
         # In an interconnection the parameters of all its systems arrive together.

@@ -15,9 +15,12 @@ from types import CodeType, FunctionType, ModuleType
 from typing import Any, ClassVar, Protocol
 
 import numpy as np
+from numpy.typing import NDArray
 
 import youbot_env
 from youbot_env.caching import cache_folder, is_safe, private_folder
+from youbot_env.physics import inverse_dynamics
+from youbot_env.simulation import inverse_loops, runge_kutta
 from youbot_env.simulation.generated_code import (
     MOTION,
     SOURCES,
@@ -25,6 +28,12 @@ from youbot_env.simulation.generated_code import (
     Inverse,
     Structure,
     System,
+)
+from youbot_env.simulation.lane_calls import (
+    Bound,
+    address_of,
+    numbers_signature,
+    rates_signature,
 )
 
 
@@ -34,19 +43,17 @@ class Generated(Protocol):
     Attributes
     ----------
     prefix : of the file's name
-    dynamics : the functions that state the physics
     sources : modules that the code follows from, beside ``SOURCES``
     variant : what else it depends on
     """
 
     prefix: ClassVar[str]
-    sources: ClassVar[tuple[str, ...]]
 
     @property
-    def dynamics(self) -> Dynamics: ...
+    def sources(self) -> tuple[str, ...]: ...
     @property
     def variant(self) -> str: ...
-    def source(self, structure: Structure) -> str: ...
+    def source(self, structure: Any) -> str: ...
 
 
 @dataclass(frozen=True)
@@ -58,13 +65,16 @@ class Kernel:
         ``torque`` (n, 4) [N m], held constant. ``lengths``: the mechanism's, in its order;
         ``theta`` (n, P) in the order of ``structure.parameter_names``. One platform is a batch of
         one: the same code.
-    derivative(*state, *torque, *lengths, *theta)
-        Rates of the state's components, a tuple of scalars.
+    derivative(state, torque, lengths, theta)
+        Rates (S,) of a state (S,) under acting torques (4,), with ``theta`` (P,).
     """
 
     structure: Structure
     advance: Callable[..., None]
-    derivative: Callable[..., tuple[float, ...]]
+    derivative: Callable[..., NDArray[np.float64]]
+
+    def __reduce__(self) -> Any:
+        return kernel, (self.structure,)
 
 
 @dataclass(frozen=True)
@@ -95,8 +105,11 @@ class InverseKernel:
     interface: Callable[..., None]
     held: Callable[..., None]
 
+    def __reduce__(self) -> Any:
+        return inverse_kernel, (self.structure,)
 
-def kernel(structure: Structure, dynamics: Dynamics) -> Kernel:
+
+def kernel(structure: Structure, dynamics: Dynamics = inverse_dynamics) -> Kernel:
     """The compiled kernel of a structure of any mechanism; compiles at the first use on a machine.
 
     A cached file that is torn or damaged is written again.
@@ -105,7 +118,7 @@ def kernel(structure: Structure, dynamics: Dynamics) -> Kernel:
 
 
 def rollout(structure: Structure, dynamics: Dynamics) -> Callable[..., None]:
-    """The compiled free run of the same module, alone: half of what there is to compile.
+    """The compiled free run of the same module.
 
     rollout(start, torque, duration, lengths, theta, substeps, out)
         From ``start`` (S,) under ``torque`` (N, 4), linear between samples that lie ``duration``
@@ -114,16 +127,19 @@ def rollout(structure: Structure, dynamics: Dynamics) -> Callable[..., None]:
     return built(structure, System(dynamics), _compiled_rollout)
 
 
-def inverse_kernel(structure: Structure, dynamics: Dynamics) -> InverseKernel:
+def inverse_kernel(structure: Structure, dynamics: Dynamics = inverse_dynamics) -> InverseKernel:
     """The same of the platform's inverse dynamics: a module of its own, since few need it."""
     return built(structure, Inverse(dynamics), _compiled_inverse)
 
 
 @lru_cache(maxsize=192)
-def built(structure: Structure, system: Generated, compiled: Callable[[Any, Path], Any]) -> Any:
+def built(
+    structure: Structure | None, system: Generated, compiled: Callable[[Any, Path], Any]
+) -> Any:
     """What ``compiled(structure, path)`` makes of a structure's generated module, kept on disk.
 
-    A cached file that is torn or damaged is written again.
+    Without a structure the module is the same for all. A cached file that is torn or damaged is
+    written again.
     """
     # The second attempt compiles what the first found damaged and removed.
     for _ in range(2):
@@ -137,11 +153,25 @@ def built(structure: Structure, system: Generated, compiled: Callable[[Any, Path
     return compiled(structure, _private_source(structure, system))
 
 
+def _code(path: Path) -> tuple[int, int, int]:
+    """What ``runge_kutta`` takes of a generated module."""
+    module = load(path)
+    known = address_of(module.known, numbers_signature(3))
+    return known, address_of(module.rates, rates_signature()), module.KNOWN
+
+
 def _compiled(structure: Structure, path: Path) -> Kernel:
     """Load a generated module and call its functions once, so that a damaged cache fails here."""
-    module = load(path)
+    code = _code(path)
+
+    def derivative(*arrays: NDArray[np.float64]) -> NDArray[np.float64]:
+        given = [np.ascontiguousarray(array, float) for array in arrays]
+        found = np.empty(len(given[0]))
+        runge_kutta.derivative(code, *given, found)
+        return found
+
+    found = Kernel(structure, Bound(runge_kutta.advance, code), derivative)
     size, count = len(structure.state_names), len(structure.parameter_names)
-    found = Kernel(structure, module.advance, module.derivative)
     # Arrays of the types and layout of later calls: numba compiles for just these.
     state, torque = np.zeros((2, size)), np.zeros((2, len(structure.mechanism.joints)))
     found.advance(
@@ -151,7 +181,7 @@ def _compiled(structure: Structure, path: Path) -> Kernel:
 
 
 def _compiled_rollout(structure: Structure, path: Path) -> Callable[..., None]:
-    run = load(path).rollout
+    run = Bound(runge_kutta.rollout, _code(path))
     size, count = len(structure.state_names), len(structure.parameter_names)
     start, torque, out = (
         np.zeros(size),
@@ -172,7 +202,17 @@ def _compiled_rollout(structure: Structure, path: Path) -> Callable[..., None]:
 
 def _compiled_inverse(structure: Structure, path: Path) -> InverseKernel:
     module = load(path)
-    found = InverseKernel(structure, module.acting, module.several, module.interface, module.held)
+    demand = address_of(module.demand, numbers_signature(5))
+    command = address_of(module.command, numbers_signature(7))
+    # Without losses under load the demand does not read the torque: the first round is exact.
+    rounds = inverse_loops.ROUNDS if structure.depends_on_load else 1
+    found = InverseKernel(
+        structure,
+        Bound(inverse_loops.acting, demand, rounds),
+        Bound(inverse_loops.several, demand, rounds),
+        Bound(inverse_loops.interface, command),
+        Bound(inverse_loops.held, demand, command, rounds),
+    )
     motion, torque = np.zeros((3, len(MOTION))), np.zeros((3, 4))
     lengths = np.ones(len(structure.mechanism.lengths))
     theta = np.ones(len(structure.parameter_names))
@@ -183,7 +223,7 @@ def _compiled_inverse(structure: Structure, path: Path) -> InverseKernel:
     return found
 
 
-def _cached_source(structure: Structure, system: Generated) -> Path:
+def _cached_source(structure: Structure | None, system: Generated) -> Path:
     folder = cache_folder()
     if folder is None:
         return _private_source(structure, system)
@@ -198,13 +238,13 @@ def _cached_source(structure: Structure, system: Generated) -> Path:
         return _private_source(structure, system)
 
 
-def _private_source(structure: Structure, system: Generated) -> Path:
+def _private_source(structure: Structure | None, system: Generated) -> Path:
     """Source in a temporary folder of this process, for a cache folder that cannot be used."""
     path = private_folder() / f"{system.prefix}_{_key(structure, system)}.py"
     return _write(path, _sealed_source(structure, system))
 
 
-def _sealed_source(structure: Structure, system: Generated) -> str:
+def _sealed_source(structure: Structure | None, system: Generated) -> str:
     source = system.source(structure)
     return f"{_SEAL}{_checksum(source)}\n{source}"
 
@@ -254,22 +294,29 @@ def _forget(path: Path) -> None:
             continue  # not ours to remove; the next attempt goes elsewhere or fails by itself
 
 
-def _key(structure: Structure, system: Generated) -> str:
+def _key(structure: Structure | None, system: Generated) -> str:
     """Changes with whatever could change the generated source."""
     digest = hashlib.sha256(youbot_env.__version__.encode())
     digest.update(system.variant.encode())
-    # Several kinds may stand in one module.
-    digest.update(repr((structure.mechanism.home, structure.mechanism.lengths)).encode())
-    for name in (*SOURCES, *system.sources, system.dynamics.__name__, structure.mechanism.module):
+    for name in (*SOURCES, *system.sources):
         # The source files, not the version alone: an edit of the physics must give a new kernel.
         digest.update(Path(str(sys.modules[name].__file__)).read_bytes())
+    if structure is not None:
+        _digest_structure(digest, structure)
+    return digest.hexdigest()[:24]
+
+
+def _digest_structure(digest: Any, structure: Structure) -> None:
+    """A mechanism, and what its effects compute."""
+    # Several kinds may stand in one module.
+    digest.update(repr((structure.mechanism.home, structure.mechanism.lengths)).encode())
+    digest.update(Path(str(sys.modules[structure.mechanism.module].__file__)).read_bytes())
     for item in structure.components:
         digest.update(repr((item.name, item.acts_at.name, item.parameter_names)).encode())
         digest.update(repr([parameter.each_wheel for parameter in item.parameters]).encode())
         used = (item.function, item.carries, item.public and item.public.inverse)
         for function in (one for one in used if one):
             _digest_function(digest, function, set())
-    return digest.hexdigest()[:24]
 
 
 def _digest_function(digest: Any, function: Any, seen: set[int]) -> None:

@@ -6,6 +6,7 @@ is printed as Python that numba compiles. No equation of motion is written in th
 
 from __future__ import annotations
 
+import ast
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from types import SimpleNamespace
@@ -58,9 +59,13 @@ class System:
     """What a stepper is generated from: the state's derivative, of any mechanism."""
 
     prefix: ClassVar[str] = "kernel"
-    sources: ClassVar[tuple[str, ...]] = ()
 
     dynamics: Dynamics
+
+    @property
+    def sources(self) -> tuple[str, ...]:
+        """Modules that it follows from."""
+        return (self.dynamics.__name__,)
 
     @property
     def variant(self) -> str:
@@ -73,17 +78,93 @@ class System:
 
 
 def kernel_source(structure: Structure, dynamics: Dynamics) -> str:
-    """Python source of a module with ``derivative``, ``advance`` and ``rollout``."""
-    mechanism = structure.mechanism
-    size = len(structure.state_names)
+    """Python source of a module with ``known`` and ``rates``, see ``simulation.runge_kutta``.
+
+    KNOWN is how many numbers ``known`` fills.
+    """
     names = {
-        "state": [f"s{i}" for i in range(size)],
-        "torque": [f"u{i + 1}" for i in range(len(mechanism.joints))],
+        "state": [f"s{i}" for i in range(len(structure.state_names))],
+        "torque": [f"u{i + 1}" for i in range(len(structure.mechanism.joints))],
         "lengths": _lengths(structure),
-        "theta": [f"p{i}" for i in range(len(structure.parameter_names))],
+        "theta": _theta(structure),
     }
-    derivative = function_source(derivative_formulas(structure, dynamics, names))
-    return "\n\n".join([HEADER, derivative, _step(size, names), _loops(size, names)])
+    shared, results = _printed(derivative_formulas(structure, dynamics, names))
+    fixed = {f"{name}[{{0}}]": names[name] for name in ("lengths", "theta")}
+    split = _Fixed({name for group in fixed.values() for name in group})
+    lines = [line for name, code in shared if (line := split.assigned(name, code))]
+    results = [split.varying(code) for code in results]
+    known = split.known([*lines, *results])
+    lines += [f"out[{i}] = {code}" for i, code in enumerate(results)]
+    once = split.lines + [f"out[{i}] = {name}" for i, name in enumerate(known)]
+    varying = {
+        "state[{0}] + factor * slope[{0}]": names["state"],
+        "torque[{0}]": names["torque"],
+        "known[{0}]": known,
+    }
+    return "\n\n".join(
+        [
+            HEADER,
+            _pointer_function("known", "lengths, theta", fixed, once),
+            _pointer_function("rates", "state, factor, slope, torque, known", varying, lines),
+            f"KNOWN = {len(known)}\n",
+        ]
+    )
+
+
+class _Fixed(ast.NodeTransformer):
+    """Takes out of code what follows from given names alone, to be computed once.
+
+    The rest is computed in the order in which it stands, so results keep their bits.
+
+    Attributes
+    ----------
+    lines : assignments of what is computed once
+    """
+
+    def __init__(self, names: set[str]) -> None:
+        self._fixed, self._parts = set(names), dict[str, str]()
+        self.lines: list[str] = []
+
+    def assigned(self, name: str, code: str) -> str:
+        """The assignment as far as it varies; empty if it is computed once."""
+        if _names(code) <= self._fixed:
+            self._fixed.add(name)
+            self.lines.append(f"{name} = {code}")
+            return ""
+        return f"{name} = {self.varying(code)}"
+
+    def varying(self, code: str) -> str:
+        """Code with names in place of its largest parts that do not vary."""
+        return ast.unparse(self.visit(ast.parse(code, mode="eval").body))
+
+    def known(self, lines: Sequence[str]) -> list[str]:
+        """What such code needs of all that is computed once."""
+        used = set().union(*(_names(line) for line in lines))
+        return sorted(used & self._fixed)
+
+    def visit(self, node: ast.AST) -> ast.AST:
+        """See ``ast.NodeTransformer``."""
+        if not isinstance(node, (ast.BinOp, ast.UnaryOp, ast.Call, ast.IfExp)):
+            return self.generic_visit(node)
+        code = ast.unparse(node)
+        if not (found := _names(code)) or not found <= self._fixed:
+            return self.generic_visit(node)
+        if code not in self._parts:
+            name = self._parts[code] = f"k{len(self._parts)}"
+            self._fixed.add(name)
+            self.lines.append(f"{name} = {code}")
+        return ast.Name(self._parts[code], ast.Load())
+
+
+def _names(code: str) -> set[str]:
+    """Names of numbers that code reads."""
+    nodes = list(ast.walk(ast.parse(code)))
+    called = {id(node.func) for node in nodes if isinstance(node, ast.Call)}
+    return {
+        node.id
+        for node in nodes
+        if isinstance(node, ast.Name) and isinstance(node.ctx, ast.Load) and id(node) not in called
+    }
 
 
 HEADER = '''"""Generated from the effects' own functions; written again when they change."""
@@ -91,6 +172,10 @@ HEADER = '''"""Generated from the effects' own functions; written again when the
 from math import cos, exp, sin, sqrt, tanh
 
 from youbot_env.caching import njit'''
+
+
+CALLED = '@njit(cache=True, error_model="numpy", no_cpython_wrapper=True)'
+"""Of a function that compiled code calls by its address, see ``lane_calls``."""
 
 
 @dataclass(frozen=True)
@@ -136,20 +221,44 @@ def real_symbols(names: Sequence[str]) -> list[Any]:
     return [sympy.Symbol(name, real=True) for name in names]
 
 
-def function_source(formulas: Formulas) -> str:
-    """A compiled function of scalars that returns a tuple of expressions in its arguments."""
+def pointer_source(name: str, formulas: Formulas, arrays: Mapping[str, Sequence[str]]) -> str:
+    """A compiled function of pointers that fills ``out`` with expressions in what they hold."""
+    shared, results = _printed(formulas)
+    lines = [f"{part} = {code}" for part, code in shared]
+    lines += [f"out[{i}] = {code}" for i, code in enumerate(results)]
+    places = {f"{array}[{{0}}]": numbers for array, numbers in arrays.items()}
+    return _pointer_function(name, ", ".join(arrays), places, lines)
+
+
+def _printed(formulas: Formulas) -> tuple[list[tuple[str, str]], list[str]]:
+    """Common subexpressions by name, and the results, as code."""
     shared, values = formulas.shared()
     printer = _printer()
+    parts = [(str(part), printer.doprint(value)) for part, value in shared]
+    return parts, [printer.doprint(value) for value in values]
+
+
+def _pointer_function(
+    name: str, arguments: str, places: Mapping[str, Sequence[str]], lines: Sequence[str]
+) -> str:
+    """A compiled function with C's arguments, the last a pointer to ``out``.
+
+    ``places``: code for number {0} of an array -> the names of its numbers.
+
+    Compiling a function for Python as well, or one of some fifty scalars and each of its calls,
+    takes several times as long.
+    """
+    read = set().union(*(_names(line) for line in lines))
+    loads = [
+        f"{number} = {place.format(i)}"
+        for place, numbers in places.items()
+        for i, number in enumerate(numbers)
+        if number in read
+    ]
+    head = f"def {name}({arguments}, out):"
     # The error model "numpy" divides to inf or NaN where Python would raise ZeroDivisionError: a
     # run that diverges holds such values instead of ending in an exception.
-    lines = [f"    {part} = {printer.doprint(value)}" for part, value in shared]
-    returned = ",\n        ".join(printer.doprint(value) for value in values)
-    head = f"def {formulas.name}({', '.join(formulas.arguments)}):"
-    return (
-        f"@njit(cache=True, error_model='numpy')\n{head}\n"
-        + "\n".join(lines)
-        + f"\n    return (\n        {returned},\n    )"
-    )
+    return "\n    ".join([f"{CALLED}\n{head}", *loads, *lines, "return 0\n"])
 
 
 def _printer() -> Any:
@@ -164,98 +273,6 @@ def _printer() -> Any:
     return Printer({"fully_qualified_modules": False})
 
 
-def _step(size: int, names: dict[str, list[str]]) -> str:
-    """One classical Runge-Kutta step with the torque going linearly from u to w."""
-    state, torque = names["state"], names["torque"]
-    ends = [f"w{i + 1}" for i in range(len(torque))]
-    rest = ", ".join(names["lengths"] + names["theta"])
-
-    def call(stage: str, point: list[str], drive: list[str]) -> str:
-        results = ", ".join(f"{stage}{i}" for i in range(size))
-        return f"    {results} = derivative({', '.join(point + drive)}, {rest})"
-
-    def shifted(stage: str, factor: str) -> list[str]:
-        return [f"{state[i]} + {factor} * {stage}{i}" for i in range(size)]
-
-    # The torque is linear in the step, so its middle is the mean of its ends.
-    middle = [f"0.5 * ({a} + {b})" for a, b in zip(torque, ends, strict=True)]
-    results = ",\n        ".join(
-        f"{state[i]} + dt / 6.0 * (a{i} + 2.0 * (b{i} + c{i}) + d{i})" for i in range(size)
-    )
-    return "\n".join(
-        [
-            "@njit(cache=True, error_model='numpy')",
-            f"def step({', '.join(state + torque + ends)}, dt, {rest}):",
-            call("a", state, torque),
-            call("b", shifted("a", "0.5 * dt"), middle),
-            call("c", shifted("b", "0.5 * dt"), middle),
-            call("d", shifted("c", "dt"), ends),
-            f"    return (\n        {results},\n    )",
-        ]
-    )
-
-
-def _loops(size: int, names: dict[str, list[str]]) -> str:
-    state, torque = names["state"], names["torque"]
-    inputs = len(torque)
-    ends = [f"w{i + 1}" for i in range(inputs)]
-    group = {name: ", ".join(names[name]) for name in names}
-    lengths = ", ".join(f"lengths[{i}]" for i in range(len(names["lengths"])))
-    unpacked = f"{group['lengths']} = {lengths}" if lengths else "pass"
-
-    def theta(row: str) -> str:
-        return ", ".join(f"theta[{row}{i}]" for i in range(len(names["theta"])))
-
-    def at(array: str, row: str, count: int) -> str:
-        return ", ".join(f"{array}[{row}, {i}]" for i in range(count))
-
-    def store(array: str, row: str, indent: str) -> str:
-        return "\n".join(f"{indent}{array}[{row}, {i}] = {state[i]}" for i in range(size))
-
-    rest = ", ".join(names["lengths"] + names["theta"])
-    now = [f"v{i + 1}" for i in range(inputs)]
-    then = [f"x{i + 1}" for i in range(inputs)]
-    # Torque at the start and end of each substep: from j / n to (j + 1) / n of the interval.
-    ramp = "\n".join(
-        f"            {now[i]} = {torque[i]} + ({ends[i]} - {torque[i]}) * (j * part)\n"
-        f"            {then[i]} = {torque[i]} + ({ends[i]} - {torque[i]}) * ((j + 1) * part)"
-        for i in range(inputs)
-    )
-    return f"""@njit(cache=True, error_model='numpy')
-def advance(state, torque, lengths, theta, duration, substeps):
-    {unpacked}
-    dt = duration / substeps
-    for row in range(state.shape[0]):
-        {group["state"]} = {at("state", "row", size)}
-        {group["torque"]} = {at("torque", "row", inputs)}
-        {group["theta"]} = {theta("row, ")}
-        for j in range(substeps):
-            {group["state"]} = step(
-                {group["state"]}, {group["torque"]}, {group["torque"]}, dt, {rest}
-            )
-{store("state", "row", "        ")}
-
-
-@njit(cache=True, error_model='numpy')
-def rollout(start, torque, duration, lengths, theta, substeps, out):
-    {unpacked}
-    {group["theta"]} = {theta("")}
-    {group["state"]} = {", ".join(f"start[{i}]" for i in range(size))}
-{store("out", "0", "    ")}
-    part = 1.0 / substeps
-    for k in range(torque.shape[0] - 1):
-        {group["torque"]} = {at("torque", "k", inputs)}
-        {", ".join(ends)} = {at("torque", "k + 1", inputs)}
-        dt = duration[k] * part
-        for j in range(substeps):
-{ramp}
-            {group["state"]} = step(
-                {group["state"]}, {", ".join(now + then)}, dt, {rest}
-            )
-{store("out", "k + 1", "        ")}
-"""
-
-
 MOTION = (
     *("vx", "vy", "wz", "ax", "ay", "alpha", "x", "y", "yaw"),
     *("q1", "q2", "q3", "q4", "time"),
@@ -268,23 +285,19 @@ RATES = ("w1", "w2", "w3", "w4")
 
 SECOND_RATES = ("z1", "z2", "z3", "z4")
 
-ROUNDS = 400
-"""Most iterations for torques that depend on themselves. Each reduces the error by the share of the
-loss: the largest share is 0.9, and 0.9^400 is below rounding. A share of 0.3 takes 30."""
-
-SANE = 1e6
-"""Sum of torques [N m] above which a first guess is replaced by 0, as is NaN: an iteration from NaN
-would stay there."""
-
 
 @dataclass(frozen=True)
 class Inverse:
     """What the inverse dynamics of the platform is generated from, for the cache of kernels."""
 
     prefix: ClassVar[str] = "inverse"
-    sources: ClassVar[tuple[str, ...]] = ()
 
     dynamics: Dynamics
+
+    @property
+    def sources(self) -> tuple[str, ...]:
+        """Modules that it follows from."""
+        return (self.dynamics.__name__,)
 
     @property
     def variant(self) -> str:
@@ -292,13 +305,19 @@ class Inverse:
         return ""
 
     def source(self, structure: Structure) -> str:
-        """Python source of a module with what ``kernels.InverseKernel`` holds."""
+        """Python source of a module with ``demand`` and ``command``, see ``inverse_loops``."""
+        known = {"lengths": _lengths(structure), "theta": _theta(structure)}
+        motion = {"motion": MOTION, "torque": TORQUES}
+        torque = {"torque": TORQUES, "rate": RATES, "second": SECOND_RATES, "motion": MOTION}
         return "\n\n".join(
             [
                 HEADER,
-                function_source(demand_formulas(structure, self.dynamics)),
-                function_source(command_formulas(structure, self.dynamics)),
-                _inverse_loops(structure),
+                pointer_source(
+                    "demand", demand_formulas(structure, self.dynamics), {**motion, **known}
+                ),
+                pointer_source(
+                    "command", command_formulas(structure, self.dynamics), {**torque, **known}
+                ),
             ]
         )
 
@@ -375,53 +394,3 @@ def command_formulas(
     )
     results = dynamics.interface_torque(symbols(), structure, geometry, parameter, at)
     return Formulas("command", tuple(name for group in names for name in group), tuple(results))
-
-
-def _inverse_loops(structure: Structure) -> str:
-    theta = ", ".join(f"theta[{i}]" for i in range(len(structure.parameter_names)))
-    lengths = ", ".join(f"lengths[{i}]" for i in range(len(structure.mechanism.lengths)))
-    row = ", ".join(f"motion[k, {i}]" for i in range(len(MOTION)))
-    place = ", ".join(f"motion[{i}]" for i in range(len(MOTION)))
-    # Without losses under load the demand does not read the torque: the first round is exact.
-    rounds = ROUNDS if structure.depends_on_load else 1
-    return f"""@njit(cache=True, error_model='numpy')
-def acting(motion, lengths, theta, tolerance, torque):
-    for k in range(motion.shape[0]):
-        a, b, c, d = torque[k, 0], torque[k, 1], torque[k, 2], torque[k, 3]
-        if not abs(a) + abs(b) + abs(c) + abs(d) < {SANE}:
-            a, b, c, d = 0.0, 0.0, 0.0, 0.0
-        for _ in range({rounds}):
-            u1, u2, u3, u4 = demand({row}, a, b, c, d, {lengths}, {theta})
-            moved = abs(u1 - a) + abs(u2 - b) + abs(u3 - c) + abs(u4 - d)
-            a, b, c, d = u1, u2, u3, u4
-            if moved <= tolerance:
-                break
-        torque[k, 0], torque[k, 1], torque[k, 2], torque[k, 3] = a, b, c, d
-
-
-@njit(cache=True, error_model='numpy')
-def several(motion, lengths, thetas, tolerance, torque):
-    for j in range(thetas.shape[0]):
-        acting(motion, lengths, thetas[j], tolerance, torque[j])
-
-
-@njit(cache=True, error_model='numpy')
-def interface(torque, rate, second, motion, lengths, theta, out):
-    out[0], out[1], out[2], out[3] = command(
-        torque[0], torque[1], torque[2], torque[3],
-        rate[0], rate[1], rate[2], rate[3],
-        second[0], second[1], second[2], second[3],
-        {place}, {lengths}, {theta}
-    )
-
-
-@njit(cache=True, error_model='numpy')
-def held(motion, hold, lengths, theta, tolerance, torque, mean, out):
-    acting(motion, lengths, theta, tolerance, torque)
-    second = torque[0].copy()
-    for i in range(4):
-        second[i] = 4.0 * (torque[0, i] - 2.0 * torque[1, i] + torque[2, i]) / hold**2
-        mean[i] = (torque[0, i] + 4.0 * torque[1, i] + torque[2, i]) / 6.0
-        out[i] = (torque[2, i] - torque[0, i]) / hold
-    interface(mean, out, second, motion[1], lengths, theta, out)
-"""

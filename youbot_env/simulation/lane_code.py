@@ -21,7 +21,7 @@ from typing import Any
 from youbot_env.physics.mechanism import Instant
 from youbot_env.physics.namespaces import symbols
 from youbot_env.physics.stated_parameters import internal_values, public_parameters
-from youbot_env.simulation.generated_code import Dynamics, Structure, _printer, real_symbols
+from youbot_env.simulation.generated_code import CALLED, Dynamics, Structure, _printer, real_symbols
 
 LANES = 128
 """Rows in a block: a block of some 100 numbers a row stays in the second-level cache, and what each
@@ -32,10 +32,11 @@ TOGETHER = 32
 """Rows that are integrated to the end of a period before others begin: what they work with stays in
 the first-level cache."""
 
-TORQUE, DURATION, COEFFICIENTS = 0, 4, 5
-"""Fields of the workspace ``w``: torques at the interface, length of a step [s], coefficients."""
+TORQUE, DURATION, LATE, COEFFICIENTS = 0, 4, 5, 6
+"""Fields of the workspace ``w``: torques at the interface, length of a step [s], delay of torques
+[s], coefficients."""
 
-DRAWS = ("internal", "admissible")
+DRAWS = ("drawn",)
 """Generated functions that serve the draw of an episode's model: always in double precision."""
 
 STAGES = ("ka", "kb", "kc", "kd")
@@ -311,16 +312,20 @@ def lane_layout(structure: Structure) -> LaneLayout:
 def lane_source(structure: Structure, dynamics: Dynamics) -> str:
     """Source of functions of one block, see the module: what a period of the plant is made of.
 
-    integrate(x, w, lanes, substeps, lengths)
+    They are called by address, with pointers in place of arrays: functions of rows with the
+    arguments (x, w, out, lanes, substeps, lengths), which return nothing of use.
+
+    integrate
         Rows ``x`` move on by ``substeps`` steps of w[DURATION] [s] under the torques w[TORQUE ...].
-    joint_rates(x, w, lanes, lengths, out)
+    joint_rates
         Rates of the joints (J fields of ``out``) [rad/s].
-    acting(x, w, lanes, lengths, out)
+    acting
         Torques that act at the joints (J fields of ``out``) under those at the interface.
-    shifts(x, w, lanes, lengths, out)
+    shifts
         Delay of the torques in the model [s], one field.
-    internal(stated, geometry, theta), admissible(theta, lengths)
-        Parameters (P,) from those as people state them (Q,); whether the mass matrix is positive.
+    drawn(stated, geometry, lengths, theta)
+        Fills parameters (P,) from those as people state them (Q,); 1 if the mass matrix is then
+        positive definite, else 0.
     """
     mechanism = structure.mechanism
     size = len(structure.state_names)
@@ -345,13 +350,11 @@ def lane_source(structure: Structure, dynamics: Dynamics) -> str:
             names,
             [dynamics.torque_delay(symbols(), structure, symbol["theta"])],
         ),
-        _conversion(structure),
-        _mass_check(structure, names, symbol, geometry, dynamics),
+        _draw(structure, names, symbol, geometry, dynamics),
     ]
     return "\n\n".join(parts)
 
 
-_DECORATOR = '@njit(inner=True, error_model="numpy", nogil=True)'
 _INLINED = '@njit(inner=True, error_model="numpy", forceinline=True)'
 
 
@@ -503,9 +506,9 @@ def _prepared(
         [
             f"WORKSPACE = {COEFFICIENTS + len(kept) + 2 * len(angles)}\n\n",
             _INLINED,
-            "def prepare(x, w, lanes, lengths):",
+            "def prepare(x, w, first, last, lengths):",
             *lengths,
-            "    for i in range(lanes):",
+            "    for i in range(first, last):",
             *(f"        {line}" for line in body),
         ]
     )
@@ -575,18 +578,18 @@ def _runge_kutta(
     return "\n".join(
         [
             _INLINED,
-            "def lane_step(x, w, lanes):",
-            "    for i in range(lanes):",
+            "def lane_step(x, w, first, last):",
+            "    for i in range(first, last):",
             *(f"        {line}" for line in body),
             "\n",
-            _DECORATOR,
-            "def integrate(x, w, lanes, substeps, lengths):",
+            CALLED,
+            "def integrate(x, w, out, lanes, substeps, lengths):",
             f"    for first in range(0, lanes, {TOGETHER}):",
-            "        rows, own = x[first:], w[first:]",
-            f"        count = min({TOGETHER}, lanes - first)",
-            "        prepare(rows, own, count, lengths)",
+            f"        last = min(first + {TOGETHER}, lanes)",
+            "        prepare(x, w, first, last, lengths)",
             "        for _ in range(substeps):",
-            "            lane_step(rows, own, count)",
+            "            lane_step(x, w, first, last)",
+            "    return 0",
         ]
     )
 
@@ -666,11 +669,12 @@ def _fields_function(
     lengths = [f"    {g} = lengths[{k}]" for k, g in enumerate(names["lengths"]) if g in used]
     return "\n".join(
         [
-            _DECORATOR,
-            f"def {name}(x, w, lanes, lengths, out):",
+            CALLED,
+            f"def {name}(x, w, out, lanes, substeps, lengths):",
             *lengths,
             "    for i in range(lanes):",
             *(f"        {line}" for line in body),
+            "    return 0",
         ]
     )
 
@@ -685,7 +689,25 @@ def geometry_names(structure: Structure) -> tuple[str, ...]:
     return tuple(f.name for f in fields(known) if isinstance(getattr(known, f.name), float))
 
 
-def _conversion(structure: Structure) -> str:
+def _draw(
+    structure: Structure,
+    names: Mapping[str, list[str]],
+    symbol: Mapping[str, Any],
+    geometry: Any,
+    dynamics: Dynamics,
+) -> str:
+    return "\n".join(
+        [
+            CALLED,
+            "def drawn(stated, geometry, lengths, theta):",
+            *_conversion(structure),
+            *_mass_check(structure, names, symbol, geometry, dynamics),
+        ]
+    )
+
+
+def _conversion(structure: Structure) -> list[str]:
+    """Lines that fill ``theta`` from ``stated`` and ``geometry``."""
     known = geometry_names(structure)
     stated = list(public_parameters(structure, structure.mechanism.geometry))
     values = dict(zip(stated, real_symbols([f"v{i}" for i in range(len(stated))]), strict=True))
@@ -699,7 +721,7 @@ def _conversion(structure: Structure) -> str:
     lines = [f"    v{i} = stated[{i}]" for i in range(len(stated))]
     lines += [f"    g_{name} = geometry[{i}]" for i, name in enumerate(known)]
     lines += [f"    theta[{i}] = {printer.doprint(sympy.sympify(v))}" for i, v in enumerate(found)]
-    return "\n".join([_DECORATOR, "def internal(stated, geometry, theta):", *lines])
+    return lines
 
 
 def _mass_check(
@@ -708,7 +730,7 @@ def _mass_check(
     symbol: Mapping[str, Any],
     geometry: Any,
     dynamics: Any,
-) -> str:
+) -> list[str]:
     """Sylvester's criterion: the mass matrix at rest is positive definite."""
     import sympy
 
@@ -733,4 +755,4 @@ def _mass_check(
         for name, value in zip(entries, values, strict=True)
     ]
     tests = " and ".join(f"({printer.doprint(minor)}) > 0.0" for minor in minors)
-    return "\n".join([_DECORATOR, "def admissible(theta, lengths):", *lines, f"    return {tests}"])
+    return [*lines, f"    return 1 if {tests} else 0"]

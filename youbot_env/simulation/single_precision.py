@@ -10,16 +10,17 @@ from youbot_env.simulation import lane_math, lane_math_single
 _DOUBLE, _SINGLE_MATH = lane_math.__name__, lane_math_single.__name__
 
 
-def in_single(source: str, doubles: Collection[str]) -> str:
+def in_single(source: str, doubles: Collection[str] = (), within: Collection[str] = ()) -> str:
     """Source whose floating point constants are ``real``, but for those of functions ``doubles``.
 
     Imports of ``lane_math`` become those of ``lane_math_single``, whose ``real`` it is; functions
-    that stay in double precision find theirs in ``lane_math`` itself.
+    that stay in double precision find theirs in ``lane_math`` itself. Modules ``within`` are not
+    imported: what they define stands in the source.
     """
     tree = ast.parse(source)
-    body = []
+    body, left_out = [], ("__future__", _DOUBLE, *within)
     for statement in tree.body:
-        if isinstance(statement, ast.ImportFrom) and statement.module in ("__future__", _DOUBLE):
+        if isinstance(statement, ast.ImportFrom) and statement.module in left_out:
             continue
         if isinstance(statement, ast.FunctionDef) and statement.name in doubles:
             statement = _OwnFunctions().visit(statement)

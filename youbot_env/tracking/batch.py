@@ -32,6 +32,7 @@ from youbot_env.tracking.draws import (
     reference_draws,
 )
 from youbot_env.tracking.episode_draws import FIXED, carriers
+from youbot_env.tracking.period import draw_references
 from youbot_env.tracking.period_code import period_kernel
 from youbot_env.tracking.setup import Setup, checked_start, integration_steps
 from youbot_env.tracking.task import REWARD_TERMS, reference_table
@@ -338,7 +339,7 @@ class Batch:
         self, shown: Results, state: Array, number: int, rows: tuple[int, int]
     ) -> None:
         """Draw models and references of new episodes, and put their rows at the start."""
-        lanes.draw_references(self._y, self._z, self._k, self._whole, *self._reference_draws, *rows)
+        draw_references(self._y, self._z, self._k, self._whole, *self._reference_draws, *rows)
         self._kernel.begin_rows(
             *(self._places[number], self._tick, self._model_draws, state, shown.columns),
             *(shown.report, self._final, self._final_report, *rows),
@@ -498,16 +499,17 @@ class Batch:
     def _place(self) -> None:
         """List the addresses of the arrays anew: after one was replaced, and in a copy."""
         self._places = []
+        addresses = self._kernel.addresses(self._draws.kind != FIXED)
         for number in range(self._threads):
             w, v, f = self._workspace(number)
             arrays = (self._x, self._y, self._z, self._k, self._table, self._numbers)
             more = (self._lengths, w, v, self._whole.reshape(1, -1), self._taken, self._p)
-            listed = np.zeros((14, lanes.PLACE), np.int64)
+            listed = np.zeros((lanes.ARRAYS, lanes.PLACE), np.int64)
             for place, array in zip(listed, (*arrays, *more, self._first, f), strict=True):
                 assert array.flags.c_contiguous
                 place[0] = array.ctypes.data
                 place[1 : 1 + array.ndim] = array.shape
-            self._places.append(listed.ravel())
+            self._places.append(np.concatenate([listed.ravel(), addresses]))
 
     def final(self) -> tuple[NDArray[np.float32], Array]:
         """Last observations (n, D) and reports of the episodes that ended in the last step, copies.

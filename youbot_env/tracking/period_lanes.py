@@ -35,7 +35,6 @@ from youbot_env.simulation.lane_math import (
     turns_of_tone,
 )
 from youbot_env.tracking.actuation import AT_LIMIT, BOUND_TOLERANCE
-from youbot_env.tracking.episode_draws import PHASES, draw_reference, workspace
 
 carray = numba.carray  # pyright: ignore[reportPrivateImportUsage]
 
@@ -105,6 +104,15 @@ PIECE = 2 * LANES
 
 PLACE = 4
 """Numbers for each array in a list of places: its address and up to three lengths."""
+
+ARRAYS = 14
+"""Arrays in a list of places; after them stand addresses of the platform's compiled functions."""
+
+PLANT = ARRAYS
+INTEGRATE, RATES, ACTING, SHIFTS, DRAWN = range(5)
+"""Such addresses, see ``simulation.lane_code``; 0 where the platform has no such function."""
+
+PLACES = PLACE * ARRAYS + 5
 
 
 @njit(cache=True, inner=True, error_model="numpy", nogil=True)
@@ -548,32 +556,3 @@ def next_beginning(K, row, last):
                     return min(row + j, last)
         row += LANES - i
     return last
-
-
-@njit(cache=True, error_model="numpy", nogil=True)
-def draw_references(
-    Y, Z, K, whole, peaks, limits, jacobian, steps, fine, coarse, first, last
-):  # fmt: skip
-    """References of those rows first to last - 1 that begin an episode and follow no table."""
-    tones = whole[TONES]
-    phase, harmonic, gain = np.empty(3 * tones), np.empty(3 * tones), np.empty(3)
-    work, known = workspace(tones, steps), (fine, coarse)
-    row = first - 1
-    while True:
-        row = next_beginning(K, row + 1, last)
-        if row >= last:
-            break
-        b, i = row // LANES, row % LANES
-        k = K[b, i:]
-        if k[TABLE * LANES] >= 0:
-            continue
-        key, episode = np.uint64(k[KEY * LANES]), k[EPISODE * LANES]
-        draw_reference(
-            *(tones, whole[FIRST], whole[LAST], peaks, limits, jacobian, steps, known, key),
-            *(episode, phase, harmonic, gain, work),
-        )
-        for tone in range(3 * tones):
-            Z[b, 2 * tone * LANES + i] = np.uint16(phase[tone] * PHASES)
-            Z[b, (2 * tone + 1) * LANES + i] = np.uint16(harmonic[tone])
-        for axis in range(3):
-            Y[b, axis * LANES + i] = gain[axis]

@@ -54,6 +54,45 @@ def test_sound_logs_are_not_doubted(free: Log):
         assert told(replace(log, pose=pose_of(log, 1.003))) == []
 
 
+def late(log: Log, delays: tuple[float, ...]) -> Log:
+    """The log with each wheel's speed late by so much [s]."""
+    shifted = [
+        np.interp(log.time - d, log.time, v) for d, v in zip(delays, log.velocity.T, strict=True)
+    ]
+    return replace(log, velocity=np.column_stack(shifted))
+
+
+@pytest.mark.parametrize("delay", [0.008, 0.05, -0.02])
+def test_one_wheel_that_comes_late(free: Log, delay: float):
+    (line,) = [x for x in told(late(free, (0, 0, delay, 0))) if "other wheels" in x]
+    said = float(line.split(" comes ")[1].split(" ms ")[0])
+    assert said == pytest.approx(1e3 * abs(delay), rel=0.12)
+    assert "velocity_bl" in line and line.count("velocity_") == 1
+    assert ("after" if delay > 0 else "before") in line
+
+
+def test_drives_that_are_asked_one_after_the_other(free: Log):
+    (line,) = [x for x in told(late(free, (0, 0.006, 0.012, 0.018))) if "other wheels" in x]
+    assert "velocity_fl comes" in line and "velocity_br comes" in line
+    assert line.index("before") < line.index("after")
+
+
+@pytest.mark.parametrize("share", [0.3, 0.6])
+def test_a_number_that_overflows(free: Log, share: float):
+    span = share * np.abs(free.velocity).max()
+    velocity = free.velocity.copy()
+    velocity[:, 1] = (velocity[:, 1] + span) % (2 * span) - span
+    (line,) = [x for x in told(replace(free, velocity=velocity), "error") if "overflows" in x]
+    leap = float(line.split("leaps by ")[1].split(" ")[0])
+    assert "velocity_fr" in line and leap == pytest.approx(2 * span, rel=0.05)
+
+
+def test_a_torque_that_switches_between_two_ends_does_not_overflow(free: Log):
+    rng = np.random.default_rng(1)
+    effort = np.sign(free.effort) + 0.03 * rng.standard_normal(free.effort.shape)
+    assert not [x for x in told(replace(free, effort=effort)) if "overflows" in x]
+
+
 @pytest.mark.parametrize("order", [o for o in permutations(range(4)) if o != (0, 1, 2, 3)])
 def test_efforts_in_another_order(free: Log, order: tuple[int, ...]):
     (line,) = [x for x in told(replace(free, effort=free.effort[:, order])) if "order" in x]

@@ -56,6 +56,37 @@ def test_axes_units_and_frames_of_the_pose(tracked: Log, change, message: str):
     assert message in first(replace(tracked, pose=change(np.array(tracked.pose))))
 
 
+@pytest.mark.parametrize("angle", [0.2, -0.35])
+def test_a_heading_that_is_measured_askew(tracked: Log, angle: float):
+    """Told with its angle, and not as another radius, wherever the tracked point is."""
+    assert tracked.pose is not None
+    pose = np.array(tracked.pose)
+    pose[:, :2] += 0.2 * np.column_stack([np.cos(pose[:, 2]), np.sin(pose[:, 2])])
+    assert first(replace(tracked, pose=pose)) == ""
+    pose[:, 2] -= angle
+    told = first(replace(tracked, pose=pose))
+    assert told.endswith("youbot kinematics says it exactly") and "off the pose's forward" in told
+    assert float(told.split("drives ")[1].split()[0]) == pytest.approx(np.degrees(angle), abs=1.5)
+
+
+def test_tracking_that_is_lost(tracked: Log):
+    assert tracked.pose is not None
+    still = np.array(tracked.pose)
+    still[500:600] = still[500]
+    told = first(replace(tracked, pose=still))
+    assert "the pose stands still for 2 s while the wheels roll" in told and "row 502" in told
+    leap = np.array(tracked.pose)
+    leap[700:, 1] += 0.3
+    told = first(replace(tracked, pose=leap))
+    assert "the pose leaps by 0.3 m (1 such)" in told and "row 702" in told
+
+
+def test_a_pose_that_is_slower_than_the_log_is_not_lost(tracked: Log):
+    assert tracked.pose is not None
+    held = tracked.pose[np.arange(len(tracked)) // 5 * 5]
+    assert "stands still" not in first(replace(tracked, pose=held))
+
+
 @pytest.mark.parametrize("rows", [40, -60])
 def test_another_clock(tracked: Log, rows: int):
     assert tracked.pose is not None

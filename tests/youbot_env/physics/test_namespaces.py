@@ -131,7 +131,7 @@ def test_the_compiled_derivative_is_the_same(case: str):
     states = np.array([np.broadcast_to(v, COUNT) for v in state_of(m.structure, at)])
     derivative = kernel(m.structure, dynamics).derivative
     compiled = np.array(
-        [derivative(*states[:, k], *torque[:, k], *m.lengths, *m.theta) for k in range(COUNT)]
+        [derivative(states[:, k], torque[:, k], m.lengths, m.theta) for k in range(COUNT)]
     )
     plain = m.state_derivative(states.T, torque.T)
     np.testing.assert_allclose(compiled, plain, rtol=1e-11, atol=1e-11)
@@ -189,12 +189,10 @@ def test_every_function_an_effect_may_use_works_everywhere(everything_xp_offers:
     tensor = [torch.as_tensor(v, dtype=torch.float64) for v in results(tensors(), m, theta, single)]
     np.testing.assert_allclose(torch.stack(tensor).numpy(), expected[:, 0], rtol=1e-12)
     states = state_of(m.structure, single)
-    compiled = kernel(m.structure, dynamics).derivative(
-        *states, *single.torque, *m.lengths, *m.theta
-    )
+    compiled = kernel(m.structure, dynamics).derivative(states, single.torque, m.lengths, m.theta)
     np.testing.assert_allclose(compiled, expected[-len(states) :, 0], rtol=1e-10)
     standing = np.zeros(len(states))
-    still = kernel(m.structure, dynamics).derivative(*standing, *np.zeros(4), *m.lengths, *m.theta)
+    still = kernel(m.structure, dynamics).derivative(standing, np.zeros(4), m.lengths, m.theta)
     np.testing.assert_allclose(still, m.state_derivative(standing, np.zeros(4)), atol=1e-12)
 
 

@@ -164,7 +164,7 @@ def test_compiled_code_and_tensors_are_the_same_physics(name: str, case: str):
     expected = m.state_derivative(state, torque)
     code = kernel(m.structure, dynamics).derivative
     for row, drive, rates in zip(state, torque, expected, strict=True):
-        found = code(*row, *drive, *m.lengths, *m.theta)
+        found = code(row, drive, m.lengths, m.theta)
         np.testing.assert_allclose(found, rates, rtol=1e-9, atol=1e-9)
 
 

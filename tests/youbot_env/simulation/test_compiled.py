@@ -116,7 +116,7 @@ def test_a_file_that_says_something_else_is_not_believed(
     path = kernels._cached_source(BASE, System(dynamics))
     good = path.read_text()
     assert kernels._is_intact(path)
-    for bad in (good.replace("6.0", "5.0", 1), "", "# nothing", good + "\n", "\0\xff"):
+    for bad in (good.replace("4.0", "5.0", 1), "", "# nothing", good + "\n", "\0\xff"):
         path.write_text(bad)
         assert not kernels._is_intact(path)
         assert kernels._cached_source(BASE, System(dynamics)) == path and path.read_text() == good

@@ -16,7 +16,6 @@ from youbot_env.physics.catalogue import GRAVITY
 from youbot_env.physics.geometry import wheel_rates
 from youbot_env.physics.mecanum import FULL_SPEED, MECANUM
 from youbot_env.physics.mechanism import EffectPoints, Instant, component_force
-from youbot_env.physics.namespaces import floats
 from youbot_env.simulation.compiled import kernel
 from youbot_env.simulation.free_run import (
     initial_state,
@@ -175,13 +174,16 @@ def test_integrator_is_of_fourth_order(case: str):
 
 
 def reference_run(m: Model, time: np.ndarray, torque: np.ndarray, start: np.ndarray) -> np.ndarray:
-    """The same free run by scipy's eighth-order method, interval by interval."""
-    theta = [float(v) for v in m.theta]
+    """The same free run by scipy's eighth-order method, interval by interval.
+
+    The compiled derivative is the stated one: ``tests/youbot_env/physics/test_namespaces.py``.
+    """
+    derivative = kernel(m.structure, dynamics).derivative
     states = [start]
 
     def rates(t: float, y: np.ndarray):
-        now = [float(np.interp(t - m.delay, time, column)) for column in torque.T]
-        return dynamics.state_derivative(floats, m.structure, m.geometry, theta, y, now)
+        now = np.array([np.interp(t - m.delay, time, column) for column in torque.T])
+        return derivative(y, now, m.lengths, m.theta)
 
     for k in range(len(time) - 1):
         solved = solve_ivp(
