@@ -52,6 +52,7 @@ from identification.residual_map.settings import ResidualMapSettings
 from identification.residual_map.shares import ResidualMap
 from identification.showing import Shown
 from identification.signals.filters import pieces
+from identification.threads import in_one_blas_thread
 from youbot_env.errors import InputError, Settings, check_settings
 from youbot_env.files import write_atomically
 from youbot_env.physics.geometry import Geometry
@@ -258,6 +259,7 @@ def _stretches_of(item: LogComparison, duration: float) -> list[dict[str, Any]]:
     ]
 
 
+@in_one_blas_thread
 def compare(
     model: AnyModel,
     logs: Sequence[Log],

@@ -9,13 +9,32 @@ import ctypes
 import os
 from collections.abc import Callable, Iterable
 from concurrent.futures import ThreadPoolExecutor
-from functools import cache
-from typing import TypeVar
+from functools import cache, wraps
+from typing import ParamSpec, TypeVar
+
+from threadpoolctl import threadpool_limits
 
 from youbot_env.threads import threads
 
 Item = TypeVar("Item")
 Result = TypeVar("Result")
+Given = ParamSpec("Given")
+
+
+def in_one_blas_thread(function: Callable[Given, Result]) -> Callable[Given, Result]:
+    """The function, whose linear algebra takes one thread, as in the commands.
+
+    The matrices here are tall and thin: a second thread of BLAS brings nothing, and where another
+    process has the core it spins: a call then takes ten times as long. Results would differ in the
+    last bit from one number of cores to another.
+    """
+
+    @wraps(function)
+    def limited(*args: Given.args, **kwargs: Given.kwargs) -> Result:
+        with threadpool_limits(1, user_api="blas"):
+            return function(*args, **kwargs)
+
+    return limited
 
 
 def side_by_side(

@@ -28,10 +28,12 @@ from identification.mechanisms.residual_maps import (
     with_map_over,
 )
 from identification.mechanisms.samples import Samples
+from identification.threads import in_one_blas_thread
 from youbot_env.errors import InputError
 from youbot_env.physics.residual_maps import is_map
 
 
+@in_one_blas_thread
 def add_effect(
     model: AnyModel,
     effect: str,

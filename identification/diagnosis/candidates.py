@@ -22,6 +22,7 @@ from identification.diagnosis.settings import DiagnosisSettings
 from identification.diagnosis.significance import (
     Evidence,
     candidate_p_values,
+    coefficients,
     remainder,
     score_blocks,
     stacked,
@@ -51,7 +52,15 @@ from identification.mechanisms.mechanism import Mechanism
 from identification.mechanisms.samples import DemandedForce, Samples
 from identification.residual_map.bootstrap import random_signs
 from identification.threads import side_by_side
-from youbot_env.physics.effect import ACTUATOR, CHANNEL, INSTANCE, SPEED, Parameter, effect_of
+from youbot_env.physics.effect import (
+    ACTUATOR,
+    CHANNEL,
+    CLOCK,
+    INSTANCE,
+    SPEED,
+    Parameter,
+    effect_of,
+)
 
 Array = NDArray[np.float64]
 
@@ -238,9 +247,9 @@ def _p_values(
         and p_values[item.name] <= settings.max_p_value_of_noise
     ]
     if by_noise:
-        noise = list(base.with_noise(data.noise, data.seed, with_torques=True, lasting=True))
+        noise = _Noise.on(data, base)
         for item in by_noise:
-            scores[item.name] = _beyond_noise(base, item, scores[item.name], noise)
+            scores[item.name] = noise.taken_off(item, scores[item.name])
         p_values = candidate_p_values(scores, signs, settings, tried)
     # What would help with a sign that cannot be explains nothing, however surely.
     absurd = [
@@ -275,33 +284,72 @@ def _evidence(base: FittedStructure, item: Candidate) -> Evidence:
     return Evidence(_scores(base, columns), chance)
 
 
-NOISY_SITES = (CHANNEL, ACTUATOR, SPEED)
+NOISY_SITES = (CHANNEL, ACTUATOR, CLOCK, SPEED)
 """Where an effect's column is made of logged torques: their noise is in the residual too."""
 
 
-def _beyond_noise(
-    base: FittedStructure,
-    item: Candidate,
-    evidence: Evidence,
-    noise: Sequence[tuple[Samples, Array]],
-) -> Evidence:
-    """The evidence less what noise alone makes of it, which is in the column and the residual.
+class _Noise(NamedTuple):
+    """Noise put on the logs of a structure once more, and what it makes of the structure's rows.
 
-    A drive's resonance bends the torque, and so its noise: the two are correlated. ``noise``: per
-    log, samples with noise put on once more, and what it adds to the residual (n, A).
+    samples : per log, with the noise
+    residual : (N,) and columns (N, F) of the structure's parameters, what the noise adds to them
     """
-    free = item.fitted.free if item.fitted else item.free
-    own = free[np.isin(free, base.free, invert=True)]
-    added = []
-    for (noisy, _), clean in zip(noise, base.samples, strict=True):
-        with_noise, without = (
-            _own_columns(base, item.mechanism, item.theta, s.for_fit, own) for s in (noisy, clean)
-        )
-        added.append(with_noise - without)
-    cleared = remainder(stacked(added), stacked(base.columns), base.settings.min_seen_share)
-    score = cleared.T @ np.concatenate([residual.ravel() for _, residual in noise])
-    observed = evidence.observed - score / len(evidence.observed)
-    return replace(evidence, observed=observed)
+
+    base: FittedStructure
+    samples: tuple[Samples, ...]
+    residual: Array
+    columns: Array
+
+    @classmethod
+    def on(cls, data: LoggedData, base: FittedStructure, lasting: bool = True) -> _Noise:
+        """The logs' own noise; ``lasting``: with the spectrum that their speeds show."""
+        added = list(base.with_noise(data.noise, data.seed, True, lasting))
+        samples, residual = zip(*added, strict=True)
+        joined = np.concatenate([part.ravel() for part in residual])
+        columns = _added_columns(base, base.mechanism, base.theta, samples, base.free)
+        return cls(base, samples, joined, stacked(columns))
+
+    def taken_off(self, item: Candidate, evidence: Evidence) -> Evidence:
+        """The evidence less what noise alone makes of it, in the column and in the residual.
+
+        A drive's resonance bends the torque, and so its noise: the two are correlated. And noise
+        in the structure's own columns makes its parameters too small; what these columns explain
+        of the effect's then shows the error that they leave.
+        """
+        base, least = self.base, self.base.settings.min_seen_share
+        free = item.fitted.free if item.fitted else item.free
+        own = free[np.isin(free, base.free, invert=True)]
+        args = base, item.mechanism, item.theta
+        added = stacked(_added_columns(*args, self.samples, own))
+        clean = stacked(_columns_of(*args, base.samples, own))
+        known = stacked(base.columns)
+        added = added - self.columns @ coefficients(clean, known, least)
+        score = remainder(added, known, least).T @ self.residual
+        observed = evidence.observed - score / len(evidence.observed)
+        return replace(evidence, observed=observed)
+
+
+def _added_columns(
+    base: FittedStructure,
+    mechanism: Mechanism,
+    theta: Array,
+    noisy: Sequence[Samples],
+    new: Indices,
+) -> list[Array]:
+    """Per log (n, A, F), what noise adds to the columns of the parameters ``new``."""
+    ways = (_columns_of(base, mechanism, theta, logs, new) for logs in (noisy, base.samples))
+    return [more - less for more, less in zip(*ways, strict=True)]
+
+
+def _columns_of(
+    base: FittedStructure,
+    mechanism: Mechanism,
+    theta: Array,
+    logs: Sequence[Samples],
+    new: Indices,
+) -> list[Array]:
+    """Per log (n, A, F), the columns of the parameters ``new``."""
+    return [_own_columns(base, mechanism, theta, item.for_fit, new) for item in logs]
 
 
 def _own_columns(

@@ -61,13 +61,14 @@ from identification.proposal.proposal import Proposal
 from identification.residual_map.regime import Regime
 from identification.residual_map.residual_map import residual_map
 from identification.residual_map.shares import ResidualMap
-from identification.threads import give_back, side_by_side
+from identification.threads import give_back, in_one_blas_thread, side_by_side
 from youbot_env.errors import InputError
 from youbot_env.physics.effect import effect_of
 
 Array = NDArray[np.float64]
 
 
+@in_one_blas_thread
 def diagnose(
     model: AnyModel,
     logs: Sequence[Log],

@@ -53,15 +53,21 @@ def stacked(columns: Sequence[Array]) -> Array:
 
 
 def remainder(target: Array, columns: Array, min_seen_share: float) -> Array:
-    """What no combination of columns (N, F) explains of targets (N, T).
+    """What no combination of columns (N, F) explains of targets (N, T): see `coefficients`."""
+    return target - columns @ coefficients(target, columns, min_seen_share)
+
+
+def coefficients(target: Array, columns: Array, min_seen_share: float) -> Array:
+    """(F, T) of the combinations of columns (N, F) that explain most of targets (N, T).
 
     ``min_seen_share``: of the largest eigenvalue, under which a direction of columns is not seen.
     """
     # Unit columns, so that the cut-off does not depend on units; a column of zeros stays zero.
     norm = np.sqrt((columns**2).sum(axis=0))
-    columns = columns / np.where(norm > 0, norm, 1.0)
-    gram = columns.T @ columns
-    return target - columns @ (np.linalg.pinv(gram, rcond=min_seen_share) @ (columns.T @ target))
+    norm = np.where(norm > 0, norm, 1.0)
+    unit = columns / norm
+    inverse = np.linalg.pinv(unit.T @ unit, rcond=min_seen_share)
+    return inverse @ (unit.T @ target) / norm[:, None]
 
 
 @dataclass(frozen=True)

@@ -46,6 +46,7 @@ from identification.mechanisms.registry import AnyModel, kind_of, mechanism_of
 from identification.mechanisms.residual_maps import refuse_unseen_logs
 from identification.mechanisms.samples import Samples
 from identification.showing import Shown
+from identification.threads import in_one_blas_thread
 from youbot_env.errors import InputError
 from youbot_env.model.model_file import load_model
 from youbot_env.physics.geometry import Geometry
@@ -218,6 +219,7 @@ def _estimates(model: Any) -> dict[str, Any]:
     }
 
 
+@in_one_blas_thread
 def identify(
     logs: Sequence[Log],
     *,

@@ -44,8 +44,10 @@ an offset of the channel in the log: a small p-value of `torque_offset` is right
 Noise of speeds that lasts (AR(1), hum, coarse steps) is in the acceleration, and so in the
 residual and in the columns of effects of the drives, of `drive_resonance` most. It is taken off
 with the spectrum that the speeds of a platform show beside any rigid motion; steps of coarse
-speeds are no such noise. No verdict rests on a p-value alone: an effect must take away a share of
-what can be predicted on held-out stretches, and of noise nothing can.
+speeds are no such noise. It is in the model's own columns too and makes its masses too small, which
+the columns of a lag or a delay show: that is taken off as well. No verdict rests on a p-value
+alone: an effect must take away a share of what can be predicted on held-out stretches, and of noise
+nothing can.
 
 """
 }

@@ -66,7 +66,8 @@ def null_fit(item: Fit) -> Record:
     log = log_along(case, "calibration", twist)
     record: Record = {"fit": _key(item), "case": case.to_dict()}
     try:
-        return record | _fitted(log, case.seed)
+        # Random signs of its own: replicates that share them are not independent.
+        return record | _fitted(log, case.seed + case.index)
     except InputError as error:
         return record | failure(error)
 

@@ -5,9 +5,12 @@ from __future__ import annotations
 import threading
 import time
 
+import numpy as np  # loads BLAS
 import pytest
+from threadpoolctl import threadpool_info, threadpool_limits
 
-from identification.threads import side_by_side
+from identification.diagnosis.diagnose import diagnose
+from identification.threads import in_one_blas_thread, side_by_side
 from youbot_env.errors import InputError
 from youbot_env.threads import MAX_THREADS, THREADS, threads
 
@@ -56,3 +59,17 @@ def test_threads_are_the_cores_unless_the_user_says(monkeypatch):
         monkeypatch.setenv(THREADS, wrong)
         with pytest.raises(InputError, match="YOUBOT_THREADS: .* whole number"):
             threads()
+
+
+def blas_threads() -> list[int]:
+    assert np.linalg.eigvalsh(np.eye(2)).size == 2
+    return [item["num_threads"] for item in threadpool_info() if item["user_api"] == "blas"]
+
+
+def test_linear_algebra_takes_one_thread_within_and_those_that_were_given_outside():
+    with threadpool_limits(2, user_api="blas"):
+        before = blas_threads()
+        assert set(in_one_blas_thread(blas_threads)()) == {1}
+        assert blas_threads() == before
+    assert hasattr(diagnose, "__wrapped__")  # its signature and documentation are its own
+    assert "logs" in (diagnose.__doc__ or "")
