@@ -148,7 +148,8 @@ def without_angles(samples: Samples) -> Samples:
 
     The angles of an hour at 1 kHz take a tenth of a gigabyte.
     """
-    first = np.broadcast_to(samples.wheel_angle[:1], samples.wheel_angle.shape)
+    # A copy: a view of one row keeps all of them.
+    first = np.broadcast_to(samples.wheel_angle[:1].copy(), samples.wheel_angle.shape)
     return replace(samples, wheel_angle=first)
 
 
