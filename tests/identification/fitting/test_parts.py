@@ -301,20 +301,7 @@ def periodic(tmp_path_factory: pytest.TempPathFactory) -> Callable[[float, bool]
 
 @pytest.mark.slow
 @pytest.mark.parametrize("with_pose", [False, True])
-@pytest.mark.parametrize(
-    "command",
-    [
-        "doctor",
-        "identify",
-        pytest.param(
-            "compare",
-            marks=pytest.mark.xfail(
-                reason="an hour at 1 kHz takes compare 1.6 GB: log, samples, two pairs of traces "
-                "and the map's features"
-            ),
-        ),
-    ],
-)
+@pytest.mark.parametrize("command", ["doctor", "identify", "compare"])
 def test_memory_of_a_long_log_grows_by_little_more_than_its_samples(
     periodic: Callable[[float, bool], Path], command: str, with_pose: bool
 ):
