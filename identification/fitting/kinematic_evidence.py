@@ -516,5 +516,6 @@ def slip_words(share: float) -> str:
     """What is to be said of wheels that slip, by a share of their speeds."""
     return (
         f"the wheels slip: {share:.1%} of the wheel speeds is no rigid motion, beyond noise "
-        "and kinematics; drive more gently, or on a floor with more grip"
+        "and kinematics; mend what `youbot doctor` says of their speeds, if it does; else drive "
+        "more gently, or on a floor with more grip"
     )
