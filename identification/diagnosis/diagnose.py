@@ -337,6 +337,7 @@ def _accepted(data: LoggedData, before: Step, ranking: Ranking) -> list[Accepted
         assert best.fitted is not None  # as is every result of a joint fit
         significant = ranking.p_values[best.name] <= data.settings.max_p_value
         helps = significant and _helps_in_each_log(before.fitted, best, data.settings)
+        helps = helps and _helps_outside_episodes(before, best.fitted)
         if helps and _survives_measuring(data, before.fitted, ranking):
             step = data.step(best.fitted, best.name)
             if _free_run_holds(data, before, step):
@@ -369,6 +370,26 @@ def _helps_in_each_log(base: FittedStructure, item: Candidate, settings: Diagnos
     lost = -sum(min(gain, 0.0) for gain in gains.values())
     won = sum(max(gain, 0.0) for gain in gains.values())
     return lost <= settings.max_lost_share * won
+
+
+def _helps_outside_episodes(before: Step, fitted: FittedStructure) -> bool:
+    """Whether an effect leaves no more where the residual was small than was there before.
+
+    A force that acts for a while is met halfway by a constant one: the squares fall where it acts,
+    and rise wherever it does not. What acts always does no such thing.
+    """
+    known = before.predictable
+    if not known.is_episodic:
+        return True
+    quiet = {log: np.ones(len(row.time), bool) for log, row in enumerate(fitted.rows)}
+    for log, start, end in known.episodes:
+        time = fitted.rows[log].time
+        quiet[log] &= (time <= start) | (time > end)
+    own, without = (
+        sum(float((row.residual[quiet[log]] ** 2).sum()) for log, row in enumerate(one.rows))
+        for one in (fitted, before.fitted)
+    )
+    return own <= fitted.settings.max_quiet_rise * without
 
 
 def _share_in(item: Candidate, base: FittedStructure, log: Samples) -> float:

@@ -163,6 +163,14 @@ class DiagnosisSettings(Settings):
             "some, by more than this, it imitates something else",
         },
     )
+    max_quiet_rise: float = field(
+        default=1.5,
+        metadata={
+            "unit": "times the squares outside of episodes",
+            "reason": "that an effect may leave there: a slope that met a gust halfway left 6 "
+            "times as much where no wind blew; a true effect leaves less",
+        },
+    )
     min_share_on_grip: float = field(
         default=0.8,
         metadata={

@@ -16,7 +16,9 @@ from identification.diagnosis.candidates import (
     with_joint_fit,
 )
 from identification.diagnosis.diagnose import _ties, diagnose, select
+from identification.diagnosis.settings import DiagnosisSettings
 from identification.diagnosis.structures import LoggedData
+from identification.logs.log import Log
 from identification.mechanisms.registry import mechanism_of
 from identification.mechanisms.samples import cut
 from tests.identification.recordings import recording
@@ -237,3 +239,23 @@ def test_what_a_second_effect_promises_is_nearly_what_the_pair_takes():
     promised = promised_falls(base, first, tried, ["floor_tilt", "torque_delay"])
     assert promised["floor_tilt"] == pytest.approx(taken / base.square, rel=0.05)
     assert promised["torque_delay"] < 0.1 * promised["floor_tilt"]
+
+
+def in_a_gust(log: Log, force: tuple[float, float], middle: float, width: float) -> Log:
+    """The log of drives that hold their motion against a force that comes and goes."""
+    samples = (mechanism := mechanism_of(load_model("paper"))).samples(log)
+    share = np.exp(-(((samples.time - middle) / width) ** 2))[:, None]
+    c, s = np.cos(samples.pose[:, 2]), np.sin(samples.pose[:, 2])
+    body = np.column_stack([c * force[0] + s * force[1], c * force[1] - s * force[0], 0 * c])
+    return replace(log, effort=log.effort - share * body @ np.linalg.pinv(mechanism.jacobian))
+
+
+@pytest.mark.parametrize(("quiet_rise", "names"), [(1.5, []), (1e9, ["floor_tilt"])])
+def test_what_meets_a_force_halfway_that_acts_for_a_while_is_refused(quiet_rise, names):
+    """A slope halves what a gust leaves, and makes it larger where no wind blows."""
+    logs = [in_a_gust(recording(seed=seed), (8.0, -6.0), 30.0, 16.0) for seed in (1, 2)]
+    mechanism, model = mechanism_of(load_model("paper")), load_model("paper")
+    data = LoggedData(mechanism, logs, settings=DiagnosisSettings(max_quiet_rise=quiet_rise))
+    found = select(data, mechanism, model.theta, ["floor_tilt"], np.random.default_rng(0))
+    assert found.steps[0].predictable.is_episodic
+    assert accepted(found) == names
