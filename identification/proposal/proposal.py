@@ -65,10 +65,10 @@ class Proposal:
     def sentences(self) -> list[str]:
         """What it is, with its site, size, share and errors; what speaks for it; what to do."""
         law = self.law.law
-        share = "" if self.share is None else f"takes {self.share:.0%} of what was missing: "
+        share = ": " if self.share is None else f" takes {self.share:.0%} of what was missing: "
         beside = f", beside {' and '.join(self.beside)}" if self.beside else ""
         return [
-            f"proposed law: {law.name} (site {_site(law)}) {share}{self._falls}. In words: "
+            f"proposed law: {law.name} (site {_site(law)}){share}{self._falls}. In words: "
             f"{_small(law.meaning)}{beside}; as a formula: {law.formula} with {self._sizes}",
             "chance does as much on stretches that the search had not seen in "
             f"{self.verdict.unseen_p_value:.1%} of cases{self._others}",
