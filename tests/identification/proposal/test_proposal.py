@@ -68,7 +68,7 @@ def test_its_words_say_what_where_how_large_how_sure_and_what_next():
     assert "0.1% of cases; these logs cannot tell it from" in second
     assert "to confirm, drive along that direction" in third
     worse = proposal_of("dry_nap", share=None, before=(0.08, 0.01)).sentences[0]
-    assert "(site world) the force error falls" in worse and "velocity error is 2.00%" in worse
+    assert "(site world): the force error falls" in worse and "velocity error is 2.00%" in worse
 
 
 def test_of_numbers_of_wheels_those_that_are_not_zero_are_said():
