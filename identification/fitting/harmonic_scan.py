@@ -1,10 +1,10 @@
-"""Is a residual periodic in a place or in a wheel's angle? A scan over periods, held out.
+"""Is a residual periodic in a place, a wheel's angle or time? A scan over periods, held out.
 
-Joints of a floor, ribs, teeth of a gear: a force that repeats every few centimetres or some times a
-turn. Neither trees nor smooth functions of a coordinate see it, since they would have to know each
-period by itself. Here one wave (a period, with its sizes and phases) is chosen by most of the
-stretches of time and predicts the others, fold by fold, so that chance has nothing to gain by the
-many periods that were tried.
+Joints of a floor, ribs, teeth of a gear, a deck that sways: a force that repeats every few
+centimetres, some times a turn, or every few seconds. Neither trees nor smooth functions of a
+coordinate see it, since they would have to know each period by itself. Here one wave (a period,
+with its sizes and phases) is chosen by most of the stretches of time and predicts the others, fold
+by fold, so that chance has nothing to gain by the many periods that were tried.
 """
 
 from __future__ import annotations
@@ -34,8 +34,8 @@ class Harmonic:
 
     Attributes
     ----------
-    variable : position_x, wheel_angle_fl, ...
-    period : in its unit [m or rad]; of most folds
+    variable : position_x, wheel_angle_fl, time, ...
+    period : in its unit [m, rad or s]; of most folds
     predicted : per log (n, A), each stretch from the others
     share : of the residual's squares that this takes away; below zero of noise
     p_value : chance of such a share, over all variables that were scanned
@@ -76,8 +76,9 @@ def harmonic_scan(
 ) -> list[Harmonic]:
     """The best wave over each coordinate of the place and each wheel's angle, the largest first.
 
-    Over a place the force acts along the world's axes and as a moment; over an angle along the
-    body's. Empty where the logs hold too few stretches, or nothing to scan.
+    Over a place, and in time, the force acts along the world's axes and as a moment; over an angle
+    along the body's. In time each log has a wave of its own: none knows when another began. Empty
+    where the logs hold too few stretches, or nothing to scan.
 
     Parameters
     ----------
@@ -93,6 +94,7 @@ def harmonic_scan(
         _best_wave(mechanism, one, residual, stretches, samples, settings)
         for one in _scanned(mechanism, steps[0], samples, settings, angles)
     ]
+    by_variable.append(_best_in_time(mechanism, residual, stretches, samples, settings))
     count = len(by_variable)
     waves = [
         Harmonic(name, period, predicted, share, min(1.0, count * p_value))
@@ -223,6 +225,45 @@ def _best_wave(
     edges = np.cumsum([len(part) for part in residual])[:-1]
     period = 2 * np.pi / float(np.median(numbers))
     return one.name, period, tuple(np.split(predicted, edges)), share, p_value
+
+
+def _best_in_time(
+    mechanism: Mechanism,
+    residual: Sequence[Array],
+    stretches: Sequence[Indices],
+    samples: Sequence[Samples],
+    settings: FitSettings,
+) -> Wave:
+    """The same of waves in time: in each log the best one, where it is more than chance.
+
+    Noise has tones too, but hum of a grid is faster than what is scanned.
+    """
+    chosen = settings.harmonic_scan
+    headings = _all_of(mechanism, samples, settings, lambda one: one.heading)
+    predicted, waves = [np.zeros_like(part) for part in residual], list[Wave]()
+    for log, item in enumerate(samples):
+        duration = float(item.time[-1] - item.time[0])
+        most = min(duration * chosen.fastest_in_time, chosen.max_periods_in_time)
+        periods = np.arange(chosen.min_periods_in_time, most, 1.0 / chosen.oversampling)
+        stretch = stretches[log] - stretches[log].min(initial=stretches[log].max(initial=0))
+        if not len(periods) or int(stretch.max(initial=-1)) + 1 < chosen.min_stretches:
+            continue
+        turned = [headings[log]] if headings else None
+        one = _Scanned("time", [item.time], turned, 2 * np.pi * periods / duration)
+        wave = _best_wave(mechanism, one, [residual[log]], [stretch], [item], settings)
+        if wave[4] <= chosen.max_p_value and wave[3] > chosen.min_share_in_time:
+            predicted[log] = wave[2][0]
+            waves.append(wave)
+    if not waves:
+        return "time", np.inf, tuple(predicted), 0.0, 1.0
+    square = sum(float((part**2).sum()) for part in residual)
+    gain = sum(
+        float((known * (2 * part - known)).sum())
+        for part, known in zip(residual, predicted, strict=True)
+    )
+    best = max(waves, key=lambda wave: wave[3])
+    p_value = min(1.0, len(samples) * min(wave[4] for wave in waves))
+    return "time", best[1], tuple(predicted), gain / max(square, 1e-300), p_value
 
 
 def _without_constants(

@@ -253,6 +253,31 @@ class HarmonicScanSettings(Settings):
         default=500,
         metadata={"unit": "1", "reason": "over one coordinate: a bound on time"},
     )
+    fastest_in_time: float = field(
+        default=1.5,
+        metadata={
+            "unit": "Hz",
+            "reason": "of a force that swings in time: a grid's hum appears faster after sampling",
+        },
+    )
+    min_periods_in_time: float = field(
+        default=8.0,
+        metadata={
+            "unit": "periods in a log",
+            "reason": "slow noise imitates the first waves of a log",
+        },
+    )
+    max_periods_in_time: float = field(
+        default=200.0,
+        metadata={"unit": "periods in a log", "reason": "a bound on time"},
+    )
+    min_share_in_time: float = field(
+        default=0.1,
+        metadata={
+            "unit": "share of a log's squares, held out",
+            "reason": "noise of a narrow band has part of it; of a deck that sways it is most",
+        },
+    )
     max_share_of_nyquist: float = field(
         default=0.7,
         metadata={

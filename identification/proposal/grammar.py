@@ -59,6 +59,7 @@ class PlatformGrammar:
         laws = [platform_laws.ripple_over_floor(*wave) for wave in self._periods(_of_world)]
         for wave in self._periods(self._against_motion):
             laws += sized_friction.stripes(self.seen, *wave)
+        laws += [platform_laws.sway(period) for period in self._periods_in_time()]
         laws += [
             ripple(cycles, each)
             for ripple, found in (
@@ -84,6 +85,18 @@ class PlatformGrammar:
         speed = np.hypot(*scene.twist[:, :2].T)
         power = (back[:, :2] * scene.twist[:, :2]).sum(axis=1)
         return (power / np.maximum(speed, self.settings.slowest_share * speed.max()))[:, None]
+
+    def _periods_in_time(self) -> list[float]:
+        """Periods [s] of the strongest forces along the world that repeat themselves from the start
+        of each log on."""
+        scenes, unit = self.evidence.scenes, self.settings.unit_of_time
+        force = [_of_world(scene, back) for scene, back in zip(scenes, self._back, strict=True)]
+        time = 2 * np.pi / unit * np.concatenate([scene.time for scene in scenes])
+        found = cycles_of_angles(
+            *([time, time], list(np.concatenate(force).T), np.full(1, 2 * np.pi / unit)),
+            *(self.evidence.mechanism.filter_rate, self.settings),
+        )
+        return [unit / cycles for cycles in found]
 
     def _cycles(self, torques: Sequence[Array]) -> list[float]:
         """Cycles a turn of torques (N,), one a wheel, that repeat themselves with its angle."""

@@ -484,6 +484,29 @@ def ripple_over_floor(period: float, direction: float) -> Law:
     )  # fmt: skip
 
 
+def sway(period: float) -> Law:
+    """A force along the world that swings in time, near a period [s]."""
+    step = 2e-3 * period
+    pairs = [
+        Constant(f"{part}_{axis}", "N", size=5.0) for axis in "xy" for part in ("sine", "cosine")
+    ]
+    wave = Constant("period", "s", 0.5 * period, 2.0 * period, period, (period,), step=step)
+    return Law(
+        "sway",
+        WORLD,
+        ("time",),
+        (*pairs, wave),
+        ("turn = 6.283185307179586 * world.time / period", "s, c = xp.sin(turn), xp.cos(turn)"),
+        "sine_x * s + cosine_x * c, sine_y * s + cosine_y * c, 0.0",
+        "Force along the world that swings in time: a deck that sways, a load that hangs",
+        "a sin(2 pi t/T) + b cos(2 pi t/T)",
+        r"a\sin\frac{2\pi t}{T} + b\cos\frac{2\pi t}{T}",
+        "Something pulls to and fro, whatever the robot does.",
+        CONFIRM["time"],
+        terms=2,
+    )
+
+
 def ripple_of_wheels(cycles: float, each: bool) -> Law:
     """A torque that is periodic in the wheels' angles, near some cycles a turn."""
     law = Law(

@@ -125,6 +125,14 @@ class ProposalSettings(Settings):
             "reason": "how often a wheel rubs: once, where it is not round; twice if bent",
         },
     )
+    unit_of_time: float = field(
+        default=10.0,
+        metadata={
+            "unit": "s",
+            "reason": "that stands for a turn where periods in time are sought as those of a "
+            "wheel are: from 0.2 s on",
+        },
+    )
     slowest_share: float = field(
         default=1e-2,
         metadata={

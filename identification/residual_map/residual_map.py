@@ -136,9 +136,14 @@ def _periodic(
     """Shares of places by what repeats over them every few centimetres, where that is seen."""
     residual = [filtered_residual(mechanism, np.asarray(theta, float), item, fit) for item in logs]
     waves = harmonic_scan(mechanism, residual, logs, fit, angles=False)
-    unit = "rad" if mechanism.variables(cut(logs[0], 0, 2)).turns else "m"
+    place = "rad" if mechanism.variables(cut(logs[0], 0, 2)).turns else "m"
+    units = {"time": "s"}
     return [
-        Share(wave.variable, wave.share, wave.p_value, period=wave.period, unit=unit)
+        Share(
+            *(wave.variable, wave.share, wave.p_value),
+            period=wave.period,
+            unit=units.get(wave.variable, place),
+        )
         for wave in waves
         if wave.is_seen(fit.harmonic_scan)
     ]

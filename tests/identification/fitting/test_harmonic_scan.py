@@ -66,7 +66,46 @@ def test_a_ripple_is_seen_over_the_angle_of_its_wheel():
     first, *_ = scanned(replace(log, effort=effort))
     assert first.variable == "wheel_angle_bl" and first.share > 0.3
     assert 2 * np.pi / first.period == pytest.approx(7.0)
-    assert {wave.variable for wave in scanned(log, angles=False)} == {"position_x", "position_y"}
+    others = {wave.variable for wave in scanned(log, angles=False)}
+    assert others == {"position_x", "position_y", "time"}
+
+
+def pushed(log: Log, force: np.ndarray) -> Log:
+    """The log, with what a force (N, 2) along the world asks of the wheels beside it."""
+    yaw = MECHANISM.samples(log).pose[:, 2]
+    c, s = np.cos(yaw), np.sin(yaw)
+    along = np.column_stack([c * force[:, 0] + s * force[:, 1], c * force[:, 1] - s * force[:, 0]])
+    asked = PAPER.geometry.L * np.column_stack([along, 0 * yaw])
+    return replace(log, effort=log.effort + MECHANISM.joint_torque(asked))
+
+
+@pytest.mark.parametrize("period", [0.9, 3.7, 12.0])
+def test_a_force_that_swings_in_time_is_seen_with_its_period(period):
+    log = recording()
+    swing = 5.0 * np.sin(2 * np.pi * log.time / period + 0.4)
+    first, *_ = scanned(pushed(log, np.column_stack([swing, -0.5 * swing])))
+    assert first.variable == "time" and first.share > 0.5
+    assert first.period == pytest.approx(period, rel=0.03)
+    assert first.is_seen(FitSettings().harmonic_scan)
+
+
+@pytest.mark.parametrize("frequency", [2.5, 10.0])
+def test_hum_of_the_torques_is_noise(frequency):
+    log = recording()
+    hum = 0.15 * np.sin(2 * np.pi * frequency * log.time[:, None] + np.arange(4))
+    assert not any(
+        wave.is_seen(FitSettings().harmonic_scan)
+        for wave in scanned(replace(log, effort=log.effort + hum), angles=False)
+    )
+
+
+@pytest.mark.parametrize("seed", [0, 1])
+def test_a_force_that_wanders_swings_in_no_time(seed):
+    log, rng = recording(), np.random.default_rng(seed)
+    steps = rng.standard_normal((len(log), 2)) * np.sqrt(log.dt)
+    waves = scanned(pushed(log, 1.5 * np.cumsum(steps, axis=0)), angles=False)
+    (wave,) = [wave for wave in waves if wave.variable == "time"]
+    assert not wave.is_seen(FitSettings().harmonic_scan)
 
 
 @pytest.mark.parametrize("memory", [0.0, 0.02, 0.3])
