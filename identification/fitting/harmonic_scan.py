@@ -240,7 +240,7 @@ def _best_in_time(
     """
     chosen = settings.harmonic_scan
     headings = _all_of(mechanism, samples, settings, lambda one: one.heading)
-    predicted, waves = [np.zeros_like(part) for part in residual], list[Wave]()
+    predicted, waves = [np.zeros_like(part) for part in residual], list[tuple[float, Wave]]()
     for log, item in enumerate(samples):
         duration = float(item.time[-1] - item.time[0])
         most = min(duration * chosen.fastest_in_time, chosen.max_periods_in_time)
@@ -253,7 +253,7 @@ def _best_in_time(
         wave = _best_wave(mechanism, one, [residual[log]], [stretch], [item], settings)
         if wave[4] <= chosen.max_p_value and wave[3] > chosen.min_share_in_time:
             predicted[log] = wave[2][0]
-            waves.append(wave)
+            waves.append((duration, wave))
     if not waves:
         return "time", np.inf, tuple(predicted), 0.0, 1.0
     square = sum(float((part**2).sum()) for part in residual)
@@ -261,9 +261,9 @@ def _best_in_time(
         float((known * (2 * part - known)).sum())
         for part, known in zip(residual, predicted, strict=True)
     )
-    best = max(waves, key=lambda wave: wave[3])
-    p_value = min(1.0, len(samples) * min(wave[4] for wave in waves))
-    return "time", best[1], tuple(predicted), gain / max(square, 1e-300), p_value
+    _, longest = max(waves, key=lambda pair: pair[0])  # it tells the period best
+    p_value = min(1.0, len(samples) * min(wave[4] for _, wave in waves))
+    return "time", longest[1], tuple(predicted), gain / max(square, 1e-300), p_value
 
 
 def _without_constants(

@@ -70,7 +70,8 @@ def curves_of(
     ----------
     logs, reductions : of each log; residual : (n, A) of each fold, in the logs' order
     block : rows within which residuals are correlated
-    cycles : per turn, for a wheel's angle; period : of a place, to draw one of many over another
+    cycles : per turn, for a wheel's angle; period : of a place or of time, to draw one of many
+        over another
     """
     found = []
     for abscissa in _abscissae(logs, variable, cycles, period, settings.smoothing_rate):
@@ -114,7 +115,9 @@ def _abscissae(
         headings = [_wrapped(_required(log.heading), turn) for log in logs]
         yield _Abscissa("heading", "rad", headings, turn)
     elif variable == "time":
-        yield _Abscissa("time from the log's start", "s", [log.time for log in logs])
+        yield _modulo(
+            _Abscissa("time from the log's start", "s", [log.time for log in logs]), period
+        )
     else:
         yield _of_component(logs, variable, cycles, period, smoothing)
 
@@ -133,10 +136,7 @@ def _of_component(
     label = f"{kind.replace('_', ' ')} {which}".strip()
     if kind == "position":
         k, unit = first.places.index(which), own.get(kind, "m")
-        places = [log.position[:, k] for log in logs]
-        if period:
-            label, places = f"{label}, modulo a period", [_wrapped(v, period) for v in places]
-        return _Abscissa(label, unit, places, period)
+        return _modulo(_Abscissa(label, unit, [log.position[:, k] for log in logs]), period)
     if kind == "acceleration":
         k, unit = first.axes.index(which), own.get(kind) or ACCELERATION[which]
         smoothed = [smooth(log.acceleration, smoothing, log.dt)[:, k] for log in logs]
@@ -152,6 +152,14 @@ def _of_component(
         label = label if first.turns is None else "effort"
         return _Abscissa(label, unit, [smooth(log.torque, smoothing, log.dt)[:, k] for log in logs])
     return _Abscissa(label, unit, [_required(getattr(log, name))[:, k] for log in logs])
+
+
+def _modulo(abscissa: _Abscissa, period: float | None) -> _Abscissa:
+    """One period of it, on which all others lie, where it has one."""
+    if not period:
+        return abscissa
+    values = [_wrapped(part, period) for part in abscissa.values]
+    return _Abscissa(f"{abscissa.label}, modulo a period", abscissa.unit, values, period)
 
 
 def _wrapped(values: Array, period: float) -> Array:
