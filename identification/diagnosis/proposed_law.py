@@ -139,6 +139,9 @@ def _proposal(
     systematic = base.predictable.systematic_share
     share = None
     if systematic > 0:
+        # Trees do not learn all that is there: what is beyond the noise floor was missing too.
+        noise = min(data.floor(base.fitted).to_dict()["force_error"] / base.force_error, 1.0)
+        systematic = max(systematic, 1.0 - noise**2)
         share = min((1.0 - (step.force_error / before.force_error) ** 2) / systematic, 1.0)
     return Proposal(
         replace(verdict.found, values=values),

@@ -275,14 +275,14 @@ def _predictability(
         ignored = 0.0 if are_coarse(samples, chosen) else found.share - chosen.max_noise_share
         wander = _wander(all_features, joined, fold_of, seed, settings, ignored)
         found = replace(found, wander=wander)
-    if found.is_predicted:
+    if found.is_predicted and found.share >= chosen.max_share_with_waves:
         return found
     waves = harmonic_scan(mechanism, [row.residual for row in rows], samples, settings)
     if not waves or not waves[0].is_seen(settings.harmonic_scan):
         return found
     predicted = tuple(part[::thin] for part in waves[0].predicted)
     periodic = replace(found, predicted=predicted, wander=0.0)
-    return periodic if periodic.is_predicted else found
+    return periodic if periodic.is_predicted and periodic.share > found.share else found
 
 
 def _wander(

@@ -18,6 +18,14 @@ class PredictabilitySettings(Settings):
     Each field's ``metadata`` holds its unit and the reason, or the measurement, for its default.
     """
 
+    max_share_with_waves: float = field(
+        default=0.5,
+        metadata={
+            "unit": "share of the residual's squares",
+            "reason": "that trees predict, up to which waves are looked for too: of a moment that "
+            "swings in time they predicted 10 %, the wave 90 %",
+        },
+    )
     max_noise_share: float = field(
         default=0.08,
         metadata={

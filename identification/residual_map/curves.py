@@ -115,9 +115,8 @@ def _abscissae(
         headings = [_wrapped(_required(log.heading), turn) for log in logs]
         yield _Abscissa("heading", "rad", headings, turn)
     elif variable == "time":
-        yield _modulo(
-            _Abscissa("time from the log's start", "s", [log.time for log in logs]), period
-        )
+        label = "time" if period else "time from the log's start"
+        yield _modulo(_Abscissa(label, "s", [log.time for log in logs]), period)
     else:
         yield _of_component(logs, variable, cycles, period, smoothing)
 
