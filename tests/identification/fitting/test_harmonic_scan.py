@@ -127,3 +127,19 @@ def test_a_log_of_few_stretches_says_nothing():
     samples = [MECHANISM.samples(log)]
     rows = fit(MECHANISM, samples, PAPER.theta).rows
     assert harmonic_scan(MECHANISM, [row.residual[:500] for row in rows], samples) == []
+
+
+def test_where_trees_tell_little_a_wave_tells_the_rest():
+    log = recording()
+    moment = 0.5 * np.sin(2 * np.pi * log.time / 2.3 + 0.4)
+    asked = np.column_stack([0 * moment, 0 * moment, moment])
+    samples = [MECHANISM.samples(replace(log, effort=log.effort + MECHANISM.joint_torque(asked)))]
+    rows = fit(MECHANISM, samples, PAPER.theta).rows
+    known = FitSettings()
+    trees_alone = replace(known.predictability, max_share_with_waves=0.0)
+    alone = predictability(
+        MECHANISM, rows, samples, settings=replace(known, predictability=trees_alone)
+    )
+    both = predictability(MECHANISM, rows, samples)
+    assert both.share > 0.6 and both.share >= alone.share
+    assert not both.is_noise
