@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator
 from dataclasses import asdict, dataclass
 from itertools import product
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -261,33 +262,15 @@ def scale_of_pose(log: Log, limits: CheckLimits) -> Iterator[Finding]:
         count = len(log) - abs(rows)
         velocity, pose = velocity[max(rows, 0) :][:count], pose[max(-rows, 0) :][:count]
     twist, yaw = geometry.body_twist(velocity), pose[:, 2]
-    c, s = np.cos(yaw), np.sin(yaw)
-    world = np.column_stack([c * twist[:, 0] - s * twist[:, 1], s * twist[:, 0] + c * twist[:, 1]])
-    rolled, travelled = (
-        way[:, 0] + 1j * way[:, 1]
-        for way in (
-            np.diff(integral_of(world, log.dt)[::stride], axis=0),
-            np.diff(pose[::stride, :2], axis=0),
-        )
-    )
-    # A point that is tracked beside the middle is swung around by turning.
-    swung = np.diff(np.exp(1j * yaw[::stride]))
-    size = max(float((np.abs(swung) ** 2).sum()), 1e-300)
-    rolled = rolled - np.vdot(swung, rolled) / size * swung
-    square = float((np.abs(rolled) ** 2).sum())
-    if square < len(rolled) * settings.min_compared_size**2:
+    way = _way_beside(twist, pose, stride, log.dt, settings)
+    if way is None:
         return
-    # A heading that is measured askew turns all ways alike, and shortens none of them.
-    factor = np.vdot(rolled, travelled) / square
-    gain, askew = float(np.abs(factor)), float(np.angle(factor))
-    left = travelled - factor * rolled - np.vdot(swung, travelled) / size * swung
-    off = np.conj(rolled * factor) * left / max(gain, 1e-300)
-    std = float(np.sqrt((off.real**2).sum())) / square
-    least = settings.scale_deviations * float(np.sqrt((off.imag**2).sum())) / square / gain
-    if max(settings.min_frame_yaw, least) < abs(askew) <= settings.kinematics.doubtful_frame_yaw:
-        yield off_forward(askew)
+    gain, std = way.gain, way.std
+    least = max(settings.min_frame_yaw, settings.scale_deviations * way.askew_std)
+    if least < abs(way.askew) <= settings.kinematics.doubtful_frame_yaw:
+        yield off_forward(way.askew)
     certain = max(settings.min_scale_difference, settings.scale_deviations * std)
-    if gain <= 0 or abs(gain - 1) < certain:
+    if abs(gain - 1) < certain:
         return
     if max(gain, 1 / gain) < settings.max_radius_ratio:
         if beside and len(beside.odd_wheels(settings)):
@@ -323,6 +306,51 @@ def scale_of_pose(log: Log, limits: CheckLimits) -> Iterator[Finding]:
             f"simulated time?): multiply time by {gain:.3g}, or mend the unit of the speeds"
         )
     yield Finding("error", message, column="time" if not unit else "velocity_*", cure=cure)
+
+
+class _Way(NamedTuple):
+    """A pose's way over the one that wheels roll: its gain, and the angle [rad] by which the
+    heading of the pose is measured askew, with their standard deviations."""
+
+    gain: float
+    std: float
+    askew: float
+    askew_std: float
+
+
+def _way_beside(
+    twist: NDArray[np.float64],
+    pose: NDArray[np.float64],
+    stride: int,
+    dt: float,
+    settings: LogSettings,
+) -> _Way | None:
+    """A pose (N, 3) beside the twist (N, 3) of the wheels, in pieces of ``stride`` samples; None
+    where the wheels hardly roll, or the pose goes nowhere.
+
+    As complex numbers: a heading that is askew turns all ways alike, and shortens none of them.
+    """
+    c, s = np.cos(pose[:, 2]), np.sin(pose[:, 2])
+    world = np.column_stack([c * twist[:, 0] - s * twist[:, 1], s * twist[:, 0] + c * twist[:, 1]])
+    rolled, travelled = (
+        np.diff(place[::stride, 0] + 1j * place[::stride, 1])
+        for place in (integral_of(world, dt), pose)
+    )
+    # A point that is tracked beside the middle is swung around by turning.
+    swung = np.diff(np.exp(1j * pose[::stride, 2]))
+    size = max(float((np.abs(swung) ** 2).sum()), 1e-300)
+    rolled = rolled - np.vdot(swung, rolled) / size * swung
+    square = float((np.abs(rolled) ** 2).sum())
+    if square < len(rolled) * settings.min_compared_size**2:
+        return None
+    factor = np.vdot(rolled, travelled) / square
+    gain = float(np.abs(factor))
+    if gain == 0.0:
+        return None
+    left = travelled - factor * rolled - np.vdot(swung, travelled) / size * swung
+    off = np.conj(rolled * factor) * left / gain
+    along, across = (float(np.sqrt((part**2).sum())) / square for part in (off.real, off.imag))
+    return _Way(gain, along, float(np.angle(factor)), across / gain)
 
 
 def off_forward(angle: float) -> Finding:

@@ -81,6 +81,12 @@ def test_tracking_that_is_lost(tracked: Log):
     assert "the pose leaps by 0.3 m (1 such)" in told and "row 702" in told
 
 
+@pytest.mark.parametrize("place", [(0.0, 0.0, 0.0), (1.5, -2.0, 0.3)])
+def test_a_pose_that_never_moves(tracked: Log, place: tuple[float, ...]):
+    told = first(replace(tracked, pose=np.tile(place, (len(tracked), 1))))
+    assert "is 0 times what the wheels say" in told
+
+
 def test_a_pose_that_is_slower_than_the_log_is_not_lost(tracked: Log):
     assert tracked.pose is not None
     held = tracked.pose[np.arange(len(tracked)) // 5 * 5]
