@@ -292,8 +292,10 @@ def compare(
     samples = mechanism.samples_of(logs, *_clock_of(model))
     refuse_unseen_logs(mechanism, model.theta, samples)
     # What takes memory of its own goes first, while no traces of long logs are there.
-    noise = [NoiseLevel.of(item, settings.fit).speed for item in samples]
-    kinematics = doubts_of_kinematics(mechanism, model.theta, samples, noise, settings.fit)
+    noise = [NoiseLevel.of(item, settings.fit) for item in samples]
+    kinematics = doubts_of_kinematics(
+        mechanism, model.theta, samples, [level.speed for level in noise], settings.fit
+    )
     where = residual_map(
         *(mechanism, model.theta, samples),
         seed=seed,
@@ -307,7 +309,7 @@ def compare(
         samples = [without_angles(item) for item in samples]
     give_back_after(samples, settings.fit)
     forces, refitted_error = _noise_of_forces(
-        mechanism, samples, left, force_floor_of(model), seed, settings.fit
+        mechanism, samples, left, noise, force_floor_of(model), seed, settings.fit
     )
     force, velocity = list[Traces](), list[Traces]()
     for item in samples:
@@ -317,10 +319,9 @@ def compare(
         progress()
     # On a log of its own the given model may do better than one that is fitted to all.
     least = [_no_more_than(*pair) for pair in zip(forces.squares, force, strict=True)]
-    levels = [NoiseLevel.of(item, settings.fit) for item in samples]
     floor = NoiseFloor(
         tuple(least),
-        velocity_floors(mechanism, model.theta, samples, left.rows, forces, velocity, levels, seed),
+        velocity_floors(mechanism, model.theta, samples, left.rows, forces, velocity, noise, seed),
         left.predictable.noise_std,
         left.predictable.correlation_time,
     )
@@ -436,6 +437,7 @@ def _noise_of_forces(
     mechanism: Mechanism,
     samples: Sequence[Samples],
     left: _Left,
+    noise: Sequence[NoiseLevel],
     known: float | None,
     seed: int,
     settings: FitSettings,
@@ -448,7 +450,6 @@ def _noise_of_forces(
     traces = [force_traces(mechanism, left.theta, item, settings) for item in samples]
     elsewhere = []
     if known is not None and not left.predictable.is_noise:  # of noise all is the floor
-        noise = [NoiseLevel.of(item, settings) for item in samples]
         args = zip(samples, traces, noise, strict=True)
         elsewhere = [
             _noise_as_known(mechanism, left.theta, *of, known, seed, settings) for of in args

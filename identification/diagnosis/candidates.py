@@ -45,7 +45,7 @@ from identification.fitting.regression import (
     acting_slope,
     columns_by_share,
     filtered_residual,
-    residual_ends,
+    residual_and_columns,
     rows_by_parts,
 )
 from identification.mechanisms.mechanism import Mechanism
@@ -306,8 +306,9 @@ class _Noise(NamedTuple):
         added = list(base.with_noise(data.noise, data.seed, True, lasting))
         samples, residual = zip(*added, strict=True)
         joined = np.concatenate([part.ravel() for part in residual])
-        columns = _added_columns(base, base.mechanism, base.theta, samples, base.free)
-        return cls(base, samples, joined, stacked(columns))
+        args = base, base.mechanism, base.theta
+        clean, noisy = (_columns_of(*args, logs, base.free) for logs in (base.samples, samples))
+        return cls(base, samples, joined, noisy - clean)
 
     def taken_off(self, item: Candidate, evidence: Evidence) -> Evidence:
         """The evidence less what noise alone makes of it, in the column and in the residual.
@@ -320,25 +321,12 @@ class _Noise(NamedTuple):
         free = item.fitted.free if item.fitted else item.free
         own = free[np.isin(free, base.free, invert=True)]
         args = base, item.mechanism, item.theta
-        added = stacked(_added_columns(*args, self.samples, own))
-        clean = stacked(_columns_of(*args, base.samples, own))
+        clean, noisy = (_columns_of(*args, logs, own) for logs in (base.samples, self.samples))
         known = stacked(base.columns)
-        added = added - self.columns @ coefficients(clean, known, least)
+        added = noisy - clean - self.columns @ coefficients(clean, known, least)
         score = remainder(added, known, least).T @ self.residual
         observed = evidence.observed - score / len(evidence.observed)
         return replace(evidence, observed=observed)
-
-
-def _added_columns(
-    base: FittedStructure,
-    mechanism: Mechanism,
-    theta: Array,
-    noisy: Sequence[Samples],
-    new: Indices,
-) -> list[Array]:
-    """Per log (n, A, F), what noise adds to the columns of the parameters ``new``."""
-    ways = (_columns_of(base, mechanism, theta, logs, new) for logs in (noisy, base.samples))
-    return [more - less for more, less in zip(*ways, strict=True)]
 
 
 def _columns_of(
@@ -347,9 +335,9 @@ def _columns_of(
     theta: Array,
     logs: Sequence[Samples],
     new: Indices,
-) -> list[Array]:
-    """Per log (n, A, F), the columns of the parameters ``new``."""
-    return [_own_columns(base, mechanism, theta, item.for_fit, new) for item in logs]
+) -> Array:
+    """(N, F) columns of the parameters ``new``, of all logs."""
+    return stacked([_own_columns(base, mechanism, theta, item.for_fit, new) for item in logs])
 
 
 def _own_columns(
@@ -359,32 +347,22 @@ def _own_columns(
     samples: Samples,
     new: Indices,
     known: DemandedForce | None = None,
+    with_residual: bool = False,
 ) -> Array:
     """Rows (n, A, F) of the parameters ``new`` of a structure that extends another.
 
-    ``known``: what the other demands of these samples, which are those of a fit.
+    Parameters
+    ----------
+    known : what the other demands of these samples, which are those of a fit
+    with_residual : (n, A, 1 + F), with what the structure leaves before them
     """
 
     def ends_of(part: Samples) -> Array:
         # Of a part of a long log nothing is known.
         demand = mechanism.demand(theta, part, known if part is samples else None)
+        if with_residual:
+            return residual_and_columns(mechanism, demand, part, new)
         return np.moveaxis(demand.columns(new), 0, -1)
-
-    return rows_by_parts(ends_of, mechanism, samples, base.settings.rows)
-
-
-def _own_residual(
-    base: FittedStructure,
-    mechanism: Mechanism,
-    theta: Array,
-    samples: Samples,
-    known: DemandedForce | None,
-) -> Array:
-    """Rows (n, A) of what a structure that extends another leaves."""
-
-    def ends_of(part: Samples) -> Array:
-        demand = mechanism.demand(theta, part, known if part is samples else None)
-        return residual_ends(mechanism, demand, part)
 
     return rows_by_parts(ends_of, mechanism, samples, base.settings.rows)
 
@@ -425,18 +403,16 @@ def _linear_candidate(
     own = np.arange(len(base.theta), len(theta), dtype=np.intp)
     new = own[mechanism.free[own]]
     # At zero strength the effect changes no force, so the structure's known demand can be reused.
-    columns = tuple(
-        _own_columns(base, mechanism, theta, item.for_fit, new, known)
-        for item, known in zip(base.samples, base.demands, strict=True)
-    )
     declared = mechanism.catalogue[name].parameters
     starts = {p.name for p in declared if p.grid and not p.is_shape}
+    columns = tuple(
+        _own_columns(base, mechanism, theta, item.for_fit, new, known, bool(starts))
+        for item, known in zip(base.samples, base.demands, strict=True)
+    )
     residual = base.residual
     if starts:
-        residual = [
-            _own_residual(base, mechanism, theta, item.for_fit, known)
-            for item, known in zip(base.samples, base.demands, strict=True)
-        ]
+        residual = [part[..., 0] for part in columns]
+        columns = tuple(part[..., 1:] for part in columns)
         slope = acting_slope(mechanism, theta, base.samples, new)
         columns = tuple(
             columns_by_share(part, left, slope)

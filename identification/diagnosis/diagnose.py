@@ -381,12 +381,12 @@ def _helps_outside_episodes(before: Step, fitted: FittedStructure) -> bool:
     known = before.predictable
     if not known.is_episodic:
         return True
-    quiet = {log: np.ones(len(row.time), bool) for log, row in enumerate(fitted.rows)}
+    quiet = [np.ones(len(row.time), bool) for row in fitted.rows]
     for log, start, end in known.episodes:
         time = fitted.rows[log].time
         quiet[log] &= (time <= start) | (time > end)
     own, without = (
-        sum(float((row.residual[quiet[log]] ** 2).sum()) for log, row in enumerate(one.rows))
+        sum(float((r.residual[q] ** 2).sum()) for r, q in zip(one.rows, quiet, strict=True))
         for one in (fitted, before.fitted)
     )
     return own <= fitted.settings.max_quiet_rise * without

@@ -16,6 +16,7 @@ from identification.diagnosis.structures import FittedStructure, LoggedData
 from identification.fitting.kinematic_evidence import SlippingWheels, TellingSlip
 from identification.fitting.noise_bias import joint_fit
 from identification.fitting.regression import Regression
+from identification.logs.timebase import runs_of
 from identification.mechanisms.samples import Samples
 
 Array = NDArray[np.float64]
@@ -34,9 +35,7 @@ def telling_slip(fitted: FittedStructure, slip: SlippingWheels) -> TellingSlip |
     for samples, row, mask in zip(fitted.samples, fitted.rows, slip.bursts, strict=True):
         within = _remembered(samples, row, mask, settings.regime.filter_memory)
         square = (row.residual**2).sum(axis=1)
-        starts = np.flatnonzero(within & ~np.concatenate([[False], within[:-1]]))
-        number = np.cumsum(np.isin(np.arange(len(within)), starts))[within] - 1
-        bursts += (np.bincount(number, square[within]) / np.bincount(number)).tolist()
+        bursts += [float(square[start:stop].mean()) for start, stop in runs_of(within)]
         elsewhere.append(square[~within])
         seconds += len(samples) * samples.dt
     rest = np.concatenate(elsewhere)

@@ -417,14 +417,7 @@ class LoggedData:
 
     def floor(self, fitted: FittedStructure) -> NoiseFloor:
         """What noise leaves at the fitted structure."""
-        left = self._remainder(fitted)
-        # A diverging free run has no floor: its squares are NaN, and so is the ratio.
-        runs = [_free_run(fitted.mechanism, fitted.theta, item) for item in self.samples]
-        return noise_floor(
-            *(fitted.mechanism, fitted.theta, self.samples),
-            *(left.rows, left.predictability, left.traces),
-            *(runs, self.noise, self.seed, self.settings.fit),
-        )
+        return self._remainder(fitted).floor
 
 
 def averaged_to_most(
@@ -504,6 +497,18 @@ class _Remainder:
         found = predictability(*args, self.fitted.theta)
         data.progress()
         return found
+
+    @cached_property
+    def floor(self) -> NoiseFloor:
+        """What noise leaves of it."""
+        data, fitted = self.data, self.fitted
+        # A diverging free run has no floor: its squares are NaN, and so is the ratio.
+        runs = [_free_run(fitted.mechanism, fitted.theta, item) for item in data.samples]
+        return noise_floor(
+            *(fitted.mechanism, fitted.theta, data.samples),
+            *(self.rows, self.predictability, self.traces),
+            *(runs, data.noise, data.seed, data.settings.fit),
+        )
 
     @cached_property
     def above_white_floor(self) -> float:

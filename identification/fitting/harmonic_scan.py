@@ -88,13 +88,13 @@ def harmonic_scan(
     chosen = settings.harmonic_scan
     steps = [settings.rows_of(mechanism.filter_rate, item.dt).step for item in samples]
     stretches = _stretches(residual, steps, chosen)
-    if int(stretches[-1].max(initial=-1)) + 1 < chosen.min_stretches:
+    if _too_few(stretches, chosen):
         return []
     by_variable = [
         _best_wave(mechanism, one, residual, stretches, samples, settings)
         for one in _scanned(mechanism, steps[0], samples, settings, angles)
     ]
-    by_variable.append(_best_in_time(mechanism, residual, stretches, samples, settings))
+    by_variable.append(_best_in_time(mechanism, residual, steps, samples, settings))
     count = len(by_variable)
     waves = [
         Harmonic(name, period, predicted, share, min(1.0, count * p_value))
@@ -113,6 +113,10 @@ def _stretches(
         found.append(first + (lasted // settings.stretch_duration).astype(np.intp))
         first = int(found[-1].max(initial=first - 1)) + 1
     return found
+
+
+def _too_few(stretches: Sequence[Indices], settings: HarmonicScanSettings) -> bool:
+    return int(stretches[-1].max(initial=-1)) + 1 < settings.min_stretches
 
 
 def _scanned(
@@ -230,40 +234,46 @@ def _best_wave(
 def _best_in_time(
     mechanism: Mechanism,
     residual: Sequence[Array],
-    stretches: Sequence[Indices],
+    steps: Sequence[float],
     samples: Sequence[Samples],
     settings: FitSettings,
 ) -> Wave:
     """The same of waves in time: in each log the best one, where it is more than chance.
 
-    Noise has tones too, but hum of a grid is faster than what is scanned.
+    Noise has tones too, but hum of a grid is faster than what is scanned. ``steps``: from row to
+    row [s].
     """
     chosen = settings.harmonic_scan
     headings = _all_of(mechanism, samples, settings, lambda one: one.heading)
-    predicted, waves = [np.zeros_like(part) for part in residual], list[tuple[float, Wave]]()
+    predicted, p_values = [np.zeros_like(part) for part in residual], list[float]()
+    longest, period = 0.0, np.inf
     for log, item in enumerate(samples):
         duration = float(item.time[-1] - item.time[0])
         most = min(duration * chosen.fastest_in_time, chosen.max_periods_in_time)
         periods = np.arange(chosen.min_periods_in_time, most, 1.0 / chosen.oversampling)
-        stretch = stretches[log] - stretches[log].min(initial=stretches[log].max(initial=0))
-        if not len(periods) or int(stretch.max(initial=-1)) + 1 < chosen.min_stretches:
+        stretches = _stretches([residual[log]], [steps[log]], chosen)
+        if not len(periods) or _too_few(stretches, chosen):
             continue
         turned = [headings[log]] if headings else None
         one = _Scanned("time", [item.time], turned, 2 * np.pi * periods / duration)
-        wave = _best_wave(mechanism, one, [residual[log]], [stretch], [item], settings)
-        if wave[4] <= chosen.max_p_value and wave[3] > chosen.min_share_in_time:
-            predicted[log] = wave[2][0]
-            waves.append((duration, wave))
-    if not waves:
-        return "time", np.inf, tuple(predicted), 0.0, 1.0
+        _, own_period, (known,), share, p_value = _best_wave(
+            mechanism, one, [residual[log]], stretches, [item], settings
+        )
+        if p_value > chosen.max_p_value or share <= chosen.min_share_in_time:
+            continue
+        predicted[log] = known
+        p_values.append(p_value)
+        if duration > longest:  # it tells the period best
+            longest, period = duration, own_period
+    if not p_values:
+        return "time", period, tuple(predicted), 0.0, 1.0
     square = sum(float((part**2).sum()) for part in residual)
     gain = sum(
         float((known * (2 * part - known)).sum())
         for part, known in zip(residual, predicted, strict=True)
     )
-    _, longest = max(waves, key=lambda pair: pair[0])  # it tells the period best
-    p_value = min(1.0, len(samples) * min(wave[4] for _, wave in waves))
-    return "time", longest[1], tuple(predicted), gain / max(square, 1e-300), p_value
+    p_value = min(1.0, len(samples) * min(p_values))
+    return "time", period, tuple(predicted), gain / max(square, 1e-300), p_value
 
 
 def _without_constants(

@@ -43,6 +43,11 @@ class Motion:
         return float((self.time[-1] - self.time[0]) / (len(self.time) - 1))
 
 
+def is_new(pose: Array) -> NDArray[np.bool_]:
+    """(N,) whether a pose (N, 3) is another one than at the sample before."""
+    return np.r_[True, (np.diff(pose, axis=0) != 0).any(axis=1)]
+
+
 def fresh_pose(motion: Motion, settings: KinematicsSettings) -> NDArray[np.intp]:
     """Samples (m,) at which the pose was measured, at most ``max_pose_rate`` of them a second.
 
@@ -50,7 +55,7 @@ def fresh_pose(motion: Motion, settings: KinematicsSettings) -> NDArray[np.intp]
     """
     assert motion.pose is not None
     known = np.isfinite(motion.pose).all(axis=1)
-    changed = np.r_[True, (np.diff(motion.pose, axis=0) != 0).any(axis=1)]
+    changed = is_new(motion.pose)
     # At rest a noise-free pose does not change either, so rests keep some of their samples.
     steps = np.arange(len(motion.time))
     since = steps - np.maximum.accumulate(np.where(changed, steps, 0))

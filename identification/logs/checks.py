@@ -23,6 +23,7 @@ from identification.logs.force_checks import (
 )
 from identification.logs.log import Log
 from identification.logs.logger_checks import (
+    channels_of,
     counted_speeds,
     counted_step,
     effort_order,
@@ -111,13 +112,6 @@ def _at(
     return Finding(level, message, row, column or None, cure)
 
 
-def _channels(log: Log, *kinds: str) -> Iterator[tuple[str, NDArray[np.float64]]]:
-    for kind in kinds:
-        block = getattr(log, kind)
-        if block is not None:
-            yield from zip(joint_columns(kind, log.joints), block.T, strict=True)
-
-
 def _length(log: Log, limits: CheckLimits) -> Iterator[Finding]:
     least = limits.settings.min_motion_time
     if log.duration < least:
@@ -167,7 +161,7 @@ def _units(log: Log, limits: CheckLimits) -> Iterator[Finding]:
             yield told[0]
             return
     for kind, limit, unit, cure in cases:
-        for column, signal in _channels(log, kind):
+        for column, signal in channels_of(log, kind):
             size = np.abs(signal)
             peak = int(np.argmax(size))
             if size[peak] > limit:
@@ -188,7 +182,7 @@ def _dead_channels(log: Log, limits: CheckLimits) -> Iterator[Finding]:
     # Without position or command a log can still be fitted: these are warnings below.
     levels: dict[str, Level] = {"velocity": "warning" if may_rest else "error", "effort": "error"}
     for kind in ("velocity", "effort", "position", "command"):
-        for column, signal in _channels(log, kind):
+        for column, signal in channels_of(log, kind):
             if np.ptp(signal) == 0:
                 message = f"is {signal[0]:.4g} all the time"
                 cure = "check the sensor and the logger"
@@ -209,7 +203,7 @@ def _frozen_channels(log: Log, limits: CheckLimits) -> Iterator[Finding]:
         )
         yield _at(log, "error", message, "cut these rows off", start)
         return
-    for column, signal in _channels(log, "velocity", "effort"):
+    for column, signal in channels_of(log, "velocity", "effort"):
         same = np.diff(signal) == 0
         longest = max(runs_of(same), key=lambda run: run[1] - run[0], default=(0, 0))
         length = longest[1] - longest[0]
@@ -262,7 +256,7 @@ def _saturation(log: Log, limits: CheckLimits) -> Iterator[Finding]:
     """
     settings = limits.settings
     moves = moving(log.velocity, log.speed_noise, settings)
-    for k, (column, signal) in enumerate(_channels(log, "effort", "command")):
+    for k, (column, signal) in enumerate(channels_of(log, "effort", "command")):
         span = float(np.ptp(signal))
         size = float(np.abs(signal).max())
         for extreme in (signal.min(), signal.max()):

@@ -83,20 +83,25 @@ def counted_speeds(log: Log, limits: CheckLimits) -> Iterator[Finding]:
         yield Finding("warning", message, cure=cure)
 
 
+def channels_of(log: Log, *kinds: str) -> Iterator[tuple[str, Array]]:
+    """Names and signals (n,) of a log's channels of some kinds, as far as it has them."""
+    for kind in kinds:
+        block = getattr(log, kind)
+        if block is not None:
+            yield from zip(joint_columns(kind, log.joints), block.T, strict=True)
+
+
 def overflows(log: Log, limits: CheckLimits) -> Iterator[Finding]:
     """Channels that leap to their other end where they would go on: a number that overflows."""
-    for kind in ("velocity", "effort"):
-        for name, channel in zip(
-            joint_columns(kind, log.joints), getattr(log, kind).T, strict=True
-        ):
-            at, leap = _leaps_back(channel, limits.settings)
-            if len(at):
-                message = (
-                    f"leaps by {leap:.4g} at {len(at)} places, to its other end, and goes on as "
-                    "before: the number overflows"
-                )
-                cure = "log a wider type of number, or one with coarser units"
-                yield Finding("error", message, int(log.rows[at[0] + 1]), name, cure)
+    for name, channel in channels_of(log, "velocity", "effort"):
+        at, leap = _leaps_back(channel, limits.settings)
+        if len(at):
+            message = (
+                f"leaps by {leap:.4g} at {len(at)} places, to its other end, and goes on as "
+                "before: the number overflows"
+            )
+            cure = "log a wider type of number, or one with coarser units"
+            yield Finding("error", message, int(log.rows[at[0] + 1]), name, cure)
 
 
 def _leaps_back(channel: Array, settings: LogSettings) -> tuple[NDArray[np.intp], float]:

@@ -6,7 +6,7 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from identification.kinematics.motion import Motion, fresh_pose
+from identification.kinematics.motion import Motion, fresh_pose, is_new
 from identification.kinematics.settings import KinematicsSettings
 from identification.logs.findings import Finding, percent
 from identification.logs.log import Log
@@ -61,7 +61,7 @@ def lost_poses(log: Log, limits: CheckLimits) -> Iterator[Finding]:
     if log.pose is None:
         return
     settings = limits.settings
-    fresh = np.flatnonzero(np.r_[True, (np.diff(log.pose, axis=0) != 0).any(axis=1)])
+    fresh = np.flatnonzero(is_new(log.pose))
     if len(fresh) < settings.kinematics.min_poses:
         return
     speed = np.hypot(*limits.geometry.body_twist(log.velocity)[:, :2].T)

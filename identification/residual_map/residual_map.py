@@ -137,12 +137,11 @@ def _periodic(
     residual = [filtered_residual(mechanism, np.asarray(theta, float), item, fit) for item in logs]
     waves = harmonic_scan(mechanism, residual, logs, fit, angles=False)
     place = "rad" if mechanism.variables(cut(logs[0], 0, 2)).turns else "m"
-    units = {"time": "s"}
     return [
         Share(
             *(wave.variable, wave.share, wave.p_value),
             period=wave.period,
-            unit=units.get(wave.variable, place),
+            unit="s" if wave.variable == "time" else place,
         )
         for wave in waves
         if wave.is_seen(fit.harmonic_scan)

@@ -12,8 +12,10 @@ from typing import Any
 from youbot_env.errors import optional_library
 
 OPTIONS = {"delay": 1, "wheel_speed_noise": 0.01, "randomise": {"m0": ("95%", "105%")}}
+"""Of the environments of README's example."""
+
 README = (4096, 512, 5)
-"""Of README's example: the environments, and steps a round, samples a batch, epochs."""
+"""Of its learner: steps a round, samples a batch, epochs."""
 
 
 @dataclass(frozen=True)

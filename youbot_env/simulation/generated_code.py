@@ -55,10 +55,8 @@ class Dynamics(Protocol):
 
 
 @dataclass(frozen=True)
-class System:
-    """What a stepper is generated from: the state's derivative, of any mechanism."""
-
-    prefix: ClassVar[str] = "kernel"
+class _OfDynamics:
+    """What is generated from functions that state the physics, and from nothing else."""
 
     dynamics: Dynamics
 
@@ -71,6 +69,13 @@ class System:
     def variant(self) -> str:
         """It depends on nothing else."""
         return ""
+
+
+@dataclass(frozen=True)
+class System(_OfDynamics):
+    """What a stepper is generated from: the state's derivative, of any mechanism."""
+
+    prefix: ClassVar[str] = "kernel"
 
     def source(self, structure: Structure) -> str:
         """See :func:`kernel_source`."""
@@ -287,22 +292,10 @@ SECOND_RATES = ("z1", "z2", "z3", "z4")
 
 
 @dataclass(frozen=True)
-class Inverse:
+class Inverse(_OfDynamics):
     """What the inverse dynamics of the platform is generated from, for the cache of kernels."""
 
     prefix: ClassVar[str] = "inverse"
-
-    dynamics: Dynamics
-
-    @property
-    def sources(self) -> tuple[str, ...]:
-        """Modules that it follows from."""
-        return (self.dynamics.__name__,)
-
-    @property
-    def variant(self) -> str:
-        """It depends on nothing else."""
-        return ""
 
     def source(self, structure: Structure) -> str:
         """Python source of a module with ``demand`` and ``command``, see ``inverse_loops``."""

@@ -10,7 +10,7 @@ from __future__ import annotations
 import numpy as np
 
 from youbot_env.caching import njit
-from youbot_env.simulation.lane_calls import call_command, call_demand
+from youbot_env.simulation.lane_calls import call_command, call_demand, copied
 
 ROUNDS = 400
 """Most iterations for torques that depend on themselves. Each reduces the error by the share of the
@@ -26,15 +26,11 @@ def acting(demand, rounds, motion, lengths, theta, tolerance, torque):
     """``rounds``: 1 where the demand reads no torque, so that the first is exact; or ``ROUNDS``."""
     known, own, now = np.empty(len(lengths)), np.empty(len(theta)), np.empty(motion.shape[1])
     last, found = np.empty(4), np.empty(4)
-    for i in range(len(lengths)):
-        known[i] = lengths[i]
-    for i in range(len(theta)):
-        own[i] = theta[i]
+    copied(lengths, known)
+    copied(theta, own)
     for k in range(motion.shape[0]):
-        for i in range(len(now)):
-            now[i] = motion[k, i]
-        for i in range(4):
-            last[i] = torque[k, i]
+        copied(motion[k], now)
+        copied(torque[k], last)
         if not abs(last[0]) + abs(last[1]) + abs(last[2]) + abs(last[3]) < SANE:
             for i in range(4):
                 last[i] = 0.0
@@ -46,8 +42,7 @@ def acting(demand, rounds, motion, lengths, theta, tolerance, torque):
                 last[i] = found[i]
             if moved <= tolerance:
                 break
-        for i in range(4):
-            torque[k, i] = last[i]
+        copied(last, torque[k])
 
 
 @njit(cache=True, error_model="numpy")

@@ -16,6 +16,7 @@ from numba.core import types
 from numba.extending import intrinsic
 from numba.np.arrayobj import make_array
 
+from youbot_env.caching import njit
 from youbot_env.simulation.lane_math import Compiled
 
 
@@ -113,3 +114,11 @@ call_demand: Compiled = intrinsic(_demand)  # pyright: ignore[reportAssignmentTy
 call_command: Compiled = intrinsic(_command)  # pyright: ignore[reportAssignmentType, reportCallIssue]
 on_rows: Compiled = intrinsic(_on_rows)  # pyright: ignore[reportAssignmentType, reportCallIssue]
 on_parameters: Compiled = intrinsic(_on_parameters)  # pyright: ignore[reportAssignmentType, reportCallIssue]
+
+
+@njit(cache=True, inner=True, error_model="numpy")
+def copied(source, target):
+    """Put numbers side by side, as a function that takes a pointer reads them."""
+    # An assignment to a slice compiles what it would say of wrong shapes as well: half a second.
+    for i in range(len(target)):
+        target[i] = source[i]

@@ -11,7 +11,7 @@ from __future__ import annotations
 import numpy as np
 
 from youbot_env.caching import njit
-from youbot_env.simulation.lane_calls import call_known, call_rates
+from youbot_env.simulation.lane_calls import call_known, call_rates, copied
 from youbot_env.simulation.lane_math import given, put
 
 
@@ -40,13 +40,6 @@ def _workspace(size):
     return work
 
 
-@njit(cache=True, inner=True, error_model="numpy")
-def _copy(source, target):
-    # An assignment to a slice compiles what it would say of wrong shapes as well: half a second.
-    for i in range(len(target)):
-        target[i] = source[i]
-
-
 @njit(cache=True, error_model="numpy")
 def advance(code, state, torque, lengths, theta, duration, substeps):
     """See ``compiled.Kernel``."""
@@ -55,16 +48,16 @@ def advance(code, state, torque, lengths, theta, duration, substeps):
     # Copies, whose numbers lie side by side as the derivative reads them.
     now, held, own = np.empty(size), np.empty(inputs), np.empty(theta.shape[1])
     length, known = np.empty(len(lengths)), np.empty(code[2])
-    _copy(lengths, length)
+    copied(lengths, length)
     dt = duration / substeps
     for row in range(state.shape[0]):
-        _copy(state[row], now)
-        _copy(torque[row], held)
-        _copy(theta[row], own)
+        copied(state[row], now)
+        copied(torque[row], held)
+        copied(theta[row], own)
         call_known(code[0], length, own, known)
         for _ in range(substeps):
             _step(code[1], now, held, held, dt, known, work)
-        _copy(now, state[row])
+        copied(now, state[row])
 
 
 @njit(cache=True, error_model="numpy")
@@ -74,11 +67,11 @@ def rollout(code, start, torque, duration, lengths, theta, substeps, out):
     work = _workspace(max(size, inputs))
     now, own, length = np.empty(size), np.empty(len(theta)), np.empty(len(lengths))
     first, last, known = np.empty(inputs), np.empty(inputs), np.empty(code[2])
-    _copy(start, now)
-    _copy(lengths, length)
-    _copy(theta, own)
+    copied(start, now)
+    copied(lengths, length)
+    copied(theta, own)
     call_known(code[0], length, own, known)
-    _copy(now, out[0])
+    copied(now, out[0])
     part = 1.0 / substeps
     for k in range(torque.shape[0] - 1):
         dt = duration[k] * part
@@ -89,7 +82,7 @@ def rollout(code, start, torque, duration, lengths, theta, substeps, out):
                 first[i] = torque[k, i] + change * (j * part)
                 last[i] = torque[k, i] + change * ((j + 1) * part)
             _step(code[1], now, first, last, dt, known, work)
-        _copy(now, out[k + 1])
+        copied(now, out[k + 1])
 
 
 @njit(cache=True, error_model="numpy")
