@@ -102,8 +102,8 @@ def test_seconds_without_power_are_no_lesson(see, left: float) -> None:
 @pytest.mark.parametrize(
     ("hidden", "ratio"),
     [
-        # Five seeds: 1.0 to 3.6 (with the episodes of before 0.9 to 8.2); the first is the worst.
-        ({"floor_tilt": {"tilt_x": 0.02}}, 4.0),
+        # Eight seeds: 1.0 to 4.1; the first is the worst.
+        ({"floor_tilt": {"tilt_x": 0.02}}, 5.0),
         ({"wheel_coulomb_friction": {"torque": 0.15}}, 1.3),
         # A force that changes with the place is neither a parameter's nor constant: the worst.
         ({"tether": {"stiffness": 5.0, "anchor_x": 1.0, "anchor_y": 0.0}}, 5.0),

@@ -92,11 +92,17 @@ def test_without_error_it_is_the_models_inverse_dynamics_when_the_torque_acts(ca
     times = now + period * np.arange(control.preview_needed + 1)
     twists, slopes = (np.array(rows) for rows in zip(*map(smooth, times), strict=True))
     pose, angle = place_at(model, now, middle)
-    rate = (demanded(model, now, middle + 1e-5) - demanded(model, now, middle - 1e-5)) / 2e-5
-    wanted = model.inverse_dynamics(
-        *smooth(middle), pose=pose, wheel_angle=angle, torque_rate=rate, time=middle
-    )
     acting = demanded(model, now, middle)
+    # Steps long enough that rounding does not show in the second difference.
+    before, after = (demanded(model, now, middle + step) for step in (-1e-4, 1e-4))
+    wanted = model.inverse_dynamics(
+        *smooth(middle),
+        pose=pose,
+        wheel_angle=angle,
+        torque_rate=(after - before) / 2e-4,
+        torque_second_rate=(after - 2 * acting + before) / 1e-8,
+        time=middle,
+    )
     speed = twists[0] @ np.linalg.pinv(velocity_map(model))  # as the model has it measured
     observation = Observation(now, speed, twists[0], START, acting)
     torque = control(observation, Reference(twists[0], slopes[0], twists[1:], slopes[1:]))
