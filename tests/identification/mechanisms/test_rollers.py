@@ -91,7 +91,7 @@ def test_a_missing_effect_is_named_with_its_wheel():
     found = diagnose(on(IN_O), logs_of(truth, 2), seed=0).to_dict()
     assert found["missing"] == ["uneven_coulomb_friction"]
     (leader,) = [c for c in found["candidates"] if c["effect"] == "uneven_coulomb_friction"]
-    assert leader["parameters"]["extra_bl"] == pytest.approx(0.3, rel=0.2)
+    assert leader["parameters"]["extra_bl"]["value"] == pytest.approx(0.3, rel=0.02)
 
 
 def test_doctor_tells_the_arrangement_from_the_pose(tmp_path):
