@@ -11,7 +11,7 @@ draws of the null hypothesis behind it).
 from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass, fields
+from dataclasses import dataclass, fields, replace
 from functools import cached_property, reduce
 from operator import add
 from typing import NamedTuple, Self, TypeVar
@@ -57,10 +57,28 @@ class FoldRows:
             for a, b in zip(edges, edges[1:], strict=False)
         ]
 
-    def taken(self, rows: Indices) -> FoldRows:
+    def taken(self, rows: Indices | slice) -> FoldRows:
         """Some of the rows."""
         chosen = self.features[rows], self.columns[rows], self.residual[rows]
         return FoldRows(*chosen, self.block)
+
+    def nuisance_matrix(self, chosen: Indices) -> Array:
+        """(P + A q, P + A q) of the model's columns and q chosen features on all axes."""
+        return replace(self, features=self.features[:, chosen]).matrices.nuisance(
+            np.arange(len(chosen))
+        )
+
+    def sides(self, chosen: Indices) -> Array:
+        """(P + A q,) of the residual, for the same regressors."""
+        model = np.einsum("na,nap->p", self.residual, self.columns)
+        return np.concatenate([model, np.ravel(self.residual.T @ self.features[:, chosen])])
+
+    def less(self, chosen: Indices, fitted: Array) -> Array:
+        """(n, A) the residual less what the same regressors predict with some coefficients."""
+        size = self.columns.shape[2]
+        weights = fitted[size:].reshape(self.residual.shape[1], -1).T
+        model = self.columns @ fitted[:size]
+        return self.residual - model - self.features[:, chosen] @ weights
 
     def scores(self, residual: Array) -> tuple[Array, Array]:
         """Sums of columns (blocks, P) and features (blocks, A, Q) times a residual, by block."""
@@ -154,6 +172,11 @@ class NuisanceRegressors:
 
     def inverse(self, matrices: NormalMatrices) -> Array:
         """Of the penalised normal matrix (M, M)."""
+        scaled, size = self.scaled(matrices)
+        return np.linalg.inv(scaled) / np.outer(size, size)
+
+    def scaled(self, matrices: NormalMatrices) -> tuple[Array, Array]:
+        """The penalised normal matrix (M, M) with ones on its diagonal, and its scales (M,)."""
         matrix = matrices.nuisance(self.features)
         penalty = np.full(len(matrix), self.ridge * matrices.rows)
         # The model's own parameters are not shrunk: they must absorb all that they can.
@@ -163,8 +186,7 @@ class NuisanceRegressors:
         size = np.where(size > 0, size, 1.0)
         # The model's own columns may be linearly dependent. 1e-8 on the diagonal of the scaled
         # matrix keeps it invertible: far above rounding, far below what data can determine.
-        scaled = matrix / np.outer(size, size) + 1e-8 * np.eye(len(matrix))
-        return np.linalg.inv(scaled) / np.outer(size, size)
+        return matrix / np.outer(size, size) + 1e-8 * np.eye(len(matrix)), size
 
 
 @dataclass(frozen=True)
@@ -366,15 +388,43 @@ def residuals_after(
 
     matrices : of all folds together
     """
-    model = sum(np.einsum("na,nap->p", fold.residual, fold.columns) for fold in folds)
-    flexible = sum(fold.residual.T @ fold.features[:, nuisance.features] for fold in folds)
-    fitted = nuisance.inverse(matrices) @ np.concatenate([model, np.ravel(flexible)])
-    size = len(matrices.model)
-    weights = fitted[size:].reshape(len(matrices.cross), -1).T
-    return [
-        fold.residual - fold.columns @ fitted[:size] - fold.features[:, nuisance.features] @ weights
-        for fold in folds
-    ]
+    fitted = nuisance.inverse(matrices) @ sum(fold.sides(nuisance.features) for fold in folds)
+    return [fold.less(nuisance.features, fitted) for fold in folds]
+
+
+def unshrunk_residuals(
+    folds: Sequence[FoldRows], matrices: NormalMatrices, nuisance: NuisanceRegressors
+) -> list[Array]:
+    """Residuals (n, A) of each fold after a fit to all of them, in each block as large as noise is.
+
+    A fit takes a part of the noise with it, most of what is as slow as the regressors are. Random
+    signs of what is left show less than what chance does: of logs without a cause 11 % had a
+    p-value of 5 % or less. Of white noise e a fit leaves (I - H) e, with the covariance I - H: each
+    block's residual times (I - H)^(-1/2) of its own rows has the noise's (Bell and McCaffrey,
+    Survey Methodology 28(2), 2002).
+
+    matrices : of all folds together
+    """
+    chosen = nuisance.features
+    matrix, scale = nuisance.scaled(matrices)
+    # With the regressors Z of a block, H = Z matrix^-1 Z' = W W': its eigenvectors are those of
+    # W' W, which is smaller.
+    root = np.linalg.inv(np.linalg.cholesky(matrix)) / scale
+    found = []
+    for fold, residual in zip(folds, residuals_after(folds, matrices, nuisance), strict=True):
+        left = []
+        for start in range(0, len(residual), fold.block):
+            block = replace(
+                fold.taken(np.s_[start : start + fold.block]),
+                residual=residual[start : start + fold.block],
+            )
+            share, ways = np.linalg.eigh(root @ block.nuisance_matrix(chosen) @ root.T)
+            share = np.clip(share, 1e-9, 1.0 - 1e-6)
+            sides = ways.T @ (root @ block.sides(chosen))
+            grown = root.T @ (ways @ (((1.0 - share) ** -0.5 - 1.0) / share * sides))
+            left.append(block.less(chosen, -grown))
+        found.append(np.concatenate(left))
+    return found
 
 
 def strongest_order(folds: Sequence[FoldRows], residual: Sequence[Array], group: Indices) -> int:
@@ -386,14 +436,16 @@ def strongest_order(folds: Sequence[FoldRows], residual: Sequence[Array], group:
 def standardised_gains(gains: Array, total: float, tail_share: float, min_unit: float) -> Array:
     """Gains (G, D) of G groups, comparable across groups of any size.
 
-    Each gain is reduced by the median of its own null draws. Its unit is the mean of the highest
-    ``tail_share`` of these draws, also less the median. Column 0 of ``gains`` is the real residual.
+    Each gain is reduced by the median of its group's. Its unit is the mean of the highest
+    ``tail_share`` of them, also less the median. Column 0 of ``gains`` is the real residual, and
+    counts as one more draw: if it did not, a draw that is large by chance would make its own unit
+    larger and the real one would not (of noise 9 % then had a p-value of 5 % or less).
 
     Parameters
     ----------
     total : squares of the residual; min_unit : share of them that a unit is at least
     """
-    null = np.sort(gains[:, 1:], axis=1)
-    middle = np.median(null, axis=1, keepdims=True)
-    tail = null[:, -max(1, int(null.shape[1] * tail_share)) :].mean(axis=1, keepdims=True)
+    ordered = np.sort(gains, axis=1)
+    middle = np.median(ordered, axis=1, keepdims=True)
+    tail = ordered[:, -max(1, int(ordered.shape[1] * tail_share)) :].mean(axis=1, keepdims=True)
     return (gains - middle) / np.maximum(tail - middle, min_unit * total + 1e-300)

@@ -39,6 +39,7 @@ from identification.residual_map.held_out_gain import (
     right_hand_sides,
     standardised_gains,
     strongest_order,
+    unshrunk_residuals,
 )
 from identification.residual_map.log_shares import log_shares
 from identification.residual_map.settings import ResidualMapSettings
@@ -93,7 +94,7 @@ def residual_map(
     residual = rows.after(model_alone)
     given = sum((fold.residual**2).sum() for fold in table.folds)
     twist, *others = table.groups
-    ways = rows.held_out(residual, signs)
+    ways = rows.held_out(rows.noise(model_alone), signs)
     squares = rows.squares(ways)
     groups = [(table.index[twist.variable], None)]
     of_twist = [
@@ -109,7 +110,7 @@ def residual_map(
     # often than the draws show.
     least = max(settings.min_share_of_residual, 1.0 / signs.shape[1])
     judged = [_Judged(twist, of_twist[0], 0.0, squares[0], least)]
-    for k, parts in enumerate(rows.held_out(beyond, signs)):
+    for k, parts in enumerate(rows.held_out(rows.noise(with_twist), signs)):
         chosen = [group for group in others if k == 0 or group.may_lie_elsewhere]
         # Gains count from the fit with the twist. If that predicts worse than no fit (a negative
         # gain), its loss is taken off them.
@@ -259,6 +260,10 @@ class _DealtRows:
         """Residuals (n, A) of each fold of the table after a fit of the nuisance to all rows."""
         return residuals_after(self.table.folds, self.total, nuisance)
 
+    def noise(self, nuisance: NuisanceRegressors) -> list[Array]:
+        """The same, as large as the noise is of which a fit has taken a part."""
+        return unshrunk_residuals(self.table.folds, self.total, nuisance)
+
     def held_out(self, null: Sequence[Array], signs: Array) -> list[list[Held]]:
         """What is held out together: each of the table's folds, and then stretches of all.
 
@@ -372,12 +377,22 @@ def _shares(
             cycles = 1 + order % settings.max_wheel_order
         size = gain / one.total if likely else 0.0
         share = Share(name, size if told else 0.0, float(p_value), cycles, likely=size)
-        found[name] = min(found.get(name, share), share, key=_larger)
+        found[name] = _both(found[name], share) if name in found else share
     return tuple(sorted(found.values(), key=lambda item: item.order))
 
 
-def _larger(share: Share) -> tuple[float, float, float]:
-    return -share.share, -share.likely, share.p_value
+def _both(one: Share, other: Share) -> Share:
+    """Of a variable that is held out in two ways: that it matters, from where this is surest.
+
+    How much it explains, from where that is most: the p-values of both are of one family.
+    """
+    surest, largest = min(one, other, key=_surest), max(one.likely, other.likely)
+    told = one.share > 0.0 or other.share > 0.0
+    return replace(surest, share=largest if told else 0.0, likely=largest)
+
+
+def _surest(share: Share) -> tuple[bool, float, float]:
+    return share.share == 0.0, share.p_value, -share.likely
 
 
 def _with_parts_of_twist(shares: Sequence[Share], alone: Sequence[Share]) -> tuple[Share, ...]:
