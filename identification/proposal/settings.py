@@ -133,6 +133,44 @@ class ProposalSettings(Settings):
             "wheel are: from 0.2 s on",
         },
     )
+    fading_times: tuple[float, ...] = field(
+        default=(10.0, 30.0),
+        metadata={"unit": "s", "reason": "of a friction that fades, from where a search goes on"},
+    )
+    wall_ways: tuple[float, ...] = field(
+        default=(0.15, 0.4, 0.9),
+        metadata={
+            "unit": "m",
+            "reason": "beyond where the platform has been, of a wall whose push grows as it nears",
+        },
+    )
+    line_shares: tuple[float, ...] = field(
+        default=(0.5, 0.7, 0.85),
+        metadata={
+            "unit": "quantile of the places",
+            "reason": "of a line beyond which a spring begins, along each direction",
+        },
+    )
+    powers: tuple[float, ...] = field(
+        default=(1.0, 2.0),
+        metadata={"unit": "1", "reason": "of a distance that a force fades with: 1/r and 1/r^2"},
+    )
+    point_core: float = field(
+        default=0.1,
+        metadata={"unit": "m", "reason": "within which a force from a point no longer grows"},
+    )
+    point_margin: float = field(
+        default=0.6,
+        metadata={"unit": "m", "reason": "beyond where it has been that a magnet may stand"},
+    )
+    point_spacing: float = field(
+        default=0.4,
+        metadata={"unit": "m", "reason": "between such places; nearer ones are tried where it was"},
+    )
+    nearest: float = field(
+        default=0.05,
+        metadata={"unit": "m", "reason": "to a wall that is not reached: a push stays finite"},
+    )
     slowest_share: float = field(
         default=1e-2,
         metadata={
