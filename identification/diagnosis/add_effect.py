@@ -68,7 +68,9 @@ def add_effect(
     refuse_unseen_logs(mechanism, model.theta, data.samples)
     wheels = wheel_evidence(data, mechanism, model.theta, [effect])
     base = fit_base(data, mechanism, model.theta)
-    data = added.on_clock(data, base)
+    placed = added.on_clock(data, base)
+    if placed is not data:  # the base model is beside it on the same logs
+        data, base = placed, fit_base(placed, mechanism, model.theta)
     if wheels.accepted:
         # Wheels and pose show it: its size comes from there, as in a diagnosis.
         _, (ranking,) = accepted_kinematics(data, data.step(base, None), wheels, fit_structure)
