@@ -292,8 +292,9 @@ class Evidence:
     def logs_apart(self, law: Law) -> int:
         """How many logs have a number of their own that says when they began on a law's clock: all
         but one, since the first may be where that clock begins."""
-        on_common_clock = self.mechanism.structure.reads_start
-        return len(self.scenes) - 1 if law.own_clock and not on_common_clock else 0
+        count, on_common_clock = len(self.scenes), self.mechanism.structure.reads_start
+        apart = law.own_clock and not on_common_clock and count <= self.settings.max_logs_apart
+        return count - 1 if apart else 0
 
     def values_of(self, trial: Trial, shapes: Sequence[float], strength: Array) -> FoundLaw:
         """A law with these constants; of one whose logs have their own strengths, those of the log

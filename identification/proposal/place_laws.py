@@ -16,7 +16,7 @@ from identification.proposal.surroundings import (
     TURN,
     Surroundings,
     direction_constant,
-    edges_of,
+    edge_constant,
     spot_constants,
 )
 from youbot_env.physics.effect import WORLD
@@ -42,9 +42,8 @@ def laws_by_place(seen: Surroundings, settings: ProposalSettings) -> Iterator[La
         "A force along one direction of the floor that grows with the way along it.",
         where,
     )
-    edges, low, high = edges_of(seen, settings)
-    edge = Constant("edge", "m", low, high, 1.0, edges)
     for angle, axis in ((0.0, "x"), (0.5 * math.pi, "y")):
+        edge = edge_constant(axis, seen, settings)
         held = Constant("direction", "rad", *CIRCLE, 1.0, (angle,))
         strip = Constant("width", "m", 0.02, 1.0, 0.1, (0.1, 0.25))
         yield Law(
@@ -98,6 +97,7 @@ def laws_by_place(seen: Surroundings, settings: ProposalSettings) -> Iterator[La
     )
     yield from _near_a_wall(seen, settings)
     yield _from_a_point(seen, settings)
+    yield _stream(seen, settings)
     yield from _fields(settings)
     yield from _moments(settings)
     yield from _by_place_and_heading()
@@ -147,6 +147,33 @@ def _near_a_wall(seen: Surroundings, settings: ProposalSettings) -> Iterator[Law
             CONFIRM["place"],
             terms=2,
         )
+
+
+def _stream(seen: Surroundings, settings: ProposalSettings) -> Law:
+    far = float(np.hypot(*seen.place.T).max())
+    return Law(
+        "stream_along_a_line",
+        WORLD,
+        PLACE,
+        (
+            Constant("force", "N", size=5.0),
+            Constant("stream", "m", -far, far, 1.0, (0.0,), step=0.2),
+            Constant("direction", "rad", *CIRCLE, 1.0, (0.0,), step=0.25),
+            Constant("width", "m", 0.03, 2.0, 0.3, settings.strip_half_widths),
+        ),
+        (
+            TURN,
+            "across = (world.y * c - world.x * s - stream) / width",
+            "along = force * xp.exp(-(across**2))",
+        ),
+        "along * c, along * s, 0.0",
+        "Force along a line of the floor, ever less beside it: a fan's stream of air",
+        "f exp(-((n - n_0)/b)^2) along d, n across it",
+        r"f e^{-((n - n_0)/b)^2}",
+        "Along one line of the floor something pushes one way, most in its middle.",
+        CONFIRM["place"],
+        terms=2,
+    )
 
 
 def power_constant(settings: ProposalSettings) -> Constant:

@@ -107,17 +107,6 @@ class ProposalSettings(Settings):
             "reason": "across oblique lines: 30 degrees apart, from where a search goes on",
         },
     )
-    lines: int = field(
-        default=5,
-        metadata={"unit": "1", "reason": "oblique lines for each direction"},
-    )
-    line_quantiles: tuple[float, float] = field(
-        default=(0.15, 0.85),
-        metadata={
-            "unit": "quantile of the places",
-            "reason": "between which oblique lines lie: beyond them there is little to see",
-        },
-    )
     wheel_orders: tuple[int, ...] = field(
         default=(1, 2),
         metadata={
@@ -145,10 +134,11 @@ class ProposalSettings(Settings):
         },
     )
     line_shares: tuple[float, ...] = field(
-        default=(0.5, 0.7, 0.85),
+        default=(0.2, 0.5, 0.8),
         metadata={
-            "unit": "quantile of the places",
-            "reason": "of a line beyond which a spring begins, along each direction",
+            "unit": "quantile of the places, and share of the reach",
+            "reason": "where oblique lines are tried along each direction: both, since the "
+            "platform may have been beyond one for a moment only",
         },
     )
     powers: tuple[float, ...] = field(
@@ -233,6 +223,15 @@ class ProposalSettings(Settings):
     max_factor_terms: int = field(
         default=1,
         metadata={"unit": "1", "reason": "a law of more factors is no factor of a product itself"},
+    )
+
+    max_logs_apart: int = field(
+        default=8,
+        metadata={
+            "unit": "logs",
+            "reason": "that have sines of their own in a search for what swings in time: a bound "
+            "on memory, which grows with the cube. Of more, those on one clock show it",
+        },
     )
 
     # Evidence

@@ -244,6 +244,29 @@ def by_place() -> Sizing:
     )
 
 
+def by_distance(seen: Surroundings) -> Sizing:
+    """Growing with the distance from a point: a cable that is dragged over the floor."""
+    low, high = float(seen.place.min()), float(seen.place.max())
+    point = tuple(
+        Constant(f"point_{axis}", "m", low - 2.0, high + 2.0, 1.0, (0.0,), step=0.2)
+        for axis in "xy"
+    )
+    return Sizing(
+        "by_distance",
+        "which grows with the distance from a point: a cable or hose that is dragged along",
+        "more the farther it is from one point",
+        ("position_x", "position_y"),
+        (LEVEL, Part("growth", "m")),
+        "level + growth * far",
+        "a + b r",
+        "a + b r",
+        "place",
+        point,
+        ("far = xp.sqrt((world.x - point_x) ** 2 + (world.y - point_y) ** 2 + 1e-06)",),
+        "r from the point",
+    )
+
+
 def over_floor(period: float, direction: float) -> Sizing:
     """Repeating itself along one direction of the floor, near a period [m]: stripes, tiles."""
     return Sizing(
@@ -284,6 +307,7 @@ def sized_frictions(seen: Surroundings, settings: ProposalSettings) -> Iterator[
     for friction in (dry, viscous, viscous_turning):
         yield from (sized(friction, by_heading(order)) for order in (1, 2))
         yield sized(friction, by_place())
+    yield sized(dry, by_distance(seen))
     over_time = (by_time(), by_fading(seen, settings))
     yield from (sized(friction, by) for friction in (dry, viscous) for by in over_time)
     by_yaw = by_speed("xp.abs(world.yaw_rate)", "|W|", r"|\Omega|", "yaw", "rad/s")

@@ -83,12 +83,15 @@ def instants(seen: Surroundings, settings: ProposalSettings) -> tuple[float, ...
     return tuple(float(round(t, 2)) for t in inner)
 
 
-def edges_of(
-    seen: Surroundings, settings: ProposalSettings
-) -> tuple[tuple[float, ...], float, float]:
+def edge_constant(axis: str, seen: Surroundings, settings: ProposalSettings) -> Constant:
+    """An edge [m] across an axis of the floor: tried at quantiles of where the platform was, and
+    evenly over its whole reach, since it may have been beyond it for a moment only."""
+    places = seen.place[:, "xy".index(axis)]
+    low, high = float(places.min()), float(places.max())
     shares = np.linspace(0.0, 1.0, settings.edges + 2)[1:-1]
-    found = sorted({round(float(v), 3) for v in np.quantile(seen.place, shares)})
-    return tuple(found), float(seen.place.min()), float(seen.place.max())
+    tried = np.concatenate([np.quantile(places, shares), low + (high - low) * shares])
+    found = sorted({round(float(value), 3) for value in tried})
+    return Constant("edge", "m", low, high, 1.0, tuple(found))
 
 
 def spots(seen: Surroundings, settings: ProposalSettings) -> list[tuple[float, float, float]]:
@@ -128,10 +131,32 @@ def walls_ahead(seen: Surroundings, settings: ProposalSettings) -> Iterator[tupl
 
 
 def lines_to_cross(seen: Surroundings, settings: ProposalSettings) -> Iterator[tuple[float, float]]:
-    """Lines (way [m], direction [rad]) that the platform has crossed."""
-    for direction in direction_constant(settings, half=False).values:
-        for way in np.quantile(_ways(seen, direction), settings.line_shares):
-            yield float(way), direction
+    """Lines (way [m], direction [rad]) that the platform has crossed, each seen from both sides."""
+    yield from _lines(seen, 2 * settings.line_directions, 2 * math.pi, settings)
+
+
+def lines_to_follow(
+    seen: Surroundings, settings: ProposalSettings
+) -> Iterator[tuple[float, float]]:
+    """The same, each once: of a strip it is the same from both sides."""
+    yield from _lines(seen, settings.line_directions, math.pi, settings)
+
+
+def streams(seen: Surroundings, settings: ProposalSettings) -> Iterator[tuple[float, float]]:
+    """Middle [m] and direction [rad] of streams: the middle lies to their left."""
+    for way, across in lines_to_follow(seen, settings):
+        yield way, across - 0.5 * math.pi
+
+
+def _lines(
+    seen: Surroundings, count: int, turn: float, settings: ProposalSettings
+) -> Iterator[tuple[float, float]]:
+    """At quantiles of where the platform was along each direction, and evenly over its reach."""
+    for direction in turn * np.arange(count) / count:
+        ways, shares = _ways(seen, direction), np.array(settings.line_shares)
+        even = ways.min() + (ways.max() - ways.min()) * shares
+        yield from ((float(way), float(direction)) for way in np.quantile(ways, shares))
+        yield from ((float(way), float(direction)) for way in even)
 
 
 def _ways(seen: Surroundings, direction: float) -> Array:
@@ -146,7 +171,10 @@ TOGETHER: dict[
     SPOT: spots,
     ("point_x", "point_y"): points,
     ("line", "direction"): lines_to_cross,
+    ("edge", "across"): lines_to_cross,
+    ("centre", "across"): lines_to_follow,
     ("wall", "direction"): walls_ahead,
+    ("stream", "direction"): streams,
 }
 """Shape constants that are tried together, at places that the logs suggest."""
 
