@@ -12,6 +12,7 @@ from identification.fitting.clocks import (
     first_placed_on_clock,
     has_own_clock,
     placed_on_clock,
+    words_of_clock,
 )
 from identification.fitting.errors import SumsOfSquares, velocity_traces
 from identification.mechanisms.registry import mechanism_of
@@ -72,6 +73,10 @@ def test_the_start_of_a_log_within_the_period_is_found():
         for items in (samples, placed)
     )
     assert after < 0.02 < 0.1 * before
+    (words,) = words_of_clock(mechanism, placed)
+    said = ", ".join(f"{item.name} at {item.start:.3g} s" for item in placed)
+    assert said in words and "no log yet it is not known" in words
+    assert words_of_clock(mechanism_of(load_model("paper")), placed) == []
 
 
 def test_logs_are_placed_though_the_size_of_the_swing_is_not_known():
