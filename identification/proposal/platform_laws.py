@@ -227,6 +227,7 @@ def _of_body(seen: Surroundings, settings: ProposalSettings) -> Iterator[Law]:
                 yield _body_law(k, other, form, f"{form.key}_{AXES[other][0]}_to_{axis}", word)
         yield from _products_of_speeds(k, seen, unit, settings)
     yield from _drags(seen, settings)
+    yield from _dragged_at_a_point(settings)
     air = "coefficient * xp.sqrt(body.twist[0] ** 2 + body.twist[1] ** 2)"
     yield Law(
         "air_drag",
@@ -275,6 +276,52 @@ def _drags(seen: Surroundings, settings: ProposalSettings) -> Iterator[Law]:
             f"A force against the motion that {word}, whichever way.", CONFIRM["speed"],
             dissipative=True,
         )  # fmt: skip
+
+
+def _dragged_at_a_point(settings: ProposalSettings) -> Iterator[Law]:
+    """Friction at a point of the robot that touches the floor, or where a cable is fixed."""
+    lever = settings.drag_lever
+    places = tuple(
+        Constant(f"point_{axis}", "m", -1.0, 1.0, lever, (-lever, 0.0, lever), step=lever / 3)
+        for axis in "xy"
+    )
+    for name, constant, size, word, formula, latex in (
+        (
+            "dry_drag_at_a_point",
+            Constant("force", "N", size=5.0),
+            "force / xp.sqrt(vx**2 + vy**2 + 2.5e-05)",
+            "Dry",
+            "f v_p/|v_p|",
+            r"f\,v_p/|v_p|",
+        ),
+        (
+            "viscous_drag_at_a_point",
+            Constant("coefficient", "N s/m", size=50.0),
+            "coefficient",
+            "Viscous",
+            "k v_p",
+            r"k\,v_p",
+        ),
+    ):
+        yield Law(
+            name,
+            BODY,
+            ("twist",),
+            (constant, *places),
+            (
+                "vx, vy = body.twist[0] - body.twist[2] * point_y,"
+                " body.twist[1] + body.twist[2] * point_x",
+                f"size = {size}",
+            ),
+            "size * vx, size * vy, size * (point_x * vy - point_y * vx)",
+            f"{word} friction at one point of the robot: a caster, a brush, a cable fixed there",
+            f"{formula} at a point p of the robot",
+            latex,
+            "A force against the motion of one point of the robot, with its moment.",
+            CONFIRM["speed"],
+            dissipative=True,
+            terms=2,
+        )
 
 
 def _body_law(k: int, other: int, form: Form, name: str, word: str) -> Law:

@@ -122,6 +122,14 @@ class ProposalSettings(Settings):
             "wheel are: from 0.2 s on",
         },
     )
+    drag_lever: float = field(
+        default=0.3,
+        metadata={
+            "unit": "m",
+            "reason": "forwards and sideways, of a point of the robot that drags: a robot's half "
+            "length, from where a search goes on",
+        },
+    )
     fading_times: tuple[float, ...] = field(
         default=(10.0, 30.0),
         metadata={"unit": "s", "reason": "of a friction that fades, from where a search goes on"},

@@ -276,9 +276,10 @@ def found_product(planted):
             "dry_drag_by_distance",
             {"level": 0.0, "growth": 8.0, "point_x": 0.8, "point_y": -0.5},
         ),
+        ("dry_drag_at_a_point", {"force": 8.0, "point_x": -0.35, "point_y": 0.1}),
     ],
 )
-def test_a_stream_and_a_cable_that_is_dragged_are_found(name, values):
+def test_a_stream_a_cable_and_a_point_that_drag_are_found(name, values):
     search, grammar = search_of(FoundLaw(law_named(name), values))
     rivals = {*RIVALS, BUMP, SPOT_FIELD, "dry_drag_by_place", name}
     search.add([pair for pair in grammar.single() if pair[0].name in rivals])
