@@ -16,6 +16,7 @@ from identification.fitting.changed_parameters import (
     ParameterChanges,
     changed_parameters,
 )
+from identification.fitting.clocks import placed_on_clock, words_of_clock
 from identification.fitting.errors import (
     NoiseLevel,
     SumsOfSquares,
@@ -131,6 +132,7 @@ class Comparison(Shown):
 
     floor: what noise leaves, of all logs; where: which variables the residual depends on;
     kinematics: what speaks against the model's kinematics, in sentences;
+    clock: what was read from the logs of when they began, in sentences;
     changes: the model's parameters beside those that fit these logs;
     geometry: that replaced the model's own, or None;
     settings: all numbers that this depends on.
@@ -144,6 +146,7 @@ class Comparison(Shown):
     settings: ComparisonSettings = field(default_factory=ComparisonSettings)
     geometry: Geometry | None = None
     kinematics: tuple[str, ...] = ()
+    clock: tuple[str, ...] = ()
     kind: ClassVar[str] = "comparison"
 
     def summary(self) -> str:
@@ -201,6 +204,7 @@ class Comparison(Shown):
             ),
             "changes": self.changes.to_dict(),
             "kinematics": list(self.kinematics),
+            "clock": list(self.clock),
             "stretches": self.worst(),
             "settings": self.settings.to_dict(),
         }
@@ -291,6 +295,8 @@ def compare(
     mechanism = mechanism_of(model, geometry, settings.fit.mechanism)
     samples = mechanism.samples_of(logs, *_clock_of(model))
     refuse_unseen_logs(mechanism, model.theta, samples)
+    samples = placed_on_clock(mechanism, model.theta, samples, settings.fit)
+    clock = words_of_clock(mechanism, samples)
     # What takes memory of its own goes first, while no traces of long logs are there.
     noise = [NoiseLevel.of(item, settings.fit) for item in samples]
     kinematics = doubts_of_kinematics(
@@ -348,7 +354,8 @@ def compare(
         for k, log in enumerate(logs)
     ]
     return Comparison(
-        *(model, tuple(found), floor, where, changes, settings, geometry), tuple(kinematics)
+        *(model, tuple(found), floor, where, changes, settings, geometry),
+        *(tuple(kinematics), tuple(clock)),
     )
 
 

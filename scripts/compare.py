@@ -111,7 +111,7 @@ def _print(out: Console, found: dict[str, Any]) -> None:
     else:
         out.print(f"The force residual: {found['where_words']}.\n")
     show(out, [result_tables.stretches(found)])
-    for sentence in found["changes"]["words"]:
+    for sentence in (*found["clock"], *found["changes"]["words"]):
         out.print(f"- {sentence}", soft_wrap=True)
 
 

@@ -17,7 +17,7 @@ from identification.diagnosis.candidates import (
 from identification.diagnosis.kinematic_stage import accepted_kinematics, wheel_evidence
 from identification.diagnosis.report import describe_in
 from identification.diagnosis.settings import DiagnosisSettings
-from identification.diagnosis.structures import LoggedData, Step
+from identification.diagnosis.structures import FittedStructure, LoggedData, Step
 from identification.fitting.final_fit import final_fit
 from identification.logs.log import Log, shared_clock
 from identification.mechanisms.mechanism import Mechanism
@@ -68,6 +68,9 @@ def add_effect(
     refuse_unseen_logs(mechanism, model.theta, data.samples)
     wheels = wheel_evidence(data, mechanism, model.theta, [effect])
     base = fit_base(data, mechanism, model.theta)
+    placed = added.on_clock(data, base)
+    if placed is not data:  # the base model is beside it on the same logs
+        data, base = placed, fit_base(placed, mechanism, model.theta)
     if wheels.accepted:
         # Wheels and pose show it: its size comes from there, as in a diagnosis.
         _, (ranking,) = accepted_kinematics(data, data.step(base, None), wheels, fit_structure)
@@ -132,6 +135,12 @@ class _Named:
     def over(self, mechanism: Mechanism[Any], samples: Sequence[Samples]) -> Mechanism[Any]:
         """The mechanism, whose catalogue has it as the logs want it."""
         return mechanism
+
+    def on_clock(self, data: LoggedData, base: FittedStructure) -> LoggedData:
+        """The logs, each begun where in its period it is best explained, if it swings in time."""
+        more = base.mechanism.extended(self.name)
+        defaults = list(more.catalogue[self.name].defaults.values())
+        return data.on_clock_of(more, np.concatenate([base.theta, defaults]), first=True)
 
     def judged_one_by_one(self, fitted: AnyModel) -> Mapping[str, Any]:
         """Its parameters of which one that is sure speaks for it."""

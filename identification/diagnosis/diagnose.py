@@ -99,6 +99,7 @@ def diagnose(
     mechanism = mechanism_of(model, settings=settings.fit.mechanism)
     data = LoggedData(mechanism, logs, seed, progress, settings)
     refuse_unseen_logs(mechanism, model.theta, data.samples)
+    data = data.on_clock_of(mechanism, model.theta)
     names = list(effects) if effects is not None else list(mechanism.catalogue.names())
     chosen = select(data, mechanism, model.theta, names, np.random.default_rng(seed))
     steps = without_imitators(chosen.steps, settings)

@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from identification.diagnosis.structures import FittedStructure, LoggedData, Step
+from identification.fitting.clocks import has_own_clock, words_of_clock
 from identification.fitting.least_squares import Fit
 from identification.mechanisms.mechanism import Mechanism
 from identification.proposal.law import FoundLaw, Verdict
@@ -41,14 +42,14 @@ def propose(
     found = _found(data, steps, unexplained, fits)
     if found is None:
         return steps, None
-    base, verdict, fitted, count = found
+    base, verdict, fitted, count, of_law = found
     kept = steps[:count]
-    step = data.step(fitted, verdict.found.law.name)
+    step = of_law.step(fitted, verdict.found.law.name)
     # Judged with the same folds, or the errors could not be compared.
     before = data.step(base.fitted, base.effect, fitted.held_out.folds)
     if _worsens_free_run(data, before, step):
         return steps, None
-    return kept, _proposal(data, kept, before, step, verdict, fits)
+    return kept, _proposal(of_law, kept, before, step, verdict, fits)
 
 
 def _worsens_free_run(data: LoggedData, before: Step, after: Step) -> bool:
@@ -61,8 +62,15 @@ def _worsens_free_run(data: LoggedData, before: Step, after: Step) -> bool:
     return bool(worse) and not alone.structure.depends_on_angle
 
 
-Found = tuple[Step, Verdict, FittedStructure, int]
-"""The step below a law, the law, the joint fit, and how many steps are kept."""
+class Found(NamedTuple):
+    """The step below a law, the law, the joint fit, and how many steps are kept; the logs, which
+    of a law on a clock of its own are placed on that."""
+
+    base: Step
+    verdict: Verdict
+    fitted: FittedStructure
+    count: int
+    data: LoggedData
 
 
 def _found(data: LoggedData, steps: Sequence[Step], unexplained: bool, fits: Fits) -> Found | None:
@@ -86,19 +94,24 @@ def _found(data: LoggedData, steps: Sequence[Step], unexplained: bool, fits: Fit
             continue
         verdict = replace(verdict, found=_named_apart(verdict.found, base.fitted))
         mechanism, start = _with_law(base.fitted, verdict.found)
-        fitted = fits.structure(data, mechanism, start)
+        # Once from the law as one log shows it, and once more as all do.
+        of_law = data.on_clock_of(mechanism, start)
+        fitted = fits.structure(of_law, mechanism, start)
+        if of_law is not data:
+            of_law = data.on_clock_of(mechanism, fitted.theta)
+            fitted = fits.structure(of_law, mechanism, fitted.theta)
         enough = _is_enough(steps, fitted, settings.proposal)
         # Effects of the catalogue give way only to a law that leaves much less than they do.
         if fitted.square < base.fitted.square and (count == len(steps) or enough):
-            found.append((base, verdict, fitted, count))
+            found.append(Found(base, verdict, fitted, count, of_law))
         if count == 1 and found and enough:
             break
     if not found:
         return None
     alone = found[0]
     most = 1.0 + data.settings.min_extension_gain
-    best = min(found, key=lambda item: item[2].square)
-    return alone if alone[2].square <= most * best[2].square else best
+    best = min(found, key=lambda item: item.fitted.square)
+    return alone if alone.fitted.square <= most * best.fitted.square else best
 
 
 def _is_enough(steps: Sequence[Step], fitted: FittedStructure, settings: ProposalSettings) -> bool:
@@ -155,7 +168,16 @@ def _proposal(
         (before.force_error, before.velocity_error),
         tuple(item.effect for item in kept if item.effect),
         tuple(item.name for item in data.samples),
+        _starts(data, fitted),
+        tuple(words_of_clock(fitted.mechanism, data.samples)),
     )
+
+
+def _starts(data: LoggedData, fitted: FittedStructure) -> dict[str, float]:
+    """When each log began on the law's own clock [s]; {} where it has none."""
+    if not has_own_clock(fitted.mechanism):
+        return {}
+    return {item.name: item.start for item in data.samples}
 
 
 def _parameters(

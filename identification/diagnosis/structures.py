@@ -17,6 +17,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from identification.diagnosis.settings import DiagnosisSettings
+from identification.fitting.clocks import (
+    first_placed_on_clock,
+    has_own_clock,
+    placed_on_clock,
+)
 from identification.fitting.coarse_channels import are_coarse, measured_again
 from identification.fitting.cross_validation import (
     CrossValidation,
@@ -354,8 +359,21 @@ class LoggedData:
         runs = measured_again(*args)
         if runs is None:
             return None
+        return self._of(runs)
+
+    def on_clock_of(self, mechanism: Mechanism, theta: Array, *, first: bool = False) -> LoggedData:
+        """The same logs, each begun where in its period what swings is best explained.
+
+        ``first``: whether theta does not know the size of what swings yet
+        """
+        if not has_own_clock(mechanism):
+            return self
+        place = first_placed_on_clock if first else placed_on_clock
+        return self._of(place(mechanism, theta, self.samples, self.settings.fit))
+
+    def _of(self, samples: Sequence[Samples]) -> LoggedData:
         found = copy(self)
-        found.samples, found._remainders = runs, {}
+        found.samples, found._remainders = samples, {}
         return found
 
     def step(

@@ -9,6 +9,7 @@ from typing import Any, ClassVar
 import numpy as np
 from numpy.typing import NDArray
 
+from identification.fitting.clocks import placed_on_clock
 from identification.fitting.errors import (
     NoiseLevel,
     SumsOfSquares,
@@ -262,7 +263,7 @@ def identify(
     held = as_they_mean(mechanism, mechanism.samples_of(logs), settings)
     if start is not None:
         refuse_unseen_logs(mechanism, start.theta, held.samples)
-    samples = held.samples
+    samples = tuple(placed_on_clock(mechanism, start.theta, held.samples, settings))
     free = np.flatnonzero(mechanism.free)
     rows = regressions(mechanism, start.theta, samples, free, settings)
     total = log_observability(mechanism, rows, settings)

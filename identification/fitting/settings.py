@@ -477,6 +477,31 @@ class FitSettings(Settings):
     harmonic_scan: HarmonicScanSettings = field(default_factory=HarmonicScanSettings)
     kinematics: WheelEvidenceSettings = field(default_factory=WheelEvidenceSettings)
 
+    # When a log began on the clock of an effect that swings
+    clock_harmonics: int = field(
+        default=3,
+        metadata={
+            "unit": "1",
+            "reason": "of a force that repeats itself in time: laws of one have one, and what a "
+            "pendulum does at large swings has hardly more",
+        },
+    )
+    clock_steps: int = field(
+        default=3600,
+        metadata={"unit": "1 a period", "reason": "0.1 degrees apart: less than noise leaves"},
+    )
+    shown_starts: int = field(
+        default=4,
+        metadata={"unit": "1", "reason": "logs whose starts a sentence names: what one reads"},
+    )
+    min_clock_share: float = field(
+        default=1e-9,
+        metadata={
+            "unit": "share of the squares",
+            "reason": "by which they differ over the period, or the effect does not act: rounding",
+        },
+    )
+
     # Rows of the regression
     row_rate: float = field(
         default=20.0,

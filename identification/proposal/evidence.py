@@ -273,13 +273,36 @@ class Evidence:
     # Laws ---------------------------------------------------------------------------------------
 
     def columns(self, trial: Trial, values: Sequence[float]) -> list[Array]:
-        """Per log (n, A, q) a law's columns at some values of its shape constants."""
+        """Per log (n, A, q) a law's columns at some values of its shape constants.
+
+        Of a law on a clock of its own each log has its own ones (n, A, logs * q), and those of the
+        others are zero there: where in its period a log began is a number of the log.
+        """
         found = []
-        for scene in self.scenes:
+        for number, scene in enumerate(self.scenes):
             parts = [scene.force(trial.effect, v, joint) for v, joint in trial.units(values)]
-            force = np.stack(parts, axis=-1)
-            found.append(scene.rows(force))
+            rows = scene.rows(np.stack(parts, axis=-1))
+            if self.logs_apart(trial.law):
+                alone = np.zeros((*rows.shape[:2], len(self.scenes), rows.shape[2]))
+                alone[:, :, number] = rows
+                rows = alone.reshape(*rows.shape[:2], -1)
+            found.append(rows)
         return found
+
+    def logs_apart(self, law: Law) -> int:
+        """How many logs have a number of their own that says when they began on a law's clock: all
+        but one, since the first may be where that clock begins."""
+        count, on_common_clock = len(self.scenes), self.mechanism.structure.reads_start
+        apart = law.own_clock and not on_common_clock and count <= self.settings.max_logs_apart
+        return count - 1 if apart else 0
+
+    def values_of(self, trial: Trial, shapes: Sequence[float], strength: Array) -> FoundLaw:
+        """A law with these constants; of one whose logs have their own strengths, those of the log
+        that shows most of it."""
+        if self.logs_apart(trial.law):
+            each = strength.reshape(len(self.scenes), -1)
+            strength = each[int(np.argmax(self.counts))]
+        return trial.found(shapes, strength)
 
     def sums(self, columns: Sequence[Array]) -> Sums:
         """Their sums by block."""
@@ -436,6 +459,8 @@ class Trial:
         if self.is_uneven:
             return False
         least = np.maximum(self.lower, 0.0) if self.law.dissipative else self.lower
+        # Of a law that each log has on its own the columns come once for each log.
+        strength = strength.reshape(*strength.shape[:-1], -1, len(self.lower))
         return bool((strength < least).any() or (strength > self.upper).any())
 
     @property

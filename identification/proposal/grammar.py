@@ -59,7 +59,13 @@ class PlatformGrammar:
         laws = [platform_laws.ripple_over_floor(*wave) for wave in self._periods(_of_world)]
         for wave in self._periods(self._against_motion):
             laws += sized_friction.stripes(self.seen, *wave)
-        laws += [platform_laws.sway(period) for period in self._periods_in_time()]
+        if not any(item.own_clock for item in self.evidence.mechanism.structure.components):
+            laws += [
+                platform_laws.swinging(swing, period)
+                for swings, forces in self._swings()
+                for period in self._periods_in_time(forces)
+                for swing in swings
+            ]
         laws += [
             ripple(cycles, each)
             for ripple, found in (
@@ -86,15 +92,30 @@ class PlatformGrammar:
         power = (back[:, :2] * scene.twist[:, :2]).sum(axis=1)
         return (power / np.maximum(speed, self.settings.slowest_share * speed.max()))[:, None]
 
-    def _periods_in_time(self) -> list[float]:
-        """Periods [s] of the strongest forces along the world that repeat themselves from the start
-        of each log on."""
+    def _swings(self) -> list[tuple[tuple[platform_laws.Swing, ...], list[Array]]]:
+        """What may swing in time, with the forces (N, k) of each log in which its period is
+        sought."""
+        pairs = list(zip(self.evidence.scenes, self._back, strict=True))
+        of_world = [_of_world(scene, back) for scene, back in pairs]
+        along, moments = [b[:, :2] for b in self._back], [b[:, 2:] for b in self._back]
+        return [
+            ((platform_laws.SWAY, platform_laws.SWAY_AND_TURN), of_world),
+            ((platform_laws.SWINGING_MOMENT, platform_laws.SWAY_AND_TURN), moments),
+            ((platform_laws.SHAKE,), along),
+        ]
+
+    def _periods_in_time(self, forces: Sequence[Array]) -> list[float]:
+        """Periods [s] of the strongest forces (N, k) of each log that repeat themselves in time,
+        wherever in its period a log began."""
         scenes, unit = self.evidence.scenes, self.settings.unit_of_time
-        force = [_of_world(scene, back) for scene, back in zip(scenes, self._back, strict=True)]
-        time = 2 * np.pi / unit * np.concatenate([scene.time for scene in scenes])
+        pairs = [
+            (2 * np.pi / unit * scene.time, part)
+            for scene, force in zip(scenes, forces, strict=True)
+            for part in force.T
+        ]
         found = cycles_of_angles(
-            *([time, time], list(np.concatenate(force).T), np.full(1, 2 * np.pi / unit)),
-            *(self.evidence.mechanism.filter_rate, self.settings),
+            *([time for time, _ in pairs], [part for _, part in pairs]),
+            *(np.full(1, 2 * np.pi / unit), self.evidence.mechanism.filter_rate, self.settings),
         )
         return [unit / cycles for cycles in found]
 

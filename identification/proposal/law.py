@@ -74,6 +74,7 @@ class Law:
     terms : how many factors are multiplied, and other pieces that make it longer than its constants
     typical : by unit what is typical for the mechanism, where its effects are declared in multiples
         of that
+    own_clock : the name of its period, where it repeats itself in time whenever a log began
     """
 
     name: str
@@ -90,6 +91,7 @@ class Law:
     dissipative: bool = False
     terms: int = 1
     typical: tuple[tuple[str, float], ...] = ()
+    own_clock: str = ""
 
     @property
     def strengths(self) -> tuple[Constant, ...]:
@@ -225,6 +227,7 @@ class FoundLaw:
         return Effect(
             *(law.name, law.place, function or law.function(), self.parameters()),
             *(SOURCE, law.recognise, law.dissipative),
+            own_clock=law.own_clock,
         )
 
     def file_text(self, about: str) -> str:
@@ -255,6 +258,7 @@ class FoundLaw:
             f'    source="{SOURCE}",',
             *_keyword("recognise", law.recognise),
             *(["    dissipative=True,"] if law.dissipative else []),
+            *([f'    own_clock="{law.own_clock}",'] if law.own_clock else []),
             ")",
             law.function_text(),
         ]

@@ -16,7 +16,7 @@ from identification.proposal.surroundings import (
     TURN,
     Surroundings,
     direction_constant,
-    edges_of,
+    edge_constant,
     spot_constants,
 )
 from youbot_env.physics.effect import WORLD
@@ -42,9 +42,8 @@ def laws_by_place(seen: Surroundings, settings: ProposalSettings) -> Iterator[La
         "A force along one direction of the floor that grows with the way along it.",
         where,
     )
-    edges, low, high = edges_of(seen, settings)
-    edge = Constant("edge", "m", low, high, 1.0, edges)
     for angle, axis in ((0.0, "x"), (0.5 * math.pi, "y")):
+        edge = edge_constant(axis, seen, settings)
         held = Constant("direction", "rad", *CIRCLE, 1.0, (angle,))
         strip = Constant("width", "m", 0.02, 1.0, 0.1, (0.1, 0.25))
         yield Law(
@@ -96,12 +95,119 @@ def laws_by_place(seen: Surroundings, settings: ProposalSettings) -> Iterator[La
         where,
         terms=2,
     )
+    yield from _near_a_wall(seen, settings)
+    yield _from_a_point(seen, settings)
+    yield _stream(seen, settings)
     yield from _fields(settings)
     yield from _moments(settings)
     yield from _by_place_and_heading()
     yield _bump(seen, settings)
     yield _spot_field(seen, settings)
     yield _around(seen)
+
+
+def _near_a_wall(seen: Surroundings, settings: ProposalSettings) -> Iterator[Law]:
+    """Forces across a wall in any direction: it is soft, or pushes ever more as it nears."""
+    far = float(np.hypot(*seen.place.T).max()) + max(settings.wall_ways) + settings.point_margin
+    direction = direction_constant(settings, half=False)
+    line = Constant("line", "m", -far, far, 1.0, (0.0,), step=0.2)
+    power = power_constant(settings)
+    way = "world.x * c + world.y * s"
+    for name, strength, constants, push, word, formula, latex in (
+        (
+            "spring_beyond_a_line",
+            Constant("stiffness", "N/m", size=10.0),
+            (line, direction),
+            f"stiffness * xp.maximum({way} - line, 0.0)",
+            "Spring beyond a line across the floor, in any direction: something soft in the way",
+            "k (p - p_0) (p > p_0)",
+            r"k (p - p_0)\,[p > p_0]",
+        ),
+        (
+            "push_near_a_wall",
+            Constant("force_at_a_metre", "N", size=2.0),
+            (replace(line, name="wall"), direction, power),
+            f"force_at_a_metre * xp.maximum(wall - ({way}), {settings.nearest:g}) ** -power",
+            "Force across a wall that grows as the wall nears: a magnet, a stream of air",
+            "f / (p_0 - p)^n",
+            r"f\,(p_0 - p)^{-n}",
+        ),
+    ):
+        yield Law(
+            name,
+            WORLD,
+            PLACE,
+            (strength, *constants),
+            (TURN, f"along = {push}"),
+            "along * c, along * s, 0.0",
+            word,
+            f"{formula}, p = x cos(d) + y sin(d)",
+            rf"{latex},\; p = x\cos d + y\sin d",
+            "A force across one line of the floor that grows towards it or beyond it.",
+            CONFIRM["place"],
+            terms=2,
+        )
+
+
+def _stream(seen: Surroundings, settings: ProposalSettings) -> Law:
+    far = float(np.hypot(*seen.place.T).max())
+    return Law(
+        "stream_along_a_line",
+        WORLD,
+        PLACE,
+        (
+            Constant("force", "N", size=5.0),
+            Constant("stream", "m", -far, far, 1.0, (0.0,), step=0.2),
+            Constant("direction", "rad", *CIRCLE, 1.0, (0.0,), step=0.25),
+            Constant("width", "m", 0.03, 2.0, 0.3, settings.strip_half_widths),
+        ),
+        (
+            TURN,
+            "across = (world.y * c - world.x * s - stream) / width",
+            "along = force * xp.exp(-(across**2))",
+        ),
+        "along * c, along * s, 0.0",
+        "Force along a line of the floor, ever less beside it: a fan's stream of air",
+        "f exp(-((n - n_0)/b)^2) along d, n across it",
+        r"f e^{-((n - n_0)/b)^2}",
+        "Along one line of the floor something pushes one way, most in its middle.",
+        CONFIRM["place"],
+        terms=2,
+    )
+
+
+def power_constant(settings: ProposalSettings) -> Constant:
+    """Of a distance. It is sought together with the place: which is best is not seen before."""
+    return Constant("power", "1", 0.5, 4.0, 1.0, settings.powers)
+
+
+def _from_a_point(seen: Surroundings, settings: ProposalSettings) -> Law:
+    low, high = (float(v) for v in (seen.place.min(), seen.place.max()))
+    margin, core = 2 * settings.point_margin, settings.point_core
+    return Law(
+        "force_from_a_point",
+        WORLD,
+        PLACE,
+        (
+            Constant("force_at_a_metre", "N", size=2.0),
+            Constant("point_x", "m", low - margin, high + margin, 1.0, (0.0,), step=0.1),
+            Constant("point_y", "m", low - margin, high + margin, 1.0, (0.0,), step=0.1),
+            Constant("core", "m", 0.01, 1.0, 0.1, (core,), step=core),
+            power_constant(settings),
+        ),
+        (
+            "dx, dy = world.x - point_x, world.y - point_y",
+            "far = xp.sqrt(dx**2 + dy**2 + core**2)",
+            "per_way = force_at_a_metre * far ** (-power - 1.0)",
+        ),
+        "per_way * dx, per_way * dy, 0.0",
+        "Force from or to a point of the floor that fades with the distance: a magnet, a fan",
+        "f / r^n from the point",
+        r"f\,r^{-n}",
+        "A force that pushes away from one point, or draws towards it, ever less far from it.",
+        CONFIRM["place"],
+        terms=2,
+    )
 
 
 def _fields(settings: ProposalSettings) -> Iterator[Law]:

@@ -10,6 +10,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator
 from dataclasses import replace
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -19,6 +20,8 @@ from identification.proposal.law import Constant, Law
 from identification.proposal.place_laws import laws_by_place
 from identification.proposal.settings import ProposalSettings
 from identification.proposal.sized_friction import (
+    by_fading,
+    by_time,
     by_wheel_angle,
     sized,
     sized_frictions,
@@ -224,6 +227,7 @@ def _of_body(seen: Surroundings, settings: ProposalSettings) -> Iterator[Law]:
                 yield _body_law(k, other, form, f"{form.key}_{AXES[other][0]}_to_{axis}", word)
         yield from _products_of_speeds(k, seen, unit, settings)
     yield from _drags(seen, settings)
+    yield from _dragged_at_a_point(settings)
     air = "coefficient * xp.sqrt(body.twist[0] ** 2 + body.twist[1] ** 2)"
     yield Law(
         "air_drag",
@@ -272,6 +276,52 @@ def _drags(seen: Surroundings, settings: ProposalSettings) -> Iterator[Law]:
             f"A force against the motion that {word}, whichever way.", CONFIRM["speed"],
             dissipative=True,
         )  # fmt: skip
+
+
+def _dragged_at_a_point(settings: ProposalSettings) -> Iterator[Law]:
+    """Friction at a point of the robot that touches the floor, or where a cable is fixed."""
+    lever = settings.drag_lever
+    places = tuple(
+        Constant(f"point_{axis}", "m", -1.0, 1.0, lever, (-lever, 0.0, lever), step=lever / 3)
+        for axis in "xy"
+    )
+    for name, constant, size, word, formula, latex in (
+        (
+            "dry_drag_at_a_point",
+            Constant("force", "N", size=5.0),
+            "force / xp.sqrt(vx**2 + vy**2 + 2.5e-05)",
+            "Dry",
+            "f v_p/|v_p|",
+            r"f\,v_p/|v_p|",
+        ),
+        (
+            "viscous_drag_at_a_point",
+            Constant("coefficient", "N s/m", size=50.0),
+            "coefficient",
+            "Viscous",
+            "k v_p",
+            r"k\,v_p",
+        ),
+    ):
+        yield Law(
+            name,
+            BODY,
+            ("twist",),
+            (constant, *places),
+            (
+                "vx, vy = body.twist[0] - body.twist[2] * point_y,"
+                " body.twist[1] + body.twist[2] * point_x",
+                f"size = {size}",
+            ),
+            "size * vx, size * vy, size * (point_x * vy - point_y * vx)",
+            f"{word} friction at one point of the robot: a caster, a brush, a cable fixed there",
+            f"{formula} at a point p of the robot",
+            latex,
+            "A force against the motion of one point of the robot, with its moment.",
+            CONFIRM["speed"],
+            dissipative=True,
+            terms=2,
+        )
 
 
 def _body_law(k: int, other: int, form: Form, name: str, word: str) -> Law:
@@ -336,7 +386,7 @@ def _of_joints(seen: Surroundings, settings: ProposalSettings) -> Iterator[Law]:
             if form.key not in TRIED.get(f"each {point}", ()):
                 yield _each(_joint_law(place, point, form, (variable,)))
         yield from _joints_by_time(place, point, u, seen, settings)
-    yield from _wheels_by_angle(seen, settings)
+    yield from _sized_wheels(seen, settings)
     # Even: in the catalogue for all wheels together, not for each.
     u = Quantity(
         "wheel.rate", "w", r"\omega", "wheel speed", "rad/s", seen.wheel, settings.smoothing[2]
@@ -442,8 +492,9 @@ def _joints_by_time(
             yield from (late, _each(late))
 
 
-def _wheels_by_angle(seen: Surroundings, settings: ProposalSettings) -> Iterator[Law]:
-    """Friction of a wheel that rubs over a part of its turn: its size swings with the angle."""
+def _sized_wheels(seen: Surroundings, settings: ProposalSettings) -> Iterator[Law]:
+    """Friction of a wheel that rubs over a part of its turn: its size swings with the angle; and
+    friction that grows or fades as a part wears or runs in."""
     u = Quantity(
         "wheel.rate", "w", r"\omega", "wheel speed", "rad/s", seen.wheel, settings.smoothing[2]
     )
@@ -452,6 +503,9 @@ def _wheels_by_angle(seen: Surroundings, settings: ProposalSettings) -> Iterator
             friction = _joint_law(WHEEL, "wheel", form, ("wheel_speed",))
             for order in settings.wheel_orders:
                 yield _each(sized(friction, by_wheel_angle(order)))
+            for by in (by_time(), by_fading(seen, settings)):
+                law = sized(friction, by)
+                yield from (law, _each(law))
 
 
 def _variables(point: str) -> tuple[str, ...]:
@@ -484,26 +538,83 @@ def ripple_over_floor(period: float, direction: float) -> Law:
     )  # fmt: skip
 
 
-def sway(period: float) -> Law:
-    """A force along the world that swings in time, near a period [s]."""
+class Swing(NamedTuple):
+    """What swings in time: a force along the world or the robot, a moment, or both.
+
+    name, meaning, recognise : of its law
+    place : where it acts; axes : that it acts along, of x, y and yaw
+    """
+
+    name: str
+    place: Place
+    axes: tuple[str, ...]
+    meaning: str
+    recognise: str
+
+
+SWAY = Swing(
+    "sway",
+    WORLD,
+    ("x", "y"),
+    "Force along the world that swings in time: a deck that sways, a load that hangs",
+    "Something pulls to and fro, whatever the robot does.",
+)
+SWAY_AND_TURN = Swing(
+    "sway_and_turn",
+    WORLD,
+    ("x", "y", "yaw"),
+    "Force along the world and moment that swing in time: a deck that sways and turns",
+    "Something pulls to and fro and turns the robot, whatever it does.",
+)
+SWINGING_MOMENT = Swing(
+    "swinging_moment",
+    WORLD,
+    ("yaw",),
+    "Moment that swings in time: a turntable that is not at rest, an arm that swings",
+    "Something turns the robot to and fro, whatever it does.",
+)
+SHAKE = Swing(
+    "shake",
+    BODY,
+    ("x", "y", "yaw"),
+    "Force along the robot and moment that swing in time: a motor, a pump or an arm on board",
+    "Something on board shakes the robot, whatever it does.",
+)
+
+
+def swinging(swing: Swing, period: float) -> Law:
+    """A force or moment that swings in time, near a period [s]; when a log began on its clock is a
+    number of the log."""
     step = 2e-3 * period
-    pairs = [
-        Constant(f"{part}_{axis}", "N", size=5.0) for axis in "xy" for part in ("sine", "cosine")
-    ]
+    units = {"x": ("N", 5.0), "y": ("N", 5.0), "yaw": ("N m", 1.0)}
+    strengths = tuple(
+        Constant(f"{part}_{axis}", units[axis][0], size=units[axis][1])
+        for axis in swing.axes
+        for part in ("sine", "cosine")
+    )
     wave = Constant("period", "s", 0.5 * period, 2.0 * period, period, (period,), step=step)
+    point = swing.place.name
+    parts = [
+        f"sine_{axis} * s + cosine_{axis} * c" if axis in swing.axes else "0.0"
+        for axis in ("x", "y", "yaw")
+    ]
     return Law(
-        "sway",
-        WORLD,
+        swing.name,
+        swing.place,
         ("time",),
-        (*pairs, wave),
-        ("turn = 6.283185307179586 * world.time / period", "s, c = xp.sin(turn), xp.cos(turn)"),
-        "sine_x * s + cosine_x * c, sine_y * s + cosine_y * c, 0.0",
-        "Force along the world that swings in time: a deck that sways, a load that hangs",
+        (*strengths, wave),
+        (
+            f"turn = 6.283185307179586 * ({point}.time + {point}.start) / period",
+            "s, c = xp.sin(turn), xp.cos(turn)",
+        ),
+        ", ".join(parts),
+        swing.meaning,
         "a sin(2 pi t/T) + b cos(2 pi t/T)",
         r"a\sin\frac{2\pi t}{T} + b\cos\frac{2\pi t}{T}",
-        "Something pulls to and fro, whatever the robot does.",
+        swing.recognise,
         CONFIRM["time"],
         terms=2,
+        own_clock="period",
     )
 
 

@@ -17,7 +17,7 @@ from identification.proposal.surroundings import (
     CIRCLE,
     CONFIRM,
     Surroundings,
-    edges_of,
+    edge_constant,
     instants,
     spot_constants,
 )
@@ -94,9 +94,9 @@ def _windows(seen: Surroundings, settings: ProposalSettings) -> Iterator[Window]
 
 def _of_lines(seen: Surroundings, settings: ProposalSettings) -> Iterator[Window]:
     """Beyond a line across the floor, before it, and between two; along an axis, or oblique."""
-    edges, low, high = edges_of(seen, settings)
-    edge, width = Constant("edge", "m", low, high, 1.0, edges), settings.edge_width
+    width = settings.edge_width
     for axis in "xy":
+        edge = edge_constant(axis, seen, settings)
         where = (f"position_{axis}",)
         for word, sign, mark in (("beyond", 1, ">"), ("before", -1, "<")):
             inside = f"inside = 0.5 + 0.5 * xp.tanh((world.{axis} - edge) / {sign * width:g})"
@@ -115,17 +115,13 @@ def _of_lines(seen: Surroundings, settings: ProposalSettings) -> Iterator[Window
 
 def _of_oblique_lines(seen: Surroundings, settings: ProposalSettings) -> Iterator[Window]:
     """Beyond a line in any direction, and between two."""
-    across = Constant("across", "rad", *CIRCLE, 1.0, tuple(_turns(settings.line_directions)))
-    ways = [
-        quantile
-        for angle in across.values
-        for quantile in np.quantile(
-            seen.place @ [math.cos(angle), math.sin(angle)], settings.line_quantiles
-        )
-    ]
-    low, high = min(ways), max(ways)
-    places = tuple(float(v) for v in np.quantile(ways, np.linspace(0.0, 1.0, settings.lines)))
-    edge, width = Constant("edge", "m", low, high, 1.0, places), settings.edge_width
+    far = float(np.hypot(*seen.place.T).max())
+    # Where they are tried is told together with their direction, see `choices_of`.
+    edge = Constant("edge", "m", -far, far, 1.0, (0.0,), step=0.2)
+    across = Constant(
+        "across", "rad", *CIRCLE, 1.0, (0.0,), step=math.pi / settings.line_directions
+    )
+    width = settings.edge_width
     half = Constant("half_width", "m", 0.02, 2.0, 0.2, settings.strip_half_widths)
     way = "way = world.x * xp.cos(across) + world.y * xp.sin(across)"
     yield Window(
@@ -137,15 +133,9 @@ def _of_oblique_lines(seen: Surroundings, settings: ProposalSettings) -> Iterato
     yield Window(
         *("in_a_strip", "in a strip of the floor", "(|p - p_0| < b)", "place"),
         ("position_x", "position_y"),
-        (replace(edge, name="centre"), half, replace(across, values=across.values[::2])),
+        (half, replace(edge, name="centre"), across),
         (way, f"inside = 0.5 - 0.5 * xp.tanh((xp.abs(way - centre) - half_width) / {width:g})"),
     )
-
-
-def _turns(count: int) -> Iterator[float]:
-    """Directions over a whole turn, opposite ones one after the other."""
-    for k in range(count):
-        yield from (math.pi * k / count, math.pi * (k / count + 1.0))
 
 
 def _times(factor: Law, window: Window) -> Law:

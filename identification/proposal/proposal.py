@@ -32,6 +32,8 @@ class Proposal:
     mechanism, theta : the structure with the law, and its parameters (P,) of the joint fit
     beside : accepted effects that the model holds beside it
     logs : that it was found on
+    starts : by log, when it began on the law's own clock [s]; {} where the law has none
+    of_clock : what is known of these starts, in sentences
     """
 
     law: FoundLaw
@@ -45,6 +47,8 @@ class Proposal:
     before: tuple[float, float] = (math.nan, math.nan)
     beside: tuple[str, ...] = ()
     logs: tuple[str, ...] = ()
+    starts: dict[str, float] = field(default_factory=dict[str, float])
+    of_clock: tuple[str, ...] = ()
 
     @property
     def name(self) -> str:
@@ -73,6 +77,7 @@ class Proposal:
             "chance does as much on stretches that the search had not seen in "
             f"{self.verdict.unseen_p_value:.1%} of cases{self._others}",
             f"{_small(law.recognise.rstrip('.'))}; to confirm, {law.confirm}",
+            *self.of_clock,
         ]
 
     @property
@@ -127,6 +132,7 @@ class Proposal:
             "before": {"force_error": self.before[0], "velocity_error": self.before[1]},
             "share": self.share,
             "beside": list(self.beside),
+            "starts": self.starts,
             "recognise": law.recognise,
             "confirm": law.confirm,
             "p_value": verdict.unseen_p_value,

@@ -107,7 +107,8 @@ class Search:
 
     def penalised(self, item: Tried) -> float:
         """Held-out squares with the penalty for length."""
-        return item.square * (1.0 + self.settings.length_penalty * item.law.length)
+        length = item.law.length + self.evidence.logs_apart(item.law)
+        return item.square * (1.0 + self.settings.length_penalty * length)
 
     @property
     def leaders(self) -> list[Tried]:
@@ -208,7 +209,8 @@ class Search:
     def _found(self, item: Tried) -> FoundLaw:
         assert item.sums is not None
         everything = np.ones(len(self.evidence.unseen), bool)
-        return item.trial.found(item.shapes, self.evidence.strengths(item.sums, everything))
+        strengths = self.evidence.strengths(item.sums, everything)
+        return self.evidence.values_of(item.trial, item.shapes, strengths)
 
     def _pareto(self, leaders: Sequence[Tried]) -> Iterator[tuple[FoundLaw, float]]:
         """Of each length the best law, as long as longer ones are better."""

@@ -107,17 +107,6 @@ class ProposalSettings(Settings):
             "reason": "across oblique lines: 30 degrees apart, from where a search goes on",
         },
     )
-    lines: int = field(
-        default=5,
-        metadata={"unit": "1", "reason": "oblique lines for each direction"},
-    )
-    line_quantiles: tuple[float, float] = field(
-        default=(0.15, 0.85),
-        metadata={
-            "unit": "quantile of the places",
-            "reason": "between which oblique lines lie: beyond them there is little to see",
-        },
-    )
     wheel_orders: tuple[int, ...] = field(
         default=(1, 2),
         metadata={
@@ -132,6 +121,53 @@ class ProposalSettings(Settings):
             "reason": "that stands for a turn where periods in time are sought as those of a "
             "wheel are: from 0.2 s on",
         },
+    )
+    drag_lever: float = field(
+        default=0.3,
+        metadata={
+            "unit": "m",
+            "reason": "forwards and sideways, of a point of the robot that drags: a robot's half "
+            "length, from where a search goes on",
+        },
+    )
+    fading_times: tuple[float, ...] = field(
+        default=(10.0, 30.0),
+        metadata={"unit": "s", "reason": "of a friction that fades, from where a search goes on"},
+    )
+    wall_ways: tuple[float, ...] = field(
+        default=(0.15, 0.4, 0.9),
+        metadata={
+            "unit": "m",
+            "reason": "beyond where the platform has been, of a wall whose push grows as it nears",
+        },
+    )
+    line_shares: tuple[float, ...] = field(
+        default=(0.2, 0.5, 0.8),
+        metadata={
+            "unit": "quantile of the places, and share of the reach",
+            "reason": "where oblique lines are tried along each direction: both, since the "
+            "platform may have been beyond one for a moment only",
+        },
+    )
+    powers: tuple[float, ...] = field(
+        default=(1.0, 2.0),
+        metadata={"unit": "1", "reason": "of a distance that a force fades with: 1/r and 1/r^2"},
+    )
+    point_core: float = field(
+        default=0.1,
+        metadata={"unit": "m", "reason": "within which a force from a point no longer grows"},
+    )
+    point_margin: float = field(
+        default=0.6,
+        metadata={"unit": "m", "reason": "beyond where it has been that a magnet may stand"},
+    )
+    point_spacing: float = field(
+        default=0.4,
+        metadata={"unit": "m", "reason": "between such places; nearer ones are tried where it was"},
+    )
+    nearest: float = field(
+        default=0.05,
+        metadata={"unit": "m", "reason": "to a wall that is not reached: a push stays finite"},
     )
     slowest_share: float = field(
         default=1e-2,
@@ -195,6 +231,15 @@ class ProposalSettings(Settings):
     max_factor_terms: int = field(
         default=1,
         metadata={"unit": "1", "reason": "a law of more factors is no factor of a product itself"},
+    )
+
+    max_logs_apart: int = field(
+        default=8,
+        metadata={
+            "unit": "logs",
+            "reason": "that have sines of their own in a search for what swings in time: a bound "
+            "on memory, which grows with the cube. Of more, those on one clock show it",
+        },
     )
 
     # Evidence

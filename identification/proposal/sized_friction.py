@@ -89,7 +89,9 @@ PER = {
     ("N s/m", "m"): "N s/m^2",
     ("N s/m", "m/s"): "N s^2/m^2",
     ("N s/m", "rad/s"): "N s^2/(m rad)",
+    ("N m", "s"): "N m/s",
     ("N m", "m/s"): "N s",
+    ("N m s", "s"): "N m",
     ("N m s", "m"): "N s",
     ("N m s", "m/s"): "N s^2",
 }
@@ -110,7 +112,7 @@ class Sizing:
     word : of the sentence that says what the law is; more : of the one how to recognise it
     variables : that it reads
     parts : constants of the size; shapes : constants in which it is not linear
-    lines : statements before ``size``, the expression
+    lines : statements before ``size``, the expression; ``{0}`` in it is the point where it acts
     formula, latex : of the size; where : what a symbol in them stands for
     confirm : what experiment would confirm it, a key of ``CONFIRM``
     terms : how much longer it makes a law
@@ -134,6 +136,7 @@ class Sizing:
 def sized(friction: Law, by: Sizing) -> Law:
     """A friction of one strength, whose size something sets."""
     (strength,) = friction.strengths
+    point = friction.place.name.split()[0]
     # A formula begins with the strength, which is one letter.
     formula, latex = friction.formula[1:].lstrip(), friction.latex[1:].removeprefix(r"\,").lstrip()
     where = f", {by.where}" if by.where else ""
@@ -143,7 +146,7 @@ def sized(friction: Law, by: Sizing) -> Law:
         variables=(*by.variables, *(v for v in friction.variables if v not in by.variables)),
         constants=(*(part.constant(strength) for part in by.parts), *friction.shapes, *by.shapes),
         # What was a constant is computed, under the same name.
-        lines=(*by.lines, f"{strength.name} = {by.size}", *friction.lines),
+        lines=(*by.lines, f"{strength.name} = {by.size.format(point)}", *friction.lines),
         meaning=f"{friction.meaning}, {by.word}",
         formula=f"({by.formula}) {formula}{where}",
         latex=rf"({by.latex})\,{latex}{where}",
@@ -200,10 +203,28 @@ def by_time() -> Sizing:
         "more from minute to minute",
         ("time",),
         (LEVEL, Part("growth", "s", 1.0 / 60.0)),
-        "level + growth * world.time",
+        "level + growth * {0}.time",
         "a + b t",
         "a + b t",
         "time",
+        terms=2,
+    )
+
+
+def by_fading(seen: Surroundings, settings: ProposalSettings) -> Sizing:
+    """Fading from the start of each log: grease warms, a part runs in."""
+    most = max(seen.duration, max(settings.fading_times))
+    return Sizing(
+        "that_fades",
+        "which fades from the start of each log",
+        "less from minute to minute, and ever more slowly so",
+        ("time",),
+        (LEVEL, Part("extra")),
+        "level + extra * xp.exp(-{0}.time / time_constant)",
+        "a + b exp(-t/T)",
+        "a + b e^{-t/T}",
+        "time",
+        (Constant("time_constant", "s", 1.0, most, 10.0, settings.fading_times),),
         terms=2,
     )
 
@@ -220,6 +241,29 @@ def by_place() -> Sizing:
         "a + b x + c y",
         "a + b x + c y",
         "place",
+    )
+
+
+def by_distance(seen: Surroundings) -> Sizing:
+    """Growing with the distance from a point: a cable that is dragged over the floor."""
+    low, high = float(seen.place.min()), float(seen.place.max())
+    point = tuple(
+        Constant(f"point_{axis}", "m", low - 2.0, high + 2.0, 1.0, (0.0,), step=0.2)
+        for axis in "xy"
+    )
+    return Sizing(
+        "by_distance",
+        "which grows with the distance from a point: a cable or hose that is dragged along",
+        "more the farther it is from one point",
+        ("position_x", "position_y"),
+        (LEVEL, Part("growth", "m")),
+        "level + growth * far",
+        "a + b r",
+        "a + b r",
+        "place",
+        point,
+        ("far = xp.sqrt((world.x - point_x) ** 2 + (world.y - point_y) ** 2 + 1e-06)",),
+        "r from the point",
     )
 
 
@@ -263,7 +307,9 @@ def sized_frictions(seen: Surroundings, settings: ProposalSettings) -> Iterator[
     for friction in (dry, viscous, viscous_turning):
         yield from (sized(friction, by_heading(order)) for order in (1, 2))
         yield sized(friction, by_place())
-    yield from (sized(friction, by_time()) for friction in (dry, viscous))
+    yield sized(dry, by_distance(seen))
+    over_time = (by_time(), by_fading(seen, settings))
+    yield from (sized(friction, by) for friction in (dry, viscous) for by in over_time)
     by_yaw = by_speed("xp.abs(world.yaw_rate)", "|W|", r"|\Omega|", "yaw", "rad/s")
     yield from (sized(friction, by_yaw) for friction in (dry, viscous))
     travel = "xp.sqrt(world.velocity_x**2 + world.velocity_y**2)"

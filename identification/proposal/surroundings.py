@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import itertools
 import math
-from collections.abc import Iterator
+from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass
 
 import numpy as np
@@ -83,12 +83,15 @@ def instants(seen: Surroundings, settings: ProposalSettings) -> tuple[float, ...
     return tuple(float(round(t, 2)) for t in inner)
 
 
-def edges_of(
-    seen: Surroundings, settings: ProposalSettings
-) -> tuple[tuple[float, ...], float, float]:
+def edge_constant(axis: str, seen: Surroundings, settings: ProposalSettings) -> Constant:
+    """An edge [m] across an axis of the floor: tried at quantiles of where the platform was, and
+    evenly over its whole reach, since it may have been beyond it for a moment only."""
+    places = seen.place[:, "xy".index(axis)]
+    low, high = float(places.min()), float(places.max())
     shares = np.linspace(0.0, 1.0, settings.edges + 2)[1:-1]
-    found = sorted({round(float(v), 3) for v in np.quantile(seen.place, shares)})
-    return tuple(found), float(seen.place.min()), float(seen.place.max())
+    tried = np.concatenate([np.quantile(places, shares), low + (high - low) * shares])
+    found = sorted({round(float(value), 3) for value in tried})
+    return Constant("edge", "m", low, high, 1.0, tuple(found))
 
 
 def spots(seen: Surroundings, settings: ProposalSettings) -> list[tuple[float, float, float]]:
@@ -105,21 +108,87 @@ def spots(seen: Surroundings, settings: ProposalSettings) -> list[tuple[float, f
     return found
 
 
+def points(seen: Surroundings, settings: ProposalSettings) -> Iterator[tuple[float, float]]:
+    """Points (x, y) from which a force may come: where most is left unexplained, and some about all
+    that was passed."""
+    radius = sorted(settings.spot_radii)[len(settings.spot_radii) // 2]
+    yield from ((x, y) for x, y, r in spots(seen, settings) if r == radius)
+    margin, step = settings.point_margin, settings.point_spacing
+    x, y = (
+        np.arange(low - margin, high + margin + step, step)
+        for low, high in zip(seen.place.min(axis=0), seen.place.max(axis=0), strict=True)
+    )
+    # A bound on time where the platform drove far.
+    thin = math.ceil(math.sqrt(len(x) * len(y) / settings.max_spots))
+    yield from ((float(a), float(b)) for a in x[::thin] for b in y[::thin])
+
+
+def walls_ahead(seen: Surroundings, settings: ProposalSettings) -> Iterator[tuple[float, float]]:
+    """Walls (way [m], direction [rad]) beyond where the platform has been."""
+    for direction in direction_constant(settings, half=False).values:
+        reach = float(_ways(seen, direction).max())
+        yield from ((reach + way, direction) for way in settings.wall_ways)
+
+
+def lines_to_cross(seen: Surroundings, settings: ProposalSettings) -> Iterator[tuple[float, float]]:
+    """Lines (way [m], direction [rad]) that the platform has crossed, each seen from both sides."""
+    yield from _lines(seen, 2 * settings.line_directions, 2 * math.pi, settings)
+
+
+def lines_to_follow(
+    seen: Surroundings, settings: ProposalSettings
+) -> Iterator[tuple[float, float]]:
+    """The same, each once: of a strip it is the same from both sides."""
+    yield from _lines(seen, settings.line_directions, math.pi, settings)
+
+
+def streams(seen: Surroundings, settings: ProposalSettings) -> Iterator[tuple[float, float]]:
+    """Middle [m] and direction [rad] of streams: the middle lies to their left."""
+    for way, across in lines_to_follow(seen, settings):
+        yield way, across - 0.5 * math.pi
+
+
+def _lines(
+    seen: Surroundings, count: int, turn: float, settings: ProposalSettings
+) -> Iterator[tuple[float, float]]:
+    """At quantiles of where the platform was along each direction, and evenly over its reach."""
+    for direction in turn * np.arange(count) / count:
+        ways, shares = _ways(seen, direction), np.array(settings.line_shares)
+        even = ways.min() + (ways.max() - ways.min()) * shares
+        yield from ((float(way), float(direction)) for way in np.quantile(ways, shares))
+        yield from ((float(way), float(direction)) for way in even)
+
+
+def _ways(seen: Surroundings, direction: float) -> Array:
+    return seen.place @ [math.cos(direction), math.sin(direction)]
+
+
 SPOT = ("spot_x", "spot_y", "radius")
+
+TOGETHER: dict[
+    tuple[str, ...], Callable[[Surroundings, ProposalSettings], Iterable[tuple[float, ...]]]
+] = {
+    SPOT: spots,
+    ("point_x", "point_y"): points,
+    ("line", "direction"): lines_to_cross,
+    ("edge", "across"): lines_to_cross,
+    ("centre", "across"): lines_to_follow,
+    ("wall", "direction"): walls_ahead,
+    ("stream", "direction"): streams,
+}
+"""Shape constants that are tried together, at places that the logs suggest."""
 
 
 def choices_of(law: Law, seen: Surroundings, settings: ProposalSettings) -> Iterator[Shapes]:
-    """The values of its shape constants at which a law is tried: all combinations, and around
-    every spot where it has one."""
+    """The values of its shape constants at which a law is tried: all combinations, of those that
+    say where it acts at places that the logs suggest."""
     names = [c.name for c in law.shapes]
-    if not set(SPOT) <= set(names):
-        yield from itertools.product(*(c.values for c in law.shapes))
-        return
-    first = names.index(SPOT[0])
-    rest = itertools.product(*(c.values for c in law.shapes if c.name not in SPOT))
-    for others in rest:
-        for spot in spots(seen, settings):
-            yield (*others[:first], *spot, *others[first:])
+    together = next((group for group in TOGETHER if set(group) <= set(names)), ())
+    places = list(TOGETHER[together](seen, settings)) if together else [()]
+    first = names.index(together[0]) if together else 0
+    for others in itertools.product(*(c.values for c in law.shapes if c.name not in together)):
+        for place in places:
+            yield (*others[:first], *place, *others[first:])
 
 
 def choices_near(law: Law, leader: Law, settings: ProposalSettings) -> Iterator[Shapes]:

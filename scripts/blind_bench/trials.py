@@ -16,6 +16,7 @@ from typing import Any
 
 import numpy as np
 
+from identification.fitting.clocks import placed_on_clock
 from identification.fitting.errors import SumsOfSquares, add_up, velocity_traces
 from identification.logs.log import Log
 from identification.logs.reading import read_logs
@@ -110,7 +111,11 @@ def unseen_errors(case: Case, found: Any) -> dict[str, float] | None:
     base = found.steps[0].fitted
     fits = {"base": (base.mechanism, base.theta), "law": (proposal.mechanism, proposal.theta)}
     (samples,) = base.mechanism.samples_of([unseen_log(case)])
-    runs = {key: velocity_traces(*pair, samples) for key, pair in fits.items()}
+    # Of a law on a clock of its own the true platform knows when the run began.
+    runs = {
+        key: velocity_traces(*pair, *placed_on_clock(*pair, [samples]))
+        for key, pair in fits.items()
+    }
     errors = {key: SumsOfSquares.of(run).ratio for key, run in runs.items()}
     truth = true_velocity_error(
         *(case, samples.wheel_speed, samples.torque, samples.dt, samples.pose[0])

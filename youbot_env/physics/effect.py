@@ -291,7 +291,12 @@ class Public:
 
 @dataclass(frozen=True)
 class Effect:
-    """A registered effect: one function and what a person must know to use it."""
+    """A registered effect: one function and what a person must know to use it.
+
+    ``own_clock``: of what repeats itself in time on a clock of its own, such as a deck that swings,
+    the name of the parameter that is its period [s]; "" for all others. No log shows when it began
+    on that clock, so it is read from the log's forces (see `identification.fitting.clocks`).
+    """
 
     name: str
     acts_at: Place
@@ -303,6 +308,7 @@ class Effect:
     public: Public | None = None
     carries: Callable[..., tuple[Number, ...]] | None = None
     inverse: Callable[..., Number] | None = None
+    own_clock: str = ""
 
     @property
     def parameter_names(self) -> tuple[str, ...]:
@@ -506,6 +512,7 @@ def effect(
     public: Public | None = None,
     carries: Callable[..., tuple[Number, ...]] | None = None,
     inverse: Callable[..., Number] | None = None,
+    own_clock: str = "",
     registry: Registry = CATALOGUE,
 ) -> Callable[[EffectFunction], EffectFunction]:
     """Register the decorated function as an effect under its own name.
@@ -523,22 +530,31 @@ def effect(
         effects (a slope) must reckon with beyond the platform's own
     inverse : of a channel that is not affine in the torque: ``inverse(xp, channel, *parameters)``,
         an interface torque behind which ``channel.torque`` is true, or as near as the channel comes
+    own_clock : of what repeats itself in time, whenever a log began: the parameter that is its
+        period [s]
 
     Raises
     ------
     InputError
-        If the function's arguments are not ``xp``, the point and the declared parameters.
+        If the function's arguments are not ``xp``, the point and the declared parameters, or its
+        own clock is none of them.
     """
     declared = tuple(parameters)
+    known = [parameter.name for parameter in declared]
 
     def register(function: EffectFunction) -> EffectFunction:
         name = getattr(function, "__name__", "effect")
         # The first two are xp and the point. Values are passed by position, so order matters.
         takes = list(inspect.signature(function).parameters)[2:]
-        if takes != [parameter.name for parameter in declared]:
+        if takes != known:
             raise InputError(
                 f"effect {name!r}: the function takes {takes} after (xp, point), "
-                f"but declares {[parameter.name for parameter in declared]}"
+                f"but declares {known}"
+            )
+        if own_clock and own_clock not in known:
+            raise InputError(
+                f"effect {name!r}: own_clock is {own_clock!r}, which is none of its parameters "
+                f"{known}"
             )
         registry.add(
             Effect(
@@ -553,6 +569,7 @@ def effect(
                     public,
                     carries,
                     inverse,
+                    own_clock,
                 )
             )
         )

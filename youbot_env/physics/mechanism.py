@@ -449,14 +449,16 @@ class ModelStructure(Generic[Geometry]):
     @cached_property
     def reads_start(self) -> bool:
         """Whether an effect reads when the log began, on the clock that the logs share."""
-        here, there = (Channel(0.6, 0.5, 0.7, start) for start in (0.0, 30.0))
+        # No whole number of the periods that are tried: what swings would look the same.
+        later = 31.7
+        here, there = (Channel(0.6, 0.5, 0.7, start) for start in (0.0, later))
         of_channels = any(
             item.evaluate(floats, here, values) != item.evaluate(floats, there, values)
             for item, where in self.at(CHANNEL)
             for values in [[0.5] * (where.stop - where.start)]
         )
         early = replace(self._somewhere, start=0.0)
-        return of_channels or bool(self._telling_apart(early, replace(early, start=30.0)))
+        return of_channels or bool(self._telling_apart(early, replace(early, start=later)))
 
     def _two_sets(self) -> tuple[tuple[float, ...], tuple[float, ...]]:
         """Two sets of torques, or of angles. Not proportional: an effect may read a ratio."""

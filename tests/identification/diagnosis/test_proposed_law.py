@@ -8,10 +8,14 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from identification.comparison import compare
+from identification.diagnosis.add_effect import add_effect
 from identification.diagnosis.candidates import fit_base, fit_structure, try_candidate
 from identification.diagnosis.proposed_law import Fits, _worsens_free_run, propose
 from identification.diagnosis.structures import LoggedData
+from identification.fitting.errors import SumsOfSquares
 from identification.fitting.final_fit import final_fit
+from identification.fitting.identify import identify
 from identification.mechanisms.registry import mechanism_of
 from identification.proposal.law import FoundLaw
 from identification.proposal.propose import with_law
@@ -84,3 +88,42 @@ def test_a_law_that_makes_the_free_run_worse_is_none(monkeypatch):
         worse = replace(after, velocity_error=2 * step.velocity_error)
         assert not _worsens_free_run(data, step, after)
         assert _worsens_free_run(data, step, worse) is refused
+
+
+@pytest.mark.slow
+def test_what_swings_in_time_is_found_added_and_compared_on_a_log_of_any_phase(tmp_path: Path):
+    law = next(law for law in every_law() if law.name == "sway")
+    path = tmp_path / "sway.py"
+    path.write_text(FoundLaw(law, {"period": 3.7}).file_text("Planted by a test."))
+    load_effects(path)
+    logs = []
+    for motion, phase in (("calibration", 0.4), ("I", 2.9), ("III", 5.0)):
+        c, s = np.cos(phase), np.sin(phase)
+        sizes = {"sine_x": 7.0 * c, "cosine_x": 7.0 * s, "sine_y": -3.0 * c, "cosine_y": -3.0 * s}
+        logs.append(recording(motion, (("sway", (*sizes.items(), ("period", 3.7))),)))
+    known, new = logs[:2], logs[2]
+    # As on another machine, whose catalogue does not have it.
+    del CATALOGUE._effects["sway"]
+    mechanism, theta = mechanism_of(load_model("paper")), load_model("paper").theta
+    data = LoggedData(mechanism, known)
+    base = fit_base(data, mechanism, theta)
+    _, found = propose(data, (data.step(base, None),), True, Fits(fit_structure, final_fit))
+    assert found is not None and found.name == "sway"
+    starts = list(found.starts.values())
+    assert (starts[1] - starts[0]) % 3.7 == pytest.approx(3.7 * 2.5 / (2 * np.pi), abs=0.05)
+    assert "is a number of that log" in found.sentences[-1]
+    low, high = found.parameters["period"]["interval"]
+    assert low - 0.005 < 3.7 < high + 0.005
+
+    path = tmp_path / "law.py"
+    path.write_text(found.file_text)
+    load_effects(path)
+    added = add_effect(load_model("paper"), "sway", known)
+    # Without the calibration, motion I alone shows little of the platform.
+    assert added.worthwhile and added.after.force_error < 0.5 * added.before.force_error
+    plain = SumsOfSquares.of(compare(load_model("paper"), [new]).logs[0].velocity).ratio
+    better = SumsOfSquares.of(compare(added.model, [new]).logs[0].velocity).ratio
+    assert better < 0.2 * plain
+    # And fitted again on logs of any phase.
+    again = identify(logs, start=added.model).model
+    assert again.effects["sway"]["period"].value == pytest.approx(3.7, rel=2e-3)

@@ -13,6 +13,13 @@ from identification.proposal.surroundings import Surroundings
 
 SETTINGS = ProposalSettings()
 
+SWINGS = (
+    platform_laws.SWAY,
+    platform_laws.SWAY_AND_TURN,
+    platform_laws.SWINGING_MOMENT,
+    platform_laws.SHAKE,
+)
+
 
 @cache
 def seen() -> Surroundings:
@@ -32,7 +39,7 @@ def every_law() -> tuple[Law, ...]:
     laws += place_laws.fields_at_a_spot(seen(), SETTINGS)
     laws += [platform_laws.ripple_over_floor(0.1, 0.3)]
     laws += sized_friction.stripes(seen(), 0.1, 0.3)
-    laws += [platform_laws.sway(3.7)]
+    laws += [platform_laws.swinging(swing, 3.7) for swing in SWINGS]
     for ripple in (platform_laws.ripple_of_wheels, platform_laws.ripple_of_rollers):
         laws += [ripple(7.3, each) for each in (False, True)]
     return tuple(laws)

@@ -71,6 +71,14 @@ def test_its_words_say_what_where_how_large_how_sure_and_what_next():
     assert "(site world): the force error falls" in worse and "velocity error is 2.00%" in worse
 
 
+def test_of_what_swings_it_says_when_each_log_began():
+    about = {"starts": {"a": 0.0, "b": 1.25}, "of_clock": ("b began at 1.25 s",)}
+    found = proposal_of("sway", **about)
+    assert found.to_dict()["starts"] == {"a": 0.0, "b": 1.25}
+    assert found.sentences[-1] == "b began at 1.25 s"
+    assert proposal_of("dry_nap").to_dict()["starts"] == {}
+
+
 def test_of_numbers_of_wheels_those_that_are_not_zero_are_said():
     found = proposal_of("uneven_dry_wheel_friction_by_angle_1")
     for name, entry in found.parameters.items():
