@@ -13,7 +13,7 @@ import typer
 from youbot_env.errors import InputError
 from youbot_scripts.blind_bench.baseline import stepwise
 from youbot_scripts.blind_bench.calibration import rows_of
-from youbot_scripts.blind_bench.calibration_page import write_page
+from youbot_scripts.blind_bench.calibration_page import Run, write_page
 from youbot_scripts.blind_bench.cases import KINDS, write_case
 from youbot_scripts.blind_bench.effect_sizes import force_ratio, size_table, sizings
 from youbot_scripts.blind_bench.null_fits import null_fits
@@ -175,7 +175,8 @@ def main(
     scores = score(records)
     if calibration is not None:
         fits = null_fits(replicates, seed, jobs, resume)
-        write_page(calibration, rows_of(records, fits), len(fits), len(records))
+        run = Run(len(fits), len(records), cases, seed)
+        write_page(calibration, rows_of(records, fits), run)
         out.print(f"calibration: {calibration}", soft_wrap=True)
     show(out, scores, records)
     if report:

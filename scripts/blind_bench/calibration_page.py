@@ -6,6 +6,7 @@ import subprocess
 from collections.abc import Mapping, Sequence
 from importlib.metadata import version
 from pathlib import Path
+from typing import NamedTuple
 
 from youbot_env.files import write_atomically
 from youbot_scripts.blind_bench.promises import Row
@@ -32,7 +33,8 @@ more than two of them. Other noise: ten kinds, from AR(1) to hum, outliers, coar
 that wander. The baseline is a stepwise selection by F-tests on a split sample with the false
 discovery rate of Benjamini and Hochberg, on the same cases.
 
-Commit {commit}. {fits} fits, {trials} diagnoses.
+Commit {commit}. {fits} fits, {trials} diagnoses:
+`--cases {cases} --replicates {fits} --seed {seed}`.
 """
 
 
@@ -58,20 +60,29 @@ Tables = Mapping[str, Sequence[Row]]
 """Rows by heading."""
 
 
-def write_page(path: Path, tables: Tables, fits: int, trials: int) -> None:
-    """Write the page of so many cheap fits and trials.
+class Run(NamedTuple):
+    """What a page comes from: so many cheap fits, trials, cases of each kind; their seed."""
+
+    fits: int
+    trials: int
+    cases: int
+    seed: int
+
+
+def write_page(path: Path, tables: Tables, run: Run) -> None:
+    """Write the page of a run.
 
     Raises
     ------
     InputError
         If the file cannot be written.
     """
-    write_atomically(path, page(tables, fits, trials))
+    write_atomically(path, page(tables, run))
 
 
-def page(tables: Tables, fits: int, trials: int) -> str:
+def page(tables: Tables, run: Run) -> str:
     """The page's text."""
-    told = INTRODUCTION.format(command=COMMAND, commit=commit(), fits=fits, trials=trials)
+    told = INTRODUCTION.format(command=COMMAND, commit=commit(), **run._asdict())
     for heading, rows in tables.items():
         if rows:
             told += f"\n## {heading}\n\n" + NOTES.get(heading, "") + _table(rows)
