@@ -237,12 +237,7 @@ def _propose_order(
         _negate_left(found, seen)
         return
     if group.by_number:
-        orders = [np.array(order) for order in permutations(range(4))]
-        best = min(orders, key=lambda order: _slip(values[:, order]))
-        signed = min(
-            (order for order in orders),
-            key=lambda order: _slip(values[:, order] * _LEFT_NEGATED),
-        )
+        best, signed = (_best_order(values, sign) for sign in (np.ones(4), np.array(_LEFT_NEGATED)))
         if _slip(values[:, best]) < limit or _slip(values[:, signed] * _LEFT_NEGATED) < limit:
             negated = not _slip(values[:, best]) < limit
             order = signed if negated else best
@@ -255,6 +250,18 @@ def _propose_order(
             found.ask("velocity", f"order of the numbered wheels: {names} would fit ({seen})")
             return
     found.doubt("velocity", f"{seen}: wheels slip, or names, signs or units are not what they seem")
+
+
+def _best_order(values: Array, signs: Array) -> tuple[int, ...]:
+    """The order (4,) of columns (n, 4), times signs (4,), in which they slip least.
+
+    It is the first of those that tie: eight always do, since the identity is the same for
+    wheels that are exchanged within a pair, and for the pairs. Their sums differ by rounding, which
+    is not the same on all machines.
+    """
+    orders = list(permutations(range(4)))
+    slips = np.array([_slip(values[:, order] * signs) for order in orders])
+    return orders[int(np.flatnonzero(slips <= slips.min() * (1.0 + 1e-9) + 1e-12)[0])]
 
 
 def _negate_left(found: Proposal, seen: str) -> None:
