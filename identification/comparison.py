@@ -296,7 +296,7 @@ def compare(
     samples = mechanism.samples_of(logs, *_clock_of(model))
     refuse_unseen_logs(mechanism, model.theta, samples)
     samples = placed_on_clock(mechanism, model.theta, samples, settings.fit)
-    clock = words_of_clock(mechanism, samples)
+    clock = words_of_clock(mechanism, samples, settings.fit)
     # What takes memory of its own goes first, while no traces of long logs are there.
     noise = [NoiseLevel.of(item, settings.fit) for item in samples]
     kinematics = doubts_of_kinematics(

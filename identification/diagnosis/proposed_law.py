@@ -169,7 +169,7 @@ def _proposal(
         tuple(item.effect for item in kept if item.effect),
         tuple(item.name for item in data.samples),
         _starts(data, fitted),
-        tuple(words_of_clock(fitted.mechanism, data.samples)),
+        tuple(words_of_clock(fitted.mechanism, data.samples, data.settings.fit)),
     )
 
 

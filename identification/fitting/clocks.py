@@ -11,6 +11,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import replace
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -19,6 +20,7 @@ from identification.fitting.regression import regression
 from identification.fitting.settings import FitSettings
 from identification.mechanisms.mechanism import Mechanism
 from identification.mechanisms.samples import Samples
+from youbot_env.physics.effect import Effect
 
 Array = NDArray[np.float64]
 
@@ -28,22 +30,23 @@ def has_own_clock(mechanism: Mechanism) -> bool:
 
     The logs' common clock, where another effect reads it, is left as it is.
     """
-    return _period_place(mechanism) is not None
+    return _swinging(mechanism) is not None
 
 
 def words_of_clock(
     mechanism: Mechanism, samples: Sequence[Samples], settings: FitSettings = FitSettings()
 ) -> list[str]:
     """What was read from logs that are placed on a clock, in a sentence; [] where there is none."""
-    if not has_own_clock(mechanism):
+    swinging = _swinging(mechanism)
+    if swinging is None:
         return []
-    ((effect, _),) = [row for row in mechanism.structure.slices if row[0].own_clock]
     shown = samples[: settings.shown_starts]
     starts = [f"{item.name} at {item.start:.3g} s" for item in shown]
     more = ", ..." if len(samples) > len(shown) else ""
     return [
-        f"where in its period {effect.name} is when a log begins is a number of that log, read "
-        f"from its torques: {', '.join(starts)}{more}. Of a run that has no log yet it is not known"
+        f"where in its period {swinging.effect.name} is when a log begins is a number of that log, "
+        f"read from its torques: {', '.join(starts)}{more}. Of a run that has no log yet it is not "
+        "known"
     ]
 
 
@@ -61,10 +64,11 @@ def placed_on_clock(
     ----------
     theta : (P,) of the model, which knows the period and the size
     """
-    place = _period_place(mechanism)
-    if place is None:
+    swinging = _swinging(mechanism)
+    if swinging is None:
         return list(samples)
-    return [_placed(mechanism, theta, item, float(theta[place]), settings) for item in samples]
+    period = float(theta[swinging.period])
+    return [_placed(mechanism, theta, item, period, settings) for item in samples]
 
 
 def first_placed_on_clock(
@@ -79,12 +83,10 @@ def first_placed_on_clock(
     ----------
     theta : (P,) of the model without it, and with its period
     """
-    place = _period_place(mechanism)
-    if place is None:
+    swinging = _swinging(mechanism)
+    if swinging is None:
         return list(samples)
-    ((effect, where),) = [row for row in mechanism.structure.slices if row[0].own_clock]
-    declared = [effect.parameter(name) for name in effect.parameter_names]
-    strengths = np.array([where.start + k for k, p in enumerate(declared) if not p.is_shape])
+    strengths = swinging.strengths
     longest = max(samples, key=lambda item: len(item) * item.dt)
     rows = regression(mechanism, theta, longest, strengths, settings)
     columns = rows.columns.reshape(-1, len(strengths))
@@ -93,17 +95,33 @@ def first_placed_on_clock(
     return placed_on_clock(mechanism, theta, samples, settings)
 
 
-def _period_place(mechanism: Mechanism) -> int | None:
-    """Where in theta the period stands; None without one, or where it is not alone."""
+class _Swinging(NamedTuple):
+    """The effect on a clock of its own, and where its parameters stand in theta."""
+
+    effect: Effect
+    where: slice
+
+    @property
+    def period(self) -> int:
+        """Where its period stands."""
+        return self.where.start + self.effect.parameter_names.index(self.effect.own_clock)
+
+    @property
+    def strengths(self) -> NDArray[np.intp]:
+        """Where the parameters stand in which it is linear."""
+        declared = [self.effect.parameter(name) for name in self.effect.parameter_names]
+        linear = [k for k, parameter in enumerate(declared) if not parameter.is_shape]
+        return self.where.start + np.array(linear, np.intp)
+
+
+def _swinging(mechanism: Mechanism) -> _Swinging | None:
+    """The only effect that reads a clock, if that is its own."""
     structure = mechanism.structure
-    found = [(item, where) for item, where in structure.slices if item.own_clock]
+    found = [_Swinging(*row) for row in structure.slices if row[0].own_clock]
     if len(found) != 1:
         return None
-    ((effect, where),) = found
-    others = [name for name in structure.effects if name != effect.name]
-    if structure.with_effects(others).reads_start:
-        return None
-    return where.start + effect.parameter_names.index(effect.own_clock)
+    others = [name for name in structure.effects if name != found[0].effect.name]
+    return None if structure.with_effects(others).reads_start else found[0]
 
 
 def _placed(

@@ -261,8 +261,7 @@ def identify(
     start = start or load_model("paper")
     mechanism = mechanism_of(start, geometry, settings.mechanism)
     held = as_they_mean(mechanism, mechanism.samples_of(logs), settings)
-    if start is not None:
-        refuse_unseen_logs(mechanism, start.theta, held.samples)
+    refuse_unseen_logs(mechanism, start.theta, held.samples)
     samples = tuple(placed_on_clock(mechanism, start.theta, held.samples, settings))
     free = np.flatnonzero(mechanism.free)
     rows = regressions(mechanism, start.theta, samples, free, settings)

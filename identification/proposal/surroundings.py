@@ -155,8 +155,8 @@ def _lines(
     for direction in turn * np.arange(count) / count:
         ways, shares = _ways(seen, direction), np.array(settings.line_shares)
         even = ways.min() + (ways.max() - ways.min()) * shares
-        yield from ((float(way), float(direction)) for way in np.quantile(ways, shares))
-        yield from ((float(way), float(direction)) for way in even)
+        tried = np.concatenate([np.quantile(ways, shares), even])
+        yield from ((float(way), float(direction)) for way in tried)
 
 
 def _ways(seen: Surroundings, direction: float) -> Array:

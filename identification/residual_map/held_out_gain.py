@@ -393,7 +393,10 @@ def residuals_after(
 
 
 def unshrunk_residuals(
-    folds: Sequence[FoldRows], matrices: NormalMatrices, nuisance: NuisanceRegressors
+    folds: Sequence[FoldRows],
+    residual: Sequence[Array],
+    matrices: NormalMatrices,
+    nuisance: NuisanceRegressors,
 ) -> list[Array]:
     """Residuals (n, A) of each fold after a fit to all of them, in each block as large as noise is.
 
@@ -403,7 +406,7 @@ def unshrunk_residuals(
     block's residual times (I - H)^(-1/2) of its own rows has the noise's (Bell and McCaffrey,
     Survey Methodology 28(2), 2002).
 
-    matrices : of all folds together
+    residual : of each fold, that of `residuals_after`; matrices : of all folds together
     """
     chosen = nuisance.features
     matrix, scale = nuisance.scaled(matrices)
@@ -411,14 +414,13 @@ def unshrunk_residuals(
     # W' W, which is smaller.
     root = np.linalg.inv(np.linalg.cholesky(matrix)) / scale
     found = []
-    for fold, residual in zip(folds, residuals_after(folds, matrices, nuisance), strict=True):
-        left = []
-        for start in range(0, len(residual), fold.block):
-            block = replace(
-                fold.taken(np.s_[start : start + fold.block]),
-                residual=residual[start : start + fold.block],
-            )
+    for fold, left_of_fold in zip(folds, residual, strict=True):
+        whole, left = replace(fold, residual=left_of_fold), list[Array]()
+        for start in range(0, len(left_of_fold), fold.block):
+            block = whole.taken(np.s_[start : start + fold.block])
             share, ways = np.linalg.eigh(root @ block.nuisance_matrix(chosen) @ root.T)
+            # From 0 to 1, but for rounding: 0 would divide by zero below, and so would 1, of a
+            # direction that this block alone shows.
             share = np.clip(share, 1e-9, 1.0 - 1e-6)
             sides = ways.T @ (root @ block.sides(chosen))
             grown = root.T @ (ways @ (((1.0 - share) ** -0.5 - 1.0) / share * sides))

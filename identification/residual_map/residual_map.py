@@ -94,7 +94,7 @@ def residual_map(
     residual = rows.after(model_alone)
     given = sum((fold.residual**2).sum() for fold in table.folds)
     twist, *others = table.groups
-    ways = rows.held_out(rows.noise(model_alone), signs)
+    ways = rows.held_out(rows.noise(residual, model_alone), signs)
     squares = rows.squares(ways)
     groups = [(table.index[twist.variable], None)]
     of_twist = [
@@ -110,7 +110,7 @@ def residual_map(
     # often than the draws show.
     least = max(settings.min_share_of_residual, 1.0 / signs.shape[1])
     judged = [_Judged(twist, of_twist[0], 0.0, squares[0], least)]
-    for k, parts in enumerate(rows.held_out(rows.noise(with_twist), signs)):
+    for k, parts in enumerate(rows.held_out(rows.noise(beyond, with_twist), signs)):
         chosen = [group for group in others if k == 0 or group.may_lie_elsewhere]
         # Gains count from the fit with the twist. If that predicts worse than no fit (a negative
         # gain), its loss is taken off them.
@@ -260,9 +260,9 @@ class _DealtRows:
         """Residuals (n, A) of each fold of the table after a fit of the nuisance to all rows."""
         return residuals_after(self.table.folds, self.total, nuisance)
 
-    def noise(self, nuisance: NuisanceRegressors) -> list[Array]:
-        """The same, as large as the noise is of which a fit has taken a part."""
-        return unshrunk_residuals(self.table.folds, self.total, nuisance)
+    def noise(self, residual: Sequence[Array], nuisance: NuisanceRegressors) -> list[Array]:
+        """These residuals, as large as the noise is of which the fit has taken a part."""
+        return unshrunk_residuals(self.table.folds, residual, self.total, nuisance)
 
     def held_out(self, null: Sequence[Array], signs: Array) -> list[list[Held]]:
         """What is held out together: each of the table's folds, and then stretches of all.

@@ -7,6 +7,7 @@ import pytest
 
 from identification.residual_map.held_out_gain import (
     FoldRows,
+    NormalMatrices,
     NuisanceRegressors,
     added,
     residuals_after,
@@ -34,6 +35,10 @@ def folds(noise: np.ndarray) -> list[FoldRows]:
     ]
 
 
+def unshrunk(parts: list[FoldRows], total: NormalMatrices, nuisance: NuisanceRegressors):
+    return unshrunk_residuals(parts, residuals_after(parts, total, nuisance), total, nuisance)
+
+
 def mean_square_scores(residuals) -> float:
     """Of block sums of residuals times slow functions, over those of the noise itself."""
     directions = slow(np.random.default_rng(6), ROWS, 30)
@@ -51,7 +56,7 @@ def mean_square_scores(residuals) -> float:
 
 def test_in_slow_directions_they_are_as_large_as_the_noise():
     assert mean_square_scores(residuals_after) < 0.9
-    assert mean_square_scores(unshrunk_residuals) == pytest.approx(1.0, abs=0.02)
+    assert mean_square_scores(unshrunk) == pytest.approx(1.0, abs=0.02)
 
 
 def test_a_block_that_alone_shows_a_regressor_stays_finite():
@@ -59,6 +64,6 @@ def test_a_block_that_alone_shows_a_regressor_stays_finite():
     parts = folds(noise)
     parts[0].features[BLOCK:, 0], parts[1].features[:, 0] = 0.0, 0.0
     parts[0].columns[:, :, 1], parts[1].columns[:, :, 1] = 0.0, 0.0
-    left = unshrunk_residuals(parts, added(fold.matrices for fold in parts), FLEXIBLE)
+    left = unshrunk(parts, added(fold.matrices for fold in parts), FLEXIBLE)
     size = np.abs(np.concatenate(left)).max()
     assert np.isfinite(size) and size < 10 * np.abs(noise).max()
