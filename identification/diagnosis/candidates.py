@@ -84,7 +84,12 @@ def fit_base(data: LoggedData, mechanism: Mechanism, start: Array) -> FittedStru
     return fitted
 
 
-def try_candidate(base: FittedStructure, sums: BaseSums | None, effect: str) -> list[Candidate]:
+def try_candidate(
+    base: FittedStructure,
+    sums: BaseSums | None,
+    effect: str,
+    held: Mapping[str, float] | None = None,
+) -> list[Candidate]:
     """The effect with its best shape constants by held-out squares: on the grid, then between.
 
     Behind it, where that is better, the effect in some of the logs only; this one alone if the
@@ -93,6 +98,7 @@ def try_candidate(base: FittedStructure, sums: BaseSums | None, effect: str) -> 
     Parameters
     ----------
     sums : of the structure over its logs; None if no effect can differ between them
+    held : shape constants that are not searched, but kept at these values
     """
     present = effect in base.mechanism.structure.effects
     name = f"{effect}{INSTANCE}0" if present else effect
@@ -100,6 +106,7 @@ def try_candidate(base: FittedStructure, sums: BaseSums | None, effect: str) -> 
     longest = max(float(item.time[-1]) for item in base.samples)
     searched = [p for p in mechanism.catalogue[name].parameters if p.grid]
     grids = {p.name: _grid(p, longest, base.settings.max_instants) for p in searched}
+    grids |= {shape: (value,) for shape, value in (held or {}).items()}
     if sums:
         # In all logs from their start on is what the base model holds; in some it is not.
         declared = mechanism.catalogue[name].parameter
@@ -385,6 +392,8 @@ def _grid(parameter: Parameter, longest: float, most: int) -> tuple[float, ...]:
 
 def _between(grid: Sequence[float], here: float, halving: int, parameter: Parameter) -> list[float]:
     """Values half, a quarter, ... of the grid's local step to both sides of ``here``."""
+    if len(grid) < 2:
+        return []
     points = np.asarray(grid)
     near = int(np.argmin(np.abs(points - here)))
     left = points[near] - points[near - 1] if near > 0 else 0.0
