@@ -74,7 +74,7 @@ the limits, since the critics value only their mean. The penalty halves these ju
 
 LEARNERS: dict[str, Learner] = {
     "ppo": Learner(
-        steps=1_000_000,
+        steps=1_250_000,
         envs=64,
         learning={
             "learning_rate": 1e-3,
