@@ -307,7 +307,28 @@ def _wander(
     if by_time < ignored or by_time <= 0 or share(features[:, :-TIMES]) >= by_time:
         return 0.0
     # A constant of each log is no drift: a slope, say, or an offset.
-    return max(by_time - max(share(features[:, -1:]), 0.0), 0.0)
+    drift = max(by_time - max(share(features[:, -1:]), 0.0), 0.0)
+    least = settings.predictability.min_repeated_share
+    return 0.0 if _repeated(features, residual, seed, settings) >= least * drift else drift
+
+
+def _repeated(features: Array, residual: Array, seed: int, settings: FitSettings) -> float:
+    """Share that the time since a log began tells in logs that were not looked at: what acts at
+    the same times of each log is no wander. Of what varies within the logs; 0 of few logs."""
+    logs, log_of = np.unique(features[:, -1], return_inverse=True)
+    if len(logs) < settings.predictability.min_logs_that_repeat:
+        return 0.0
+
+    def varying(values: Array) -> Array:
+        counts = np.bincount(log_of)
+        means = [np.bincount(log_of, part) / counts for part in values.T]
+        return values - np.stack(means, axis=1)[log_of]
+
+    within = varying(residual)
+    fold_of = log_of % settings.predictability.folds
+    time = features[:, -TIMES : 1 - TIMES]
+    left = within - varying(_held_out(time, within, fold_of, seed, settings))
+    return float(((within**2).sum() - (left**2).sum()) / (residual**2).sum())
 
 
 TIMES = 3

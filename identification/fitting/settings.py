@@ -119,6 +119,22 @@ class PredictabilitySettings(Settings):
             "reason": "a bound on time: longer logs get fewer rows a second",
         },
     )
+    min_logs_that_repeat: int = field(
+        default=3,
+        metadata={
+            "unit": "1",
+            "reason": "logs in which the same happens at the same time: in two it may be chance",
+        },
+    )
+    min_repeated_share: float = field(
+        default=0.6,
+        metadata={
+            "unit": "share of what time tells within the logs",
+            "reason": "that the time since a log began tells in logs not looked at, above which "
+            "this is no wander: -1.5 to -0.5 for the wander of twelve sets of logs, 0.67 for a "
+            "drift that each log repeats, 1.1 to 1.5 for a push that sets in at one time",
+        },
+    )
     measuring_margin: float = field(
         default=1.25,
         metadata={

@@ -73,6 +73,22 @@ def test_an_offset_that_wanders_is_noise_and_a_constant_one_is_not():
     assert not offset.is_noise
 
 
+def test_what_each_log_repeats_at_the_same_time_is_no_wander():
+    def with_waves(phases: tuple[float, ...]) -> Predictability:
+        logs = []
+        for seed, phase in enumerate(phases):
+            log = recording(seed=seed)
+            turn = 2 * np.pi * (log.time - log.time[0]) / 45.0
+            wave = 0.05 * np.sin(turn + phase)[:, None] * [1, -1, 1, -1]
+            logs.append(replace(log, effort=log.effort + wave))
+        return left_by_the_base_model(*logs)
+
+    found = with_waves((0.4, 2.5, 4.6))
+    assert found.wander > 0.3 and found.is_noise
+    found = with_waves((0.4, 0.4, 0.4))
+    assert found.wander == 0.0 and found.share > 0.3 and not found.is_noise
+
+
 def test_what_happens_at_times_only_is_no_noise_and_is_told_where():
     log = recording("calibration")
     push = np.zeros_like(log.effort)
