@@ -148,3 +148,7 @@ def optional_library(name: str, extra: str, need: str, instead: str = "") -> Any
     except ImportError:
         other = f", or {instead}" if instead else ""
         raise InputError(f"{need}: pip install 'youbot[{extra}]'{other}") from None
+
+
+class NoTorqueError(InputError):
+    """Losses that grow with the torque take all of it: no torque drives a motion."""

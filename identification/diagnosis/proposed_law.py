@@ -16,7 +16,7 @@ from identification.mechanisms.mechanism import Mechanism
 from identification.proposal.law import FoundLaw, Verdict
 from identification.proposal.proposal import Proposal
 from identification.proposal.propose import Left, find_law, with_law
-from identification.proposal.settings import ProposalSettings
+from youbot_env.errors import NoTorqueError
 
 Array = NDArray[np.float64]
 
@@ -44,7 +44,10 @@ def propose(
         return steps, None
     base, verdict, fitted, count, of_law = found
     kept = steps[:count]
-    step = of_law.step(fitted, verdict.found.law.name)
+    try:
+        step = of_law.step(fitted, verdict.found.law.name)
+    except NoTorqueError:  # as fitted without one of the folds
+        return steps, None
     # Judged with the same folds, or the errors could not be compared.
     before = data.step(base.fitted, base.effect, fitted.held_out.folds)
     if _worsens_free_run(data, before, step):
@@ -93,15 +96,13 @@ def _found(data: LoggedData, steps: Sequence[Step], unexplained: bool, fits: Fit
         if verdict is None:
             continue
         verdict = replace(verdict, found=_named_apart(verdict.found, base.fitted))
-        mechanism, start = _with_law(base.fitted, verdict.found)
-        # Once from the law as one log shows it, and once more as all do.
-        of_law = data.on_clock_of(mechanism, start)
-        fitted = fits.structure(of_law, mechanism, start)
-        if of_law is not data:
-            of_law = data.on_clock_of(mechanism, fitted.theta)
-            fitted = fits.structure(of_law, mechanism, fitted.theta)
-        enough = _is_enough(steps, fitted, settings.proposal)
-        # Effects of the catalogue give way only to a law that leaves much less than they do.
+        try:
+            of_law, fitted = _fitted(data, base.fitted, verdict.found, fits)
+        except NoTorqueError:  # a loss that grows with the torque, larger than can be
+            continue
+        enough = _is_enough(of_law, steps, fitted)
+        # Effects of the catalogue give way only to a law that leaves much less than they do, or
+        # nothing but noise.
         if fitted.square < base.fitted.square and (count == len(steps) or enough):
             found.append(Found(base, verdict, fitted, count, of_law))
         if count == 1 and found and enough:
@@ -114,10 +115,33 @@ def _found(data: LoggedData, steps: Sequence[Step], unexplained: bool, fits: Fit
     return alone if alone.fitted.square <= most * best.fitted.square else best
 
 
-def _is_enough(steps: Sequence[Step], fitted: FittedStructure, settings: ProposalSettings) -> bool:
-    """Whether a law without the accepted effects leaves less than they do, and no more than noise
-    by far."""
-    return fitted.square < settings.max_rest_share * steps[-1].fitted.square
+def _fitted(
+    data: LoggedData, base: FittedStructure, found: FoundLaw, fits: Fits
+) -> tuple[LoggedData, FittedStructure]:
+    """The law, fitted jointly; and the logs, on its own clock where it has one.
+
+    Raises
+    ------
+    NoTorqueError
+        If with the law no torque drives the motion of the logs.
+    """
+    mechanism, start = _with_law(base, found)
+    # Once from the law as one log shows it, and once more as all do.
+    of_law = data.on_clock_of(mechanism, start)
+    fitted = fits.structure(of_law, mechanism, start)
+    if of_law is not data:
+        of_law = data.on_clock_of(mechanism, fitted.theta)
+        fitted = fits.structure(of_law, mechanism, fitted.theta)
+    return of_law, fitted
+
+
+def _is_enough(data: LoggedData, steps: Sequence[Step], fitted: FittedStructure) -> bool:
+    """Whether a law without the accepted effects leaves much less than they do; or less, and
+    nothing that the motion predicts."""
+    before, most = steps[-1].fitted.square, data.settings.proposal.max_rest_share
+    if fitted.square < most * before:
+        return True
+    return fitted.square < before and data.predictability(fitted).is_noise
 
 
 def _named_apart(found: FoundLaw, base: FittedStructure) -> FoundLaw:

@@ -14,7 +14,7 @@ from collections.abc import Sequence
 from dataclasses import replace
 from typing import cast
 
-from youbot_env.errors import InputError
+from youbot_env.errors import NoTorqueError
 from youbot_env.physics.effect import (
     ACTUATOR,
     CHANNEL,
@@ -309,6 +309,10 @@ def _affine_inverse(
     return tuple((value - a) / (b - a) for value, a, b in zip(true, zero, one, strict=True))
 
 
+DIVERGED = 1e6
+"""Times the torque without losses: a fixed point that comes to so much goes on to infinity."""
+
+
 def acting_torque(
     xp: Namespace,
     structure: ModelStructure[Geometry],
@@ -329,7 +333,7 @@ def acting_torque(
 
     Raises
     ------
-    InputError
+    NoTorqueError
         If no torque can drive the motion: with a share near one friction takes all of it.
     """
     loads, torque_of = structure.load_readers, structure.mechanism.torque_of
@@ -340,6 +344,7 @@ def acting_torque(
     others = [row for row in structure.wrenches if row not in loads]
     given = _wrench_of(xp, structure, others, geometry, theta, at)
     torque = _with(internal, torque_of(rolling, given))
+    most = DIVERGED * max(_largest(xp.abs(a)) for a in torque)
     # With the largest share, 0.9, rounding is reached after 330 rounds.
     for _ in range(1000):
         last = torque
@@ -350,7 +355,9 @@ def acting_torque(
         # Below 2e-15 of the size rounding alone moves the torques, and tolerance 0 would never end.
         if moved <= max(tolerance, 2e-15 * size):
             return torque
-    raise InputError("no torque drives this motion: friction grows as fast as the torque")
+        if size > most:
+            break
+    raise NoTorqueError("no torque drives this motion: friction grows as fast as the torque")
 
 
 def _with(more: Sequence[N | float], torque: Components[N]) -> Components[N]:

@@ -9,18 +9,20 @@ import numpy as np
 import pytest
 
 from identification.comparison import compare
+from identification.diagnosis import proposed_law
 from identification.diagnosis.add_effect import add_effect
 from identification.diagnosis.candidates import fit_base, fit_structure, try_candidate
-from identification.diagnosis.proposed_law import Fits, _worsens_free_run, propose
+from identification.diagnosis.proposed_law import Fits, _fitted, _worsens_free_run, propose
 from identification.diagnosis.structures import LoggedData
 from identification.fitting.errors import SumsOfSquares
 from identification.fitting.final_fit import final_fit
 from identification.fitting.identify import identify
 from identification.mechanisms.registry import mechanism_of
 from identification.proposal.law import FoundLaw
-from identification.proposal.propose import with_law
+from identification.proposal.propose import Left, find_law, with_law
 from tests.identification.proposal.laws import every_law
 from tests.identification.recordings import recording
+from youbot_env.errors import NoTorqueError
 from youbot_env.model.model_file import load_model
 from youbot_env.physics.effect import CATALOGUE
 from youbot_env.plugins import load_effects
@@ -70,6 +72,25 @@ def test_nothing_is_proposed_beside_noise():
     kept, found = propose(data, steps, False, Fits(fit_structure, final_fit))
     assert found is None and kept == steps
     assert np.isfinite(steps[0].force_error)
+
+
+def test_a_law_with_which_no_torque_drives_the_motion_is_left_out(monkeypatch):
+    data = data_with((("wheel_coulomb_friction", (("torque", 0.3),)),))
+    base = fit_base(data, mechanism_of(load_model("paper")), load_model("paper").theta)
+    steps = (data.step(base, None),)
+    law = next(law for law in every_law() if law.name == "squared_load_wheel_torque")
+    verdict = find_law(
+        Left(base.mechanism, base.theta, base.free, 0.9),
+        *(data.samples, 0, data.settings.proposal, data.settings.fit),
+    )
+    assert verdict is not None
+    # As much as its bound lets it be: more than peaks of the torque can make up for.
+    limit = law.constants[0].upper
+    too_much = replace(verdict, found=FoundLaw(law, {"share": limit}))
+    monkeypatch.setattr(proposed_law, "find_law", lambda *_: too_much)
+    with pytest.raises(NoTorqueError):
+        _fitted(data, base, too_much.found, Fits(fit_structure, final_fit))
+    assert propose(data, steps, True, Fits(fit_structure, final_fit)) == (steps, None)
 
 
 def test_a_law_that_makes_the_free_run_worse_is_none(monkeypatch):
