@@ -315,20 +315,27 @@ class DemandedForce(Generic[Geometry]):
         self.instant = like.instant if like else self._instant()
         known = like is not None and like.structure.depends_on_load
         if structure.depends_on_load and not known:
-            internal: Components[Array] = ()
-            if self._nominal_forceless:
-                amount = self._acting_internal(theta)
-                internal = tuple(part * amount for part in self._forceless)
-            torque = dynamics.acting_torque(
-                np,
-                structure,
-                geometry,
-                theta,
-                self.instant,
-                internal=internal,
-                tolerance=LOAD_TOLERANCE * self._full_torque,
-            )
-            self.instant = replace(self.instant, torque=torque)
+            self.instant = replace(self.instant, torque=self._loads())
+
+    def _loads(self) -> Components[Array]:
+        internal: Components[Array] = ()
+        if self._nominal_forceless:
+            amount = self._acting_internal(self.theta)
+            internal = tuple(part * amount for part in self._forceless)
+        return dynamics.acting_torque(
+            np,
+            self.structure,
+            self.geometry,
+            self.theta,
+            self.instant,
+            internal=internal,
+            tolerance=LOAD_TOLERANCE * self._full_torque,
+        )
+
+    @property
+    def joint_torque(self) -> Components[Array]:
+        """(J) of (2, N - 1): torques that act at the joints, with what exerts no force."""
+        return self.instant.torque if self.structure.depends_on_load else self._loads()
 
     @cached_property
     def _nominal_forceless(self) -> tuple[float, ...]:

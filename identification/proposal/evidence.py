@@ -54,10 +54,9 @@ class Scene:
         # is that at which the rows begin.
         kept = slice(self.first % self.thin, None, self.thin)
         s = demand.samples
-        force = 0.5 * (demand.force[0] + demand.force[1]) / mechanism.force_scale
-        force = np.concatenate([force[:1], force])[kept]
+        means = [0.5 * (ends[0] + ends[1]) for ends in demand.joint_torque]
+        torque = tuple(np.concatenate([part[:1], part])[kept] for part in means)
         rolling = dynamics.rolling_geometry(np, mechanism.structure, mechanism.geometry, theta)
-        torque = mechanism.kind.torque_of(rolling, tuple(force.T))
         self.torque = np.stack(torque, axis=1)
         acceleration = np.gradient(s.twist, s.dt, axis=0)
         self.time, self.twist, self.pose = s.time[kept], s.twist[kept], s.pose[kept]

@@ -187,6 +187,53 @@ def _by_time(seen: Surroundings, settings: ProposalSettings) -> Iterator[Law]:
         CONFIRM["time"],
         terms=2,
     )
+    yield Law(
+        "turning_for_a_while",
+        WORLD,
+        ("time",),
+        (Constant("moment", "N m", size=1.0), replace(instant, name="middle"), width),
+        ("share = xp.exp(-(((world.time - middle) / width) ** 2))",),
+        "0.0, 0.0, moment * share",
+        "Moment that comes and goes in each log",
+        "m exp(-((t - t_m)/b)^2)",
+        r"m e^{-((t - t_m)/b)^2}",
+        "For a while something turns the robot.",
+        CONFIRM["time"],
+        terms=2,
+    )
+    pull_law = Law(
+        "pull", WORLD, (), pull, (), "force_x, force_y, 0.0", "Force along the world", "f", "f",
+        "A pull towards one side of the room", CONFIRM["time"],
+    )  # fmt: skip
+    on_board = Law(
+        "push_on_board", BODY, (), (*pull, Constant("moment", "N m", size=1.0)), (),
+        "force_x, force_y, moment", "Force and moment that turn with the robot", "f", "f",
+        "A push that turns with the robot", CONFIRM["time"],
+    )  # fmt: skip
+    yield _late(pull_law, "world", seen, settings)
+    yield _late(on_board, "body", seen, settings)
+    yield from (_growing(law, point) for law, point in ((pull_law, "world"), (on_board, "body")))
+
+
+def _growing(law: Law, point: str) -> Law:
+    """A force that grows steadily from the start of each log, from one that is there already."""
+    growth = (
+        replace(c, name=f"{c.name}_growth", unit=f"{c.unit}/s", size=c.size / 60.0)
+        for c in law.constants
+    )
+    grown = (f"{c.name} + {c.name}_growth * {point}.time" for c in law.constants)
+    return replace(
+        law,
+        name=f"{law.name}_that_grows",
+        variables=("time",),
+        constants=(*law.constants, *growth),
+        result=", ".join([*grown, "0.0"][:3]),
+        meaning=f"{law.meaning}, growing from the start of each log",
+        formula="f + g t",
+        latex="f + g t",
+        recognise=f"{law.recognise}, more from minute to minute.",
+        terms=2,
+    )
 
 
 # --- the body --------------------------------------------------------------------------------
@@ -209,8 +256,17 @@ def _on_axis(k: int, text: str) -> str:
 
 
 def _of_body(seen: Surroundings, settings: ProposalSettings) -> Iterator[Law]:
-    """Forces along the body's axes that depend on its speeds."""
+    """Forces along the body's axes that depend on its speeds and accelerations."""
     for k, (axis, word, *_, unit, name) in enumerate(AXES):
+        if axis != "yaw":  # of turning it is the base model's inertia
+            yield Law(
+                f"inertia_along_{axis}", BODY, ("acceleration",),
+                (Constant("mass", "kg", 0.0, size=3.0),), (),
+                _on_axis(k, f"mass * body.acceleration[{k}]"),
+                f"Mass that resists {word} motion alone: what rolls or sloshes along one axis",
+                f"k V{axis.upper()}'", rf"k\,\dot V_{axis.upper()}",
+                f"The robot is heavier in {word} motion than in the other.", CONFIRM["load"],
+            )  # fmt: skip
         for form in speed_forms(_quantity(k, seen, settings), name, unit, settings):
             if (axis, form.key) != ("yaw", "dry"):  # the catalogue has it
                 yield _body_law(k, k, form, f"{form.key}_drag_{axis}", word)
@@ -424,6 +480,46 @@ def _of_joints(seen: Surroundings, settings: ProposalSettings) -> Iterator[Law]:
         most = settings.most_load_share / (load.typical or 1.0)
         limit = replace(law.constants[0], lower=-most, upper=most)
         yield replace(law, constants=(limit,), recognise="The residual bends with the torque.")
+    # The loss grows with the square of the torque: at peaks of 2.5 times the rms its share doubles.
+    most = settings.most_load_share / (10 * seen.torque or 1.0)
+    yield Law(
+        "loss_under_common_load", WHEEL, ("torque",),
+        (Constant("share", "1/(N m)", -most, most, size=0.2 * most),), (),
+        "share * wheel.torque * wheel.total_torque",
+        "Torque that each wheel loses as all together ask for more: the battery's voltage sags",
+        "k M (|M_1| + ... + |M_4|)", r"k\,M \sum_i |M_i|",
+        "All wheels are weaker while all of them work hard.", CONFIRM["load"], terms=2,
+    )  # fmt: skip
+    yield from _faults_of_torque(seen, settings)
+
+
+def _faults_of_torque(seen: Surroundings, settings: ProposalSettings) -> Iterator[Law]:
+    """Torques of which a part is lost: over a part of the turn, from a time on, or ever more."""
+    share = settings.most_lost_share
+    lost = Law(
+        "lost_torque", WHEEL, ("torque",),
+        (Constant("share", "1", -share, share, size=0.1),), (),
+        "share * wheel.torque", "Part of the torque that is lost", "k M", "k M",
+        "The wheels get less than the log says", CONFIRM["load"],
+    )  # fmt: skip
+    over_turn = (
+        replace(by_wheel_angle(order), word="which swings with its angle: a drive that is weaker "
+                "over a part of the turn")
+        for order in settings.wheel_orders
+    )  # fmt: skip
+    late = _late(lost, "wheel", seen, settings)
+    laws = [late, _each(late)]
+    laws += (_each(sized(lost, by)) for by in (*over_turn, by_time(), by_fading(seen, settings)))
+    yield from (_within(law, share) for law in laws)
+
+
+def _within(law: Law, share: float) -> Law:
+    """The law with shares of a torque that leave a motion one torque."""
+    constants = tuple(
+        replace(c, lower=-share, upper=share) if c.unit == "1" and not c.is_shape else c
+        for c in law.constants
+    )
+    return replace(law, constants=constants)
 
 
 TRIED = {
@@ -472,24 +568,30 @@ def _joints_by_time(
     place: Place, point: str, u: Quantity, seen: Surroundings, settings: ProposalSettings
 ) -> Iterator[Law]:
     """Friction that begins at a time."""
-    instant = Constant("instant", "s", 0.0, seen.duration, 10.0, instants(seen, settings))
-    share = f"share = 0.5 + 0.5 * xp.tanh(({point}.time - instant) / {settings.switch_time:g})"
     for form in speed_forms(u, "torque", "N m", settings):
         if form.key in ("dry", "viscous"):
-            law = _joint_law(place, point, form, (*_variables(point), "time"))
-            late = replace(
-                law,
-                name=f"late_{law.name}",
-                constants=(*law.constants, instant),
-                lines=(share,),
-                result=f"share * {law.result}",
-                meaning=f"{law.meaning} from a time on",
-                formula=f"{law.formula} (t > t_0)",
-                latex=rf"{law.latex}\,[t > t_0]",
-                confirm=CONFIRM["time"],
-                terms=2,
-            )
+            late = _late(_joint_law(place, point, form, _variables(point)), point, seen, settings)
             yield from (late, _each(late))
+
+
+def _late(law: Law, point: str, seen: Surroundings, settings: ProposalSettings) -> Law:
+    """A law from a time on."""
+    instant = Constant("instant", "s", 0.0, seen.duration, 10.0, instants(seen, settings))
+    acts = f"acts = 0.5 + 0.5 * xp.tanh(({point}.time - instant) / {settings.switch_time:g})"
+    parts = (part.strip() for part in law.result.split(","))
+    return replace(
+        law,
+        name=f"late_{law.name}",
+        variables=(*law.variables, "time"),
+        constants=(*law.constants, instant),
+        lines=(acts, *law.lines),
+        result=", ".join(part if part == "0.0" else f"acts * {part}" for part in parts),
+        meaning=f"{law.meaning} from a time on",
+        formula=f"{law.formula} (t > t_0)",
+        latex=rf"{law.latex}\,[t > t_0]",
+        confirm=CONFIRM["time"],
+        terms=law.terms + 1,
+    )
 
 
 def _sized_wheels(seen: Surroundings, settings: ProposalSettings) -> Iterator[Law]:

@@ -224,6 +224,14 @@ class ProposalSettings(Settings):
             "might have no torque, or two",
         },
     )
+    most_lost_share: float = field(
+        default=0.9,
+        metadata={
+            "unit": "share of a torque",
+            "reason": "that a drive may lose in proportion to it: with all of it lost no torque "
+            "would drive the motion",
+        },
+    )
     least_cycles: float = field(
         default=0.3,
         metadata={"unit": "1 a turn", "reason": "slower ones are a drift of the angle"},

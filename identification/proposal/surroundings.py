@@ -62,6 +62,7 @@ CONFIRM = {
     "wheel": "lift the robot and spin the wheels by hand",
     "roller": "drive slowly sideways: one roller after the other takes the load",
     "time": "record the same motion again, starting at another time",
+    "load": "drive one motion gently and briskly",
 }
 
 

@@ -197,6 +197,23 @@ def sticking(rng: np.random.Generator, size: float, path: Array) -> Values:
     }
 
 
+def lame(rng: np.random.Generator, size: float, path: Array) -> Values:
+    return {"share": min(size, 0.8), "wheel": float(rng.integers(4)), "phase": direction(rng)}
+
+
+def failing(rng: np.random.Generator, size: float, path: Array) -> Values:
+    when = {"time": rng.uniform(10.0, 30.0)}
+    return {"share": min(size, 0.8), "wheel": float(rng.integers(4)), **when}
+
+
+def jet(rng: np.random.Generator, size: float, path: Array) -> Values:
+    return {"force": size, "direction": direction(rng), "time": rng.uniform(10.0, 30.0)}
+
+
+def whirl(rng: np.random.Generator, size: float, path: Array) -> Values:
+    return {"moment": size, "time": rng.uniform(15.0, 45.0), "width": rng.uniform(4.0, 10.0)}
+
+
 def any_wheel(name: str) -> Callable[[np.random.Generator, float, Array], Values]:
     return lambda rng, size, path: {name: size, "wheel": float(rng.integers(4))}
 

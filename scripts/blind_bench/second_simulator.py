@@ -170,6 +170,22 @@ class Physics(NamedTuple):
     root_drag: float = 0.0  # [N (s/m)^0.5] against the motion, with the root of the speed
     pile: float = 0.0  # viscous friction of turning that depends on the heading
     pile_direction: float = 0.0
+    lame: float = 0.0  # share of one wheel's torque that swings with its angle
+    lame_wheel: float = 0.0
+    lame_phase: float = 0.0
+    failing: float = 0.0  # share of one wheel's torque that is lost from a time on
+    failing_wheel: float = 0.0
+    failing_time: float = NEVER
+    sag: float = 0.0  # share of a torque that is lost for each N m that all wheels take together
+    trailer: float = 0.0  # [kg] that resist forward motion alone: what is in its wheels
+    pulling: float = 0.0  # [N] of a pull along the world after a minute, from nothing
+    pulling_direction: float = 0.0
+    jet: float = 0.0  # [N] of a push that turns with the body, from a time on
+    jet_direction: float = 0.0
+    jet_time: float = NEVER
+    whirl: float = 0.0  # [N m] of a moment that comes and goes
+    whirl_time: float = 0.0
+    whirl_width: float = 1.0
 
 
 @njit(cache=True)
@@ -203,8 +219,11 @@ def _wheel_friction(p: Physics, i: int, rate: float, angle: float, torque: float
 
 
 @njit(cache=True)
-def _exerted(p: Physics, i: int, command: float, rate: float, time: float):
-    """Torque [N m] that a command becomes, before the drive's own dynamics."""
+def _exerted(
+    p: Physics, i: int, command: float, rate: float, time: float, angle: float, together: float
+):
+    """Torque [N m] that a command becomes, before the drive's own dynamics; ``together``: the
+    absolute commands of all wheels, added up."""
     if p.torque_limit > 0.0:
         command = min(max(command, -p.torque_limit), p.torque_limit)
     if p.zone > 0.0:
@@ -214,6 +233,12 @@ def _exerted(p: Physics, i: int, command: float, rate: float, time: float):
         torque *= 1.0 - p.back_emf * abs(rate) / 10.0
     if p.weak_drive != 0.0:
         torque -= p.weak_drive * max(torque - p.weak_edge, 0.0)
+    if p.lame != 0.0 and i == int(p.lame_wheel):
+        torque *= 1.0 + p.lame * math.sin(angle + p.lame_phase)
+    if p.failing != 0.0 and i == int(p.failing_wheel) and time >= p.failing_time:
+        torque *= 1.0 - p.failing
+    if p.sag != 0.0:
+        torque *= 1.0 - p.sag * together
     if p.fall != 0.0:
         torque *= 1.0 - p.fall + p.fall * math.exp(-(p.began + time) / p.fall_time)
     return torque
@@ -298,6 +323,12 @@ def _outside(p: Physics, x: float, y: float, yaw: float, u: float, v: float, tim
         fy -= p.root_drag * v / math.sqrt(speed)
     if p.wall != 0.0:
         fx -= p.wall * max(x - p.wall_x, 0.0)
+    if p.pulling != 0.0:
+        fx += p.pulling * time / 60.0 * math.cos(p.pulling_direction)
+        fy += p.pulling * time / 60.0 * math.sin(p.pulling_direction)
+    if p.jet != 0.0 and time >= p.jet_time:
+        fx += p.jet * math.cos(yaw + p.jet_direction)
+        fy += p.jet * math.sin(yaw + p.jet_direction)
     if p.joints != 0.0:
         fx += p.joints * math.sin(2.0 * math.pi * x / p.joint_distance + p.joint_phase)
     return fx, fy
@@ -357,8 +388,14 @@ def derivative(
     b[2] -= p.scrub * math.tanh(w / p.scrub_width) + p.twist_stiffness * (q[2] - p.twist_neutral)
     b[2] -= p.magnet * math.sin(2.0 * (q[2] - p.magnet_neutral))
     b[2] += p.fan * q[0]
+    if p.whirl != 0.0:
+        b[2] += p.whirl * math.exp(-(((time - p.whirl_time) / p.whirl_width) ** 2))
+    if p.trailer != 0.0:
+        row[0], row[1], row[2] = c, s, 0.0
+        _couple(a, b, row, p.trailer, w * (row[0] * q[4] - row[1] * q[3]), 0.0)
     b[2] -= p.pile * w * (0.5 + 0.5 * math.cos(2.0 * (q[2] - p.pile_direction)))
 
+    together = abs(command[0]) + abs(command[1]) + abs(command[2]) + abs(command[3])
     for i in range(4):
         x = p.half_length if i < 2 else -p.half_length
         y = p.half_width if i % 2 == 0 else -p.half_width
@@ -369,7 +406,7 @@ def derivative(
         row[0], row[1], row[2] = c * jx - s * jy, s * jx + c * jy, jy * x - jx * y
         rate = row[0] * q[3] + row[1] * q[4] + row[2] * w
         bias = w * (row[0] * q[4] - row[1] * q[3])
-        wanted = _exerted(p, i, command[i], rate, time)
+        wanted = _exerted(p, i, command[i], rate, time, q[6 + i], together)
         torque = q[10 + i] if p.lag > 0.0 or p.swing > 0.0 else wanted
         resists = _wheel_friction(p, i, rate, q[6 + i], torque, time)
         _couple(a, b, row, p.I1, bias, torque - resists)

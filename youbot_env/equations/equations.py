@@ -240,10 +240,16 @@ _NAMED = cast(BaseParameters, _BASE)
 _TWIST, _ACCELERATION = real_symbols("VX VY W"), real_symbols("VX' VY' W'")
 _POSE = real_symbols("x y psi")
 _TIME, _START = real_symbols("t t0")
+(_TOTAL,) = real_symbols(["sum |M|"])
 
 _POINTS: dict[Place, Any] = {
     BODY: Body(tuple(_TWIST), tuple(_ACCELERATION), _TIME, _NAMED, _START),
-    WHEEL: Wheel(*real_symbols("phi' phi'' phi M t"), base=_NAMED, start=_START),
+    WHEEL: Wheel(
+        *real_symbols("phi' phi'' phi M t"),
+        base=_NAMED,
+        start=_START,
+        total_torque=_TOTAL,
+    ),
     ROLLER: Roller(
         *real_symbols("gamma' gamma'' t"),
         base=_NAMED,
@@ -271,7 +277,12 @@ class _OpenPoints(EffectPoints[Any, sympy.Expr]):
     @cached_property
     def wheels(self) -> list[Wheel]:
         return [
-            Wheel(*real_symbols(f"phi{i}' phi{i}'' phi{i} M{i} t"), base=self.base, start=_START)
+            Wheel(
+                *real_symbols(f"phi{i}' phi{i}'' phi{i} M{i} t"),
+                base=self.base,
+                start=_START,
+                total_torque=_TOTAL,
+            )
             for i in range(1, 5)
         ]
 

@@ -71,7 +71,10 @@ class Body(NamedTuple):
 
 
 class Wheel(NamedTuple):
-    """One wheel joint. An effect here returns the joint torque [N m] that the motion demands."""
+    """One wheel joint. An effect here returns the joint torque [N m] that the motion demands.
+
+    ``total_torque`` [N m]: the absolute torques of all wheels, added up.
+    """
 
     rate: Number
     acceleration: Number
@@ -80,6 +83,7 @@ class Wheel(NamedTuple):
     time: Number
     base: BaseParameters
     start: Number | float = 0.0
+    total_torque: Number | float = 0.0
 
 
 class Roller(NamedTuple):

@@ -104,7 +104,9 @@ def _wheels(points: EffectPoints[Geometry, Number]) -> list[Wheel]:
     rates = wheel_rates(points.geometry, at.twist)
     accelerations = wheel_rates(points.geometry, at.acceleration)
     rows = zip(rates, accelerations, at.wheel_angle, at.torque, strict=True)
-    return [Wheel(*row, at.time, points.base, at.start) for row in rows]
+    first, *others = (points.xp.abs(torque) for torque in at.torque)
+    total = sum(others, start=first)
+    return [Wheel(*row, at.time, points.base, at.start, total) for row in rows]
 
 
 def _rollers(points: EffectPoints[Geometry, Number]) -> list[Roller]:

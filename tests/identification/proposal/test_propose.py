@@ -317,6 +317,33 @@ def test_friction_that_changes_with_time_is_found_with_its_pace(name, values):
             assert found[key] == pytest.approx(values[key], rel=0.15)
 
 
+@pytest.mark.parametrize(
+    ("name", "values"),
+    [
+        ("uneven_lost_torque_by_angle_1", {"cosine_fr": 0.2, "sine_fr": -0.1, "times": 1.0}),
+        ("uneven_late_lost_torque", {"share_bl": 0.5, "instant": 21.0}),
+        ("loss_under_common_load", {"share": 0.05}),
+        ("inertia_along_x", {"mass": 15.0}),
+        ("late_push_on_board", {"force_x": 3.0, "force_y": -6.0, "moment": 0.5, "instant": 21.0}),
+        ("pull_that_grows", {"force_x_growth": 0.1, "force_y_growth": -0.2}),
+        ("turning_for_a_while", {"moment": 3.0, "middle": 25.0, "width": 6.0}),
+    ],
+)
+def test_weak_drives_extra_mass_and_pushes_in_time_are_told_from_other_laws(name, values):
+    law = law_named(name)
+    planted = FoundLaw(law, {n: 0.0 for c in law.strengths for n in c.names} | values)
+    search, grammar = search_of(planted)
+    search.add(grammar.single())
+    search.refine()
+    verdict = search.verdict()
+    assert verdict is not None and verdict.fall > 0.85
+    named = {verdict.found.law.name, *(found.law.name for found, _ in verdict.alternatives)}
+    assert name in named
+    if verdict.found.law.name == name:
+        for key, value in values.items():
+            assert verdict.found.values[key] == pytest.approx(value, rel=0.15, abs=0.05)
+
+
 def law_named(name):
     return next(law for law in every_law() if law.name == name)
 
