@@ -21,6 +21,7 @@ from identification.proposal.place_laws import laws_by_place
 from identification.proposal.settings import ProposalSettings
 from identification.proposal.sized_friction import (
     by_fading,
+    by_place,
     by_time,
     by_wheel_angle,
     sized,
@@ -210,8 +211,7 @@ def _by_time(seen: Surroundings, settings: ProposalSettings) -> Iterator[Law]:
         "force_x, force_y, moment", "Force and moment that turn with the robot", "f", "f",
         "A push that turns with the robot", CONFIRM["time"],
     )  # fmt: skip
-    yield _late(pull_law, "world", seen, settings)
-    yield _late(on_board, "body", seen, settings)
+    yield _late(on_board, "body", seen, settings)  # of the world: among the products
     yield from (_growing(law, point) for law, point in ((pull_law, "world"), (on_board, "body")))
 
 
@@ -608,6 +608,19 @@ def _sized_wheels(seen: Surroundings, settings: ProposalSettings) -> Iterator[La
             for by in (by_time(), by_fading(seen, settings)):
                 law = sized(friction, by)
                 yield from (law, _each(law))
+            yield sized(friction, by_place())
+
+
+def frictions_of_joints(seen: Surroundings, settings: ProposalSettings) -> Iterator[Law]:
+    """Dry and viscous friction of all wheels, and of all rollers, which the catalogue has too."""
+    for place, point, typical, eps in (
+        (WHEEL, "wheel", seen.wheel, settings.smoothing[2]),
+        (ROLLER, "roller", seen.roller, settings.smoothing[3]),
+    ):
+        u = Quantity(f"{point}.rate", "w", r"\omega", f"{point} speed", "rad/s", typical, eps)
+        for form in speed_forms(u, "torque", "N m", settings):
+            if form.key in ("dry", "viscous"):
+                yield _joint_law(place, point, form, _variables(point))
 
 
 def _variables(point: str) -> tuple[str, ...]:

@@ -11,8 +11,13 @@ import numpy as np
 
 from identification.proposal.law import Constant, Law
 from identification.proposal.place_laws import FAR, inside_of_a_spot
+from identification.proposal.platform_laws import frictions_of_joints
 from identification.proposal.settings import ProposalSettings
-from identification.proposal.sized_friction import frictions_of_travel, frictions_of_turning
+from identification.proposal.sized_friction import (
+    frictions_of_travel,
+    frictions_of_turning,
+    place_of,
+)
 from identification.proposal.surroundings import (
     CIRCLE,
     CONFIRM,
@@ -21,7 +26,7 @@ from identification.proposal.surroundings import (
     instants,
     spot_constants,
 )
-from youbot_env.physics.effect import WORLD
+from youbot_env.physics.effect import ROLLER, WHEEL, WORLD
 
 
 def canonical_factors(seen: Surroundings, settings: ProposalSettings) -> list[Law]:
@@ -31,7 +36,8 @@ def canonical_factors(seen: Surroundings, settings: ProposalSettings) -> list[La
         (), "force_x, force_y, 0.0", "Constant force along the world", "f", "f",
         "A constant force along one direction of the world", CONFIRM["place"],
     )  # fmt: skip
-    return [*frictions_of_travel(seen), pull, *frictions_of_turning(settings)]
+    travel, turning = frictions_of_travel(seen), frictions_of_turning(settings)
+    return [*travel, pull, *turning, *frictions_of_joints(seen, settings)]
 
 
 class Window(NamedTuple):
@@ -48,11 +54,16 @@ class Window(NamedTuple):
 
 
 def products(factor: Law, seen: Surroundings, settings: ProposalSettings) -> Iterator[Law]:
-    """A law of the world in a part of the floor, of the time or of the motion alone."""
-    if factor.place is not WORLD:
+    """A law of the world in a part of the floor, of the time or of the motion alone; friction of
+    all wheels or rollers in a part of the floor."""
+    if factor.place is WORLD:
+        windows = _windows(seen, settings)
+    elif factor.place in (WHEEL, ROLLER) and not any(c.each_wheel for c in factor.constants):
+        windows = _parts_of_the_floor(seen, settings)
+    else:
         return
     taken = {c.name for c in factor.constants} | _assigned(factor.lines)
-    for window in _windows(seen, settings):
+    for window in windows:
         twice = window.variables == ("time",) and "time" in factor.variables
         # A spring beyond an edge has an edge already: beyond another one it is no new law.
         if not twice and taken.isdisjoint(c.name for c in window.constants):
@@ -64,7 +75,7 @@ def _assigned(lines: Sequence[str]) -> set[str]:
     return {name.strip() for line in lines for name in line.partition("=")[0].split(",")}
 
 
-def _windows(seen: Surroundings, settings: ProposalSettings) -> Iterator[Window]:
+def _parts_of_the_floor(seen: Surroundings, settings: ProposalSettings) -> Iterator[Window]:
     yield Window(
         "in_a_patch",
         "inside of a round patch of the floor",
@@ -76,6 +87,10 @@ def _windows(seen: Surroundings, settings: ProposalSettings) -> Iterator[Window]
     )
     yield from _of_lines(seen, settings)
     yield from _of_oblique_lines(seen, settings)
+
+
+def _windows(seen: Surroundings, settings: ProposalSettings) -> Iterator[Window]:
+    yield from _parts_of_the_floor(seen, settings)
     first, size = instants(seen, settings), settings.switch_time
     instant = Constant("instant", "s", 0.0, seen.duration, 10.0, first)
     for name, word, mark, sign in (
@@ -140,13 +155,18 @@ def _of_oblique_lines(seen: Surroundings, settings: ProposalSettings) -> Iterato
 
 def _times(factor: Law, window: Window) -> Law:
     variables = (v for v in window.variables if v not in factor.variables)
+    place, of_world = f"{place_of(factor)}.", factor.place is WORLD
+    parts = "fx, fy, mz" if of_world else "torque_there"
     return replace(
         factor,
         name=f"{factor.name}_{window.name}",
         constants=(*factor.constants, *window.constants),
         # The force first: a window's lines may use the names of the factor's anew.
-        lines=(*factor.lines, f"fx, fy, mz = {factor.result}", *window.lines),
-        result="inside * fx, inside * fy, inside * mz",
+        lines=(
+            *(*factor.lines, f"{parts} = {factor.result}"),
+            *(line.replace("world.", place) for line in window.lines),
+        ),
+        result=", ".join(f"inside * {part}" for part in parts.split(", ")),
         variables=(*factor.variables, *variables),
         meaning=f"{factor.meaning}, {window.word}",
         formula=f"{factor.formula} {window.mark}",

@@ -90,6 +90,7 @@ PER = {
     ("N s/m", "m/s"): "N s^2/m^2",
     ("N s/m", "rad/s"): "N s^2/(m rad)",
     ("N m", "s"): "N m/s",
+    ("N m", "m"): "N",
     ("N m", "m/s"): "N s",
     ("N m s", "s"): "N m",
     ("1", "s"): "1/s",
@@ -113,7 +114,8 @@ class Sizing:
     word : of the sentence that says what the law is; more : of the one how to recognise it
     variables : that it reads
     parts : constants of the size; shapes : constants in which it is not linear
-    lines : statements before ``size``, the expression; ``{0}`` in it is the point where it acts
+    lines : statements before ``size``, the expression; ``{0}`` in it is the point where it acts,
+        ``{1}`` what has that point's place on the floor
     formula, latex : of the size; where : what a symbol in them stands for
     confirm : what experiment would confirm it, a key of ``CONFIRM``
     terms : how much longer it makes a law
@@ -138,6 +140,7 @@ def sized(friction: Law, by: Sizing) -> Law:
     """A friction of one strength, whose size something sets."""
     (strength,) = friction.strengths
     point = friction.place.name.split()[0]
+    size = by.size.format(point, place_of(friction))
     # A formula begins with the strength, which is one letter.
     formula, latex = friction.formula[1:].lstrip(), friction.latex[1:].removeprefix(r"\,").lstrip()
     where = f", {by.where}" if by.where else ""
@@ -147,7 +150,7 @@ def sized(friction: Law, by: Sizing) -> Law:
         variables=(*by.variables, *(v for v in friction.variables if v not in by.variables)),
         constants=(*(part.constant(strength) for part in by.parts), *friction.shapes, *by.shapes),
         # What was a constant is computed, under the same name.
-        lines=(*by.lines, f"{strength.name} = {by.size.format(point)}", *friction.lines),
+        lines=(*by.lines, f"{strength.name} = {size}", *friction.lines),
         meaning=f"{friction.meaning}, {by.word}",
         formula=f"({by.formula}) {formula}{where}",
         latex=rf"({by.latex})\,{latex}{where}",
@@ -156,6 +159,11 @@ def sized(friction: Law, by: Sizing) -> Law:
         dissipative=False,  # of parts that are fitted freely the sum may be negative somewhere
         terms=by.terms,
     )
+
+
+def place_of(law: Law) -> str:
+    """What has the place on the floor at which a law acts, as ``.x`` and ``.y``."""
+    return "world" if law.place is WORLD else f"{law.place.name.split()[0]}.contact"
 
 
 def by_heading(order: int) -> Sizing:
@@ -238,7 +246,7 @@ def by_place() -> Sizing:
         "more on one side of the room",
         ("position_x", "position_y"),
         (LEVEL, Part("along_x", "m"), Part("along_y", "m")),
-        "level + along_x * world.x + along_y * world.y",
+        "level + along_x * {1}.x + along_y * {1}.y",
         "a + b x + c y",
         "a + b x + c y",
         "place",

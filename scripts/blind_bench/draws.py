@@ -231,5 +231,9 @@ def wall(rng: np.random.Generator, size: float, path: Array) -> Values:
     return {"stiffness": size, "edge": float(np.quantile(path[:, 0], rng.uniform(0.4, 0.7)))}
 
 
+def rough(rng: np.random.Generator, size: float, path: Array) -> Values:
+    return {"torque": size, "edge": float(np.quantile(path[:, 0], rng.uniform(0.4, 0.6)))}
+
+
 def pile(rng: np.random.Generator, size: float, path: Array) -> Values:
     return {"coefficient": size, "direction": direction(rng)}

@@ -183,6 +183,8 @@ class Physics(NamedTuple):
     jet: float = 0.0  # [N] of a push that turns with the body, from a time on
     jet_direction: float = 0.0
     jet_time: float = NEVER
+    rough: float = 0.0  # dry friction of the wheels beyond a line of the floor
+    rough_x: float = 0.0
     whirl: float = 0.0  # [N m] of a moment that comes and goes
     whirl_time: float = 0.0
     whirl_width: float = 1.0
@@ -409,6 +411,8 @@ def derivative(
         wanted = _exerted(p, i, command[i], rate, time, q[6 + i], together)
         torque = q[10 + i] if p.lag > 0.0 or p.swing > 0.0 else wanted
         resists = _wheel_friction(p, i, rate, q[6 + i], torque, time)
+        if p.rough != 0.0 and q[0] + c * x - s * y > p.rough_x:
+            resists += p.rough * math.tanh(rate / p.dry_width)
         _couple(a, b, row, p.I1, bias, torque - resists)
         dq[6 + i] = rate
         dq[10 + i] = (wanted - q[10 + i]) / p.lag if p.lag > 0.0 else 0.0
@@ -491,7 +495,7 @@ def steps_for(p: Physics, dt: float) -> int:
     wheel = (
         p.coulomb + p.dry.max() + p.breakaway + p.load_share * 2.0 + p.one_way + p.rub
     ) / p.dry_width
-    wheel += p.rubbing / p.dry_width
+    wheel += (p.rubbing + p.rough) / p.dry_width
     wheel += abs(p.forward_dry) / p.forward_width
     roller = (p.roller_coulomb + p.roller_dry.max()) / p.roller_dry_width
     inertia = 0.25 * p.m0 * p.wheel_radius**2 + p.I1

@@ -22,6 +22,8 @@ FIELDS: dict[str, tuple[str, str]] = {
         "rad",
         "of its wheel: which roller stands on the floor, and where on it",
     ),
+    "total_torque": ("N m", "absolute torques of all wheels, added up"),
+    "contact": ("m", "with the floor, in the world: contact.x, contact.y"),
     "world.x": ("m", "place of O in the world"),
     "world.y": ("m", "the same, along world Y"),
     "world.yaw": ("rad", "heading in the world, unwrapped"),

@@ -58,6 +58,45 @@ def test_an_effect_of_ones_own_simulates_and_is_saved(tmp_path: Path):
     assert load_model(tmp_path / "m.json").values["my_drag.coefficient"] == 0.01
 
 
+WHERE_AND_TOGETHER = (
+    HEAD
+    + '''
+@effect(
+    acts_at=WHEEL,
+    parameters=[Parameter("torque", "N m", lower=0.0, size=0.2),
+                Parameter("share", "1/(N m)", lower=0.0, upper=0.1, size=0.02)],
+    source="a user", recognise="Wheels turn harder beyond a line, and are weak together.",
+)
+def rough_and_weak(xp, wheel, torque, share):
+    """Dry friction of each wheel beyond x = 0.1 m, and what all lose together [N m]."""
+    beyond = 0.5 + 0.5 * xp.tanh((wheel.contact.x - 0.1) / 0.02)
+    lost = share * wheel.torque * wheel.total_torque
+    return torque * beyond * xp.tanh(wheel.rate / 0.1) + lost
+'''
+)
+
+
+def test_an_effect_sees_where_each_wheel_stands_and_what_all_wheels_do(tmp_path: Path):
+    load_effects(written(tmp_path, WHERE_AND_TOGETHER))
+    model = load_model("paper").with_effect("rough_and_weak", torque=0.3, share=0.03)
+    base, geometry = load_model("paper"), model.geometry
+    twist, acceleration, pose = [0.2, -0.1, 0.3], [0.1, 0.2, -0.3], [0.05, -0.2, 0.6]
+    # By hand: the front wheels at (h, +-l), turned by the heading, are beyond the line.
+    ahead = pose[0] + np.cos(0.6) * geometry.h * np.array([1, 1, -1, -1])
+    x = ahead - np.sin(0.6) * geometry.l * np.array([1, -1, 1, -1])
+    rates = model.joint_jacobian @ twist
+    friction = 0.3 * (0.5 + 0.5 * np.tanh((x - 0.1) / 0.02)) * np.tanh(rates / 0.1)
+    assert 0 < friction.max() and np.abs(friction).min() < 1e-3
+    torque = model.inverse_dynamics(twist, acceleration, pose=pose)
+    lost = 0.03 * torque * np.abs(torque).sum()
+    found = model.joint_jacobian.T @ (torque - friction - lost)
+    assert found == pytest.approx(base.wrench(twist, acceleration), abs=1e-12)
+    # What simulates is generated from the same function.
+    state = initial_state(model, twist=twist, pose=pose)
+    change = model.state_derivative(state, torque)
+    assert change[:3] == pytest.approx(acceleration, abs=1e-9)
+
+
 def test_a_model_file_alone_never_loads_an_effects_file(tmp_path: Path):
     written(tmp_path, DRAG)
     m = load_model("paper")

@@ -35,6 +35,7 @@ from youbot_env.physics.effect import (
     Clock,
     Contact,
     Effect,
+    FloorPoint,
     Place,
     Roller,
     SpeedChannel,
@@ -129,7 +130,8 @@ def formula(
     ``k_ahead``, ``k_sideways`` are factors on what a wheel turns for the speed of its centre ahead
     and sideways, ``k_roller`` on its roller's rate; ``w`` is a logged speed, ``w_true`` the rate.
     Parameters and points are those of one wheel: ``phi'`` its rate, ``phi''`` its acceleration,
-    ``M`` the torque that acts on it, ``gamma'`` its roller's rate; ``xC``, ``yC`` lead from O to
+    ``M`` the torque that acts on it, ``gamma'`` its roller's rate, ``xW``, ``yW`` where it touches
+    the floor, ``sum |M|`` the absolute torques of all wheels; ``xC``, ``yC`` lead from O to
     the centre of mass along world axes. Another ``notation`` is that of another mechanism.
     """
     notation = notation or PLATFORM
@@ -241,6 +243,7 @@ _TWIST, _ACCELERATION = real_symbols("VX VY W"), real_symbols("VX' VY' W'")
 _POSE = real_symbols("x y psi")
 _TIME, _START = real_symbols("t t0")
 (_TOTAL,) = real_symbols(["sum |M|"])
+_CONTACT = FloorPoint(*real_symbols("xW yW"))
 
 _POINTS: dict[Place, Any] = {
     BODY: Body(tuple(_TWIST), tuple(_ACCELERATION), _TIME, _NAMED, _START),
@@ -249,12 +252,14 @@ _POINTS: dict[Place, Any] = {
         base=_NAMED,
         start=_START,
         total_torque=_TOTAL,
+        contact=_CONTACT,
     ),
     ROLLER: Roller(
         *real_symbols("gamma' gamma'' t"),
         base=_NAMED,
         start=_START,
         wheel_angle=real_symbols("phi")[0],
+        contact=_CONTACT,
     ),
     WORLD: World(
         *real_symbols("x y psi x' y' xC yC t"), base=_NAMED, start=_START, yaw_rate=_TWIST[2]
@@ -282,6 +287,7 @@ class _OpenPoints(EffectPoints[Any, sympy.Expr]):
                 base=self.base,
                 start=_START,
                 total_torque=_TOTAL,
+                contact=FloorPoint(*real_symbols(f"xW{i} yW{i}")),
             )
             for i in range(1, 5)
         ]
@@ -294,6 +300,7 @@ class _OpenPoints(EffectPoints[Any, sympy.Expr]):
                 base=self.base,
                 start=_START,
                 wheel_angle=real_symbols(f"phi{i}")[0],
+                contact=FloorPoint(*real_symbols(f"xW{i} yW{i}")),
             )
             for i in range(1, 5)
         ]

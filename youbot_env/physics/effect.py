@@ -70,10 +70,32 @@ class Body(NamedTuple):
     start: Number | float = 0.0
 
 
+class Spot(Protocol):
+    """A place on the floor, in the world."""
+
+    @property
+    def x(self) -> Number | float:
+        """Along world X [m]."""
+        ...
+
+    @property
+    def y(self) -> Number | float:
+        """Along world Y [m]."""
+        ...
+
+
+class FloorPoint(NamedTuple):
+    """A place on the floor that is known: world ``x`` and ``y`` [m]."""
+
+    x: Number | float = 0.0
+    y: Number | float = 0.0
+
+
 class Wheel(NamedTuple):
     """One wheel joint. An effect here returns the joint torque [N m] that the motion demands.
 
-    ``total_torque`` [N m]: the absolute torques of all wheels, added up.
+    ``total_torque`` [N m]: the absolute torques of all wheels, added up. ``contact``: where the
+    wheel touches the floor.
     """
 
     rate: Number
@@ -84,12 +106,14 @@ class Wheel(NamedTuple):
     base: BaseParameters
     start: Number | float = 0.0
     total_torque: Number | float = 0.0
+    contact: Spot = FloorPoint()
 
 
 class Roller(NamedTuple):
     """The roller on the floor of one wheel. An effect here returns its axle's torque [N m].
 
-    ``wheel_angle`` [rad] of its wheel tells which roller stands on the floor, and where on it.
+    ``wheel_angle`` [rad] of its wheel tells which roller stands on the floor, and where on it;
+    ``contact``: where that is on the floor.
     """
 
     rate: Number
@@ -98,6 +122,7 @@ class Roller(NamedTuple):
     base: BaseParameters
     start: Number | float = 0.0
     wheel_angle: Number | float = 0.0
+    contact: Spot = FloorPoint()
 
 
 class World(NamedTuple):

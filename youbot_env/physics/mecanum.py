@@ -6,8 +6,9 @@ the time derivative (VX', VY', W') of the twist's components. Pose is (x, y, yaw
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
+from functools import cache, partial
 from typing import NamedTuple
 
 import youbot_env.physics.catalogue  # noqa: F401  # pyright: ignore - fills the registries
@@ -28,6 +29,8 @@ from youbot_env.physics.effect import (
 )
 from youbot_env.physics.geometry import (
     SIGN_LATERAL,
+    SIGN_X,
+    SIGN_Y,
     SLANTS,
     TANGENTS,
     Geometry,
@@ -106,7 +109,10 @@ def _wheels(points: EffectPoints[Geometry, Number]) -> list[Wheel]:
     rows = zip(rates, accelerations, at.wheel_angle, at.torque, strict=True)
     first, *others = (points.xp.abs(torque) for torque in at.torque)
     total = sum(others, start=first)
-    return [Wheel(*row, at.time, points.base, at.start, total) for row in rows]
+    return [
+        Wheel(*row, at.time, points.base, at.start, total, contact)
+        for row, contact in zip(rows, _places(points), strict=True)
+    ]
 
 
 def _rollers(points: EffectPoints[Geometry, Number]) -> list[Roller]:
@@ -116,8 +122,39 @@ def _rollers(points: EffectPoints[Geometry, Number]) -> list[Roller]:
     accelerations = roller_rates(points.geometry, at.acceleration)
     rows = zip(rates, accelerations, at.wheel_angle, strict=True)
     return [
-        Roller(rate, change, at.time, points.base, at.start, angle) for rate, change, angle in rows
+        Roller(rate, change, at.time, points.base, at.start, angle, contact)
+        for (rate, change, angle), contact in zip(rows, _places(points), strict=True)
     ]
+
+
+class _Contact:
+    """Where a wheel touches the floor; worked out when it is asked for, since few effects ask."""
+
+    def __init__(self, place: Callable[[], tuple[Number, Number]]) -> None:
+        self._place = cache(place)
+
+    @property
+    def x(self) -> Number:
+        return self._place()[0]
+
+    @property
+    def y(self) -> Number:
+        return self._place()[1]
+
+
+def _places(points: EffectPoints[Geometry, Number]) -> list[_Contact]:
+    """Where the four wheels touch the floor."""
+    xp, geometry, (x, y, yaw) = points.xp, points.geometry, points.at.pose
+
+    @cache
+    def turn() -> tuple[Number, Number]:
+        return xp.cos(yaw), xp.sin(yaw)
+
+    def place(wheel: int) -> tuple[Number, Number]:
+        (c, s), ahead, left = turn(), SIGN_X[wheel] * geometry.h, SIGN_Y[wheel] * geometry.l
+        return x + c * ahead - s * left, y + s * ahead + c * left
+
+    return [_Contact(partial(place, wheel)) for wheel in range(4)]
 
 
 def _world(points: EffectPoints[Geometry, Number]) -> list[World]:

@@ -344,6 +344,36 @@ def test_weak_drives_extra_mass_and_pushes_in_time_are_told_from_other_laws(name
             assert verdict.found.values[key] == pytest.approx(value, rel=0.15, abs=0.05)
 
 
+@pytest.mark.parametrize(
+    ("name", "values"),
+    [
+        ("dry_wheel_friction_beyond_an_edge_in_x", {"torque": 0.2, "smoothing": 0.03}),
+        ("viscous_roller_friction_in_a_patch", {"coefficient": 0.01, "radius": 0.4}),
+    ],
+)
+def test_friction_of_wheels_and_rollers_on_a_part_of_the_floor_is_found_there(name, values):
+    data, _ = data_of(motions=("calibration",))
+    x, y = np.median(data.samples[0].pose[:, :2], axis=0)
+    place = {"edge": x} if "edge" in name else {"spot_x": x, "spot_y": y}
+    law = law_named(name)
+    planted = FoundLaw(law, values | place)
+    search, grammar = search_of(planted)
+    rivals = {
+        *RIVALS,
+        "dry_drag_by_place",
+        "late_dry_wheel_friction",
+        "dry_wheel_friction_by_place",
+    }
+    search.add([pair for pair in grammar.single() if pair[0].name in rivals])
+    search.add(grammar.products([]))
+    search.refine()
+    verdict = search.verdict()
+    assert verdict is not None and verdict.fall > 0.9
+    assert name in {verdict.found.law.name, *(found.law.name for found, _ in verdict.alternatives)}
+    key = next(iter(values))
+    assert verdict.found.values[key] == pytest.approx(values[key], rel=0.15)
+
+
 def law_named(name):
     return next(law for law in every_law() if law.name == name)
 
