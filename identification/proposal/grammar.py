@@ -11,7 +11,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from identification.mechanisms.samples import Samples
-from identification.proposal import place_laws, platform_laws, products, sized_friction
+from identification.proposal import (
+    periodic_laws,
+    place_laws,
+    platform_laws,
+    products,
+    sized_friction,
+)
 from identification.proposal.axis_laws import Travel, axis_laws
 from identification.proposal.evidence import Evidence, Scene
 from identification.proposal.law import Law, Shapes
@@ -56,12 +62,12 @@ class PlatformGrammar:
 
     def periodic(self) -> list[tuple[Law, Choices]]:
         """Ripples of the floor and of the wheels, and friction that the floor has in stripes."""
-        laws = [platform_laws.ripple_over_floor(*wave) for wave in self._periods(_of_world)]
+        laws = [periodic_laws.ripple_over_floor(*wave) for wave in self._periods(_of_world)]
         for wave in self._periods(self._against_motion):
             laws += sized_friction.stripes(self.seen, *wave)
         if not any(item.own_clock for item in self.evidence.mechanism.structure.components):
             laws += [
-                platform_laws.swinging(swing, period)
+                periodic_laws.swinging(swing, period)
                 for swings, forces in self._swings()
                 for period in self._periods_in_time(forces)
                 for swing in swings
@@ -69,8 +75,8 @@ class PlatformGrammar:
         laws += [
             ripple(cycles, each)
             for ripple, found in (
-                (platform_laws.ripple_of_wheels, self._cycles(self._wheel_torques)),
-                (platform_laws.ripple_of_rollers, self._cycles(self._roller_powers)),
+                (periodic_laws.ripple_of_wheels, self._cycles(self._wheel_torques)),
+                (periodic_laws.ripple_of_rollers, self._cycles(self._roller_powers)),
             )
             for cycles in found
             for each in (False, True)
@@ -92,16 +98,16 @@ class PlatformGrammar:
         power = (back[:, :2] * scene.twist[:, :2]).sum(axis=1)
         return (power / np.maximum(speed, self.settings.slowest_share * speed.max()))[:, None]
 
-    def _swings(self) -> list[tuple[tuple[platform_laws.Swing, ...], list[Array]]]:
+    def _swings(self) -> list[tuple[tuple[periodic_laws.Swing, ...], list[Array]]]:
         """What may swing in time, with the forces (N, k) of each log in which its period is
         sought."""
         pairs = list(zip(self.evidence.scenes, self._back, strict=True))
         of_world = [_of_world(scene, back) for scene, back in pairs]
         along, moments = [b[:, :2] for b in self._back], [b[:, 2:] for b in self._back]
         return [
-            ((platform_laws.SWAY, platform_laws.SWAY_AND_TURN), of_world),
-            ((platform_laws.SWINGING_MOMENT, platform_laws.SWAY_AND_TURN), moments),
-            ((platform_laws.SHAKE,), along),
+            ((periodic_laws.SWAY, periodic_laws.SWAY_AND_TURN), of_world),
+            ((periodic_laws.SWINGING_MOMENT, periodic_laws.SWAY_AND_TURN), moments),
+            ((periodic_laws.SHAKE,), along),
         ]
 
     def _periods_in_time(self, forces: Sequence[Array]) -> list[float]:

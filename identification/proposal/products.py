@@ -9,9 +9,9 @@ from typing import NamedTuple
 
 import numpy as np
 
+from identification.proposal.joint_laws import frictions_of_joints
 from identification.proposal.law import Constant, Law
 from identification.proposal.place_laws import FAR, inside_of_a_spot
-from identification.proposal.platform_laws import frictions_of_joints
 from identification.proposal.settings import ProposalSettings
 from identification.proposal.sized_friction import (
     frictions_of_travel,

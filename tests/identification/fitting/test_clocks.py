@@ -17,7 +17,7 @@ from identification.fitting.clocks import (
 from identification.fitting.errors import SumsOfSquares, velocity_traces
 from identification.mechanisms.registry import mechanism_of
 from identification.proposal.law import FoundLaw
-from identification.proposal.platform_laws import SWAY, swinging
+from identification.proposal.periodic_laws import SWAY, swinging
 from tests.identification.recordings import recording
 from youbot_env.errors import InputError
 from youbot_env.model.model_file import load_model

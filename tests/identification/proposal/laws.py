@@ -6,7 +6,13 @@ from functools import cache
 
 import numpy as np
 
-from identification.proposal import place_laws, platform_laws, products, sized_friction
+from identification.proposal import (
+    periodic_laws,
+    place_laws,
+    platform_laws,
+    products,
+    sized_friction,
+)
 from identification.proposal.law import FoundLaw, Law
 from identification.proposal.settings import ProposalSettings
 from identification.proposal.surroundings import Surroundings
@@ -14,10 +20,10 @@ from identification.proposal.surroundings import Surroundings
 SETTINGS = ProposalSettings()
 
 SWINGS = (
-    platform_laws.SWAY,
-    platform_laws.SWAY_AND_TURN,
-    platform_laws.SWINGING_MOMENT,
-    platform_laws.SHAKE,
+    periodic_laws.SWAY,
+    periodic_laws.SWAY_AND_TURN,
+    periodic_laws.SWINGING_MOMENT,
+    periodic_laws.SHAKE,
 )
 
 
@@ -37,10 +43,10 @@ def every_law() -> tuple[Law, ...]:
     laws += [p for law in factors for p in products.products(law, seen(), SETTINGS)]
     laws += place_laws.laws_at_a_spot(seen(), SETTINGS)
     laws += place_laws.fields_at_a_spot(seen(), SETTINGS)
-    laws += [platform_laws.ripple_over_floor(0.1, 0.3)]
+    laws += [periodic_laws.ripple_over_floor(0.1, 0.3)]
     laws += sized_friction.stripes(seen(), 0.1, 0.3)
-    laws += [platform_laws.swinging(swing, 3.7) for swing in SWINGS]
-    for ripple in (platform_laws.ripple_of_wheels, platform_laws.ripple_of_rollers):
+    laws += [periodic_laws.swinging(swing, 3.7) for swing in SWINGS]
+    for ripple in (periodic_laws.ripple_of_wheels, periodic_laws.ripple_of_rollers):
         laws += [ripple(7.3, each) for each in (False, True)]
     return tuple(laws)
 

@@ -1,0 +1,198 @@
+"""Laws of wheels and rollers: friction and losses at each joint, by what that joint sees."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import replace
+
+from identification.proposal.forms import Form, Quantity, even_forms, speed_forms, strength
+from identification.proposal.law import Constant, Law
+from identification.proposal.settings import ProposalSettings
+from identification.proposal.sized_friction import (
+    by_fading,
+    by_place,
+    by_time,
+    by_wheel_angle,
+    sized,
+)
+from identification.proposal.surroundings import CONFIRM, Surroundings
+from identification.proposal.time_laws import late
+from youbot_env.physics.effect import ROLLER, WHEEL, Place
+
+
+def laws_of_joints(seen: Surroundings, settings: ProposalSettings) -> Iterator[Law]:
+    """Torques at the wheels and rollers by their own speed, load, acceleration and time."""
+    for place, point, typical, eps, variable in (
+        (WHEEL, "wheel", seen.wheel, settings.smoothing[2], "wheel_speed"),
+        (ROLLER, "roller", seen.roller, settings.smoothing[3], "twist"),
+    ):
+        u = Quantity(f"{point}.rate", "w", r"\omega", f"{point} speed", "rad/s", typical, eps)
+        for form in speed_forms(u, "torque", "N m", settings):
+            if form.key not in TRIED.get(point, ()):
+                yield _joint_law(place, point, form, (variable,))
+            if form.key not in TRIED.get(f"each {point}", ()):
+                yield _each(_joint_law(place, point, form, (variable,)))
+        yield from _joints_by_time(place, point, u, seen, settings)
+    yield from _sized_wheels(seen, settings)
+    # Even: in the catalogue for all wheels together, not for each.
+    u = Quantity(
+        "wheel.rate", "w", r"\omega", "wheel speed", "rad/s", seen.wheel, settings.smoothing[2]
+    )
+    for form in even_forms(u, "torque", "N m"):
+        yield _each(_joint_law(WHEEL, "wheel", form, ("wheel_speed",)))
+    yield Law(
+        "inertia_of_one_wheel", WHEEL, ("acceleration",),
+        (Constant("inertia", "kg m^2", 0.0, size=0.01, each_wheel=True),), (),
+        "inertia * wheel.acceleration", "Spin inertia of each wheel beyond the others'",
+        "I_i phi_i''", r"I_i \ddot\varphi_i", "One wheel answers its torque more slowly.",
+        CONFIRM["wheel"],
+    )  # fmt: skip
+    load = Quantity("wheel.torque", "M", "M", "wheel torque", "N m", seen.torque)
+    edges = Constant("edge", "N m", 0.0, 4 * seen.torque, seen.torque,
+                     tuple(share * seen.torque for share in settings.knee_shares))  # fmt: skip
+    for way, sign in (("forward", ""), ("backward", "-")):
+        yield Law(
+            f"{way}_load_beyond_an_edge", WHEEL, ("torque",),
+            (Constant("share", "1", -settings.most_load_share, size=0.3), edges), (),
+            f"{sign}share * xp.maximum({sign}wheel.torque - edge, 0.0)",
+            f"Part of the {way} torque beyond an edge that is lost: a drive that is weak one way",
+            "k (M beyond M_0)", r"k\,\max(M - M_0, 0)",
+            f"Beyond a torque the wheels get less than the log says, {way} alone.",
+            CONFIRM["wheel"], terms=2,
+        )  # fmt: skip
+    for form in (
+        Form("squared_load", "of the squared torque", (strength("share", "N m", load, 2),),
+             "share * wheel.torque * xp.abs(wheel.torque)", "k M |M|", "k M |M|", False),
+        Form("even_load", "of the absolute torque", (strength("share", "N m", load, 1),),
+             "share * xp.abs(wheel.torque)", "k |M|", "k |M|", False, False),
+    ):  # fmt: skip
+        law = _joint_law(WHEEL, "wheel", form, ("torque",))
+        # Within these the torque that a motion demands stays one.
+        most = settings.most_load_share / (load.typical or 1.0)
+        limit = replace(law.constants[0], lower=-most, upper=most)
+        yield replace(law, constants=(limit,), recognise="The residual bends with the torque.")
+    # The loss grows with the square of the torque: at peaks of 2.5 times the rms its share doubles.
+    most = settings.most_load_share / (10 * seen.torque or 1.0)
+    yield Law(
+        "loss_under_common_load", WHEEL, ("torque",),
+        (Constant("share", "1/(N m)", -most, most, size=0.2 * most),), (),
+        "share * wheel.torque * wheel.total_torque",
+        "Torque that each wheel loses as all together ask for more: the battery's voltage sags",
+        "k M (|M_1| + ... + |M_4|)", r"k\,M \sum_i |M_i|",
+        "All wheels are weaker while all of them work hard.", CONFIRM["load"], terms=2,
+    )  # fmt: skip
+    yield from _faults_of_torque(seen, settings)
+
+
+def _faults_of_torque(seen: Surroundings, settings: ProposalSettings) -> Iterator[Law]:
+    """Torques of which a part is lost: over a part of the turn, from a time on, or ever more."""
+    share = settings.most_lost_share
+    lost = Law(
+        "lost_torque", WHEEL, ("torque",),
+        (Constant("share", "1", -share, share, size=0.1),), (),
+        "share * wheel.torque", "Part of the torque that is lost", "k M", "k M",
+        "The wheels get less than the log says", CONFIRM["load"],
+    )  # fmt: skip
+    over_turn = (
+        replace(by_wheel_angle(order), word="which swings with its angle: a drive that is weaker "
+                "over a part of the turn")
+        for order in settings.wheel_orders
+    )  # fmt: skip
+    from_a_time = late(lost, seen, settings)
+    laws = [from_a_time, _each(from_a_time)]
+    laws += (_each(sized(lost, by)) for by in (*over_turn, by_time(), by_fading(seen, settings)))
+    yield from (_within(law, share) for law in laws)
+
+
+def _within(law: Law, share: float) -> Law:
+    """The law with shares of a torque that leave a motion one torque."""
+    constants = tuple(
+        replace(c, lower=-share, upper=share) if c.unit == "1" and not c.is_shape else c
+        for c in law.constants
+    )
+    return replace(law, constants=constants)
+
+
+TRIED = {
+    "wheel": ("dry", "viscous", "quadratic"),
+    "roller": ("dry", "viscous"),
+    "each wheel": ("dry", "viscous"),
+    "each roller": ("dry",),
+}
+"""Forms of friction that the catalogue or the base model has."""
+
+
+def _joint_law(place: Place, point: str, form: Form, variables: tuple[str, ...]) -> Law:
+    return Law(
+        f"{form.key}_{point}_friction" if form.dissipative else f"{form.key}_{point}_torque",
+        place,
+        variables,
+        form.constants,
+        (),
+        form.text,
+        f"{form.word.capitalize()} torque at each {point}",
+        form.symbol,
+        form.latex,
+        f"The residual follows the {point}s' own {variables[0].partition('_')[2] or 'speed'}.",
+        CONFIRM["wheel"],
+        dissipative=form.dissipative,
+    )
+
+
+def _each(law: Law) -> Law:
+    """The law with a strength of its own at each wheel."""
+    constants = tuple(
+        c if c.is_shape else replace(c, each_wheel=True, lower=0.0 if law.dissipative else c.lower)
+        for c in law.constants
+    )
+    # Four strengths where mostly one acts: as long as two.
+    return replace(
+        law,
+        name=f"uneven_{law.name}",
+        constants=constants,
+        meaning=f"{law.meaning}, each wheel its own",
+        recognise=f"{law.recognise.rstrip('.')} of certain wheels.",
+    )
+
+
+def _joints_by_time(
+    place: Place, point: str, u: Quantity, seen: Surroundings, settings: ProposalSettings
+) -> Iterator[Law]:
+    """Friction that begins at a time."""
+    for form in speed_forms(u, "torque", "N m", settings):
+        if form.key in ("dry", "viscous"):
+            law = late(_joint_law(place, point, form, _variables(point)), seen, settings)
+            yield from (law, _each(law))
+
+
+def _sized_wheels(seen: Surroundings, settings: ProposalSettings) -> Iterator[Law]:
+    """Friction of a wheel that rubs over a part of its turn: its size swings with the angle; and
+    friction that grows or fades as a part wears or runs in."""
+    u = Quantity(
+        "wheel.rate", "w", r"\omega", "wheel speed", "rad/s", seen.wheel, settings.smoothing[2]
+    )
+    for form in speed_forms(u, "torque", "N m", settings):
+        if form.key in ("dry", "viscous"):
+            friction = _joint_law(WHEEL, "wheel", form, ("wheel_speed",))
+            for order in settings.wheel_orders:
+                yield _each(sized(friction, by_wheel_angle(order)))
+            for by in (by_time(), by_fading(seen, settings)):
+                law = sized(friction, by)
+                yield from (law, _each(law))
+            yield sized(friction, by_place())
+
+
+def frictions_of_joints(seen: Surroundings, settings: ProposalSettings) -> Iterator[Law]:
+    """Dry and viscous friction of all wheels, and of all rollers, which the catalogue has too."""
+    for place, point, typical, eps in (
+        (WHEEL, "wheel", seen.wheel, settings.smoothing[2]),
+        (ROLLER, "roller", seen.roller, settings.smoothing[3]),
+    ):
+        u = Quantity(f"{point}.rate", "w", r"\omega", f"{point} speed", "rad/s", typical, eps)
+        for form in speed_forms(u, "torque", "N m", settings):
+            if form.key in ("dry", "viscous"):
+                yield _joint_law(place, point, form, _variables(point))
+
+
+def _variables(point: str) -> tuple[str, ...]:
+    return ("wheel_speed",) if point == "wheel" else ("twist",)
