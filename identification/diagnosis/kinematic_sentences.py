@@ -5,9 +5,9 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Mapping
 
-Values = Mapping[str, float]
+from youbot_env.physics.hardware import WHEEL_WORDS
 
-WHEEL_WORDS = {"fl": "front left", "fr": "front right", "bl": "back left", "br": "back right"}
+Values = Mapping[str, float]
 
 
 def _odd_wheel(values: Values) -> tuple[str, float] | None:

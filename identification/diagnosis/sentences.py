@@ -6,9 +6,10 @@ import math
 from collections.abc import Callable, Mapping
 from typing import Any
 
-from identification.diagnosis.kinematic_sentences import KINEMATIC_WORDS, WHEEL_WORDS
+from identification.diagnosis.kinematic_sentences import KINEMATIC_WORDS
 from youbot_env.physics.catalogue import GRAVITY
 from youbot_env.physics.effect import effect_of, with_unit
+from youbot_env.physics.hardware import WHEEL_WORDS
 
 Values = Mapping[str, float]
 

@@ -8,7 +8,7 @@ for what its wheels turned.
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 
 import numpy as np
@@ -18,6 +18,7 @@ from identification.fitting.cross_validation import CrossValidation, cross_valid
 from identification.fitting.gauge import gauge_basis
 from identification.fitting.regression import Indices, Regression, covariance_of
 from identification.fitting.settings import FitSettings
+from identification.fitting.swinging_speeds import swings_of_speeds
 from identification.mechanisms.mechanism import HeldDirections, Mechanism
 from identification.mechanisms.samples import Samples, averaged_down, rolled_speeds
 from identification.signals.filters import block_mean, pieces
@@ -25,6 +26,7 @@ from identification.signals.noise import white_noise
 from identification.threads import give_back, side_by_side
 from youbot_env.physics import inverse_dynamics as dynamics
 from youbot_env.physics.effect import CONTACT, SPEED
+from youbot_env.physics.hardware import WHEEL_WORDS
 
 Array = NDArray[np.float64]
 
@@ -312,11 +314,14 @@ class SlippingWheels:
     share : root mean square, of that of the wheel speeds; 0 without such a check
     slips : per log (N,), whether a wheel slips then
     bursts : per log (N,), whether it slips by more than rollers mostly ripple
+    swings : joints whose speeds swing with their own angle, where this is most of it, with the
+        amplitude as a share of the speed
     """
 
     share: float
     slips: tuple[NDArray[np.bool_], ...]
     bursts: tuple[NDArray[np.bool_], ...]
+    swings: Mapping[str, float] = field(default_factory=dict)
 
 
 def slipping_wheels(
@@ -337,6 +342,7 @@ def slipping_wheels(
         return SlippingWheels(0.0, none, none)
     known, internal = settings.kinematics, np.array(mechanism.internal)
     squares, masks = list[Array](), list[list[NDArray[np.bool_]]]()
+    long, rows = list[Samples](), list[Array]()
     square = sum(
         float(np.vdot(item.wheel_speed[part], item.wheel_speed[part]))
         for item in logs
@@ -350,6 +356,8 @@ def slipping_wheels(
             masks.append([np.zeros(len(item), bool)] * 2)
             continue
         slip = slip_rows(mechanism, theta, item, size, settings)
+        long.append(item)
+        rows.append(slip)
         noise = float(np.linalg.norm(internal * level)) / np.sqrt(size)
         squares.append(np.maximum(slip**2 - noise**2, -(noise**2)))
         both = []
@@ -362,7 +370,10 @@ def slipping_wheels(
     excess = float(np.mean(np.concatenate(squares))) if squares else 0.0
     share = float(np.sqrt(max(excess, 0.0))) / max(usual, 1e-300)
     slips, bursts = zip(*masks, strict=True)
-    return SlippingWheels(share, slips, bursts)
+    swings: Mapping[str, float] = {}
+    if share > known.min_slip_share:
+        swings = swings_of_speeds(long, rows, internal, mechanism.joints, known)
+    return SlippingWheels(share, slips, bursts, swings)
 
 
 class _WayOfWheels:
@@ -477,7 +488,9 @@ def doubts_of_kinematics(
             f"{share:.0%} of what no rigid motion or pose does; `youbot diagnose` gives its size"
         ]
     slip = slipping_wheels(mechanism, theta, logs, speed_noise, settings)
-    return [slip_words(slip.share)] if slip.share > settings.kinematics.min_slip_share else []
+    if slip.share <= settings.kinematics.min_slip_share:
+        return []
+    return [TellingSlip(slip.share, swings=slip.swings).words]
 
 
 @dataclass(frozen=True)
@@ -487,15 +500,19 @@ class TellingSlip:
     share : of the wheel speeds that is no rigid motion, root mean square
     bursts : how often they slip, where they do so now and then; 0 where slip lasts
     square_ratio : usual mean square of the force residual in a burst, over that elsewhere
+    swings : see `SlippingWheels`; they are what is there then, and no wheel slips
     """
 
     share: float
     bursts: int = 0
     square_ratio: float = 1.0
+    swings: Mapping[str, float] = field(default_factory=dict)
 
     @property
     def brief(self) -> str:
         """In a headline."""
+        if self.swings:
+            return _words_of_swings(self.swings)
         if not self.bursts:
             return f"the wheels slip ({self.share:.1%} of their speeds is no rigid motion)"
         return f"the wheels slip now and then ({self.bursts} times)"
@@ -503,8 +520,18 @@ class TellingSlip:
     @property
     def words(self) -> str:
         """With what to do."""
+        if self.swings:
+            return (
+                f"{_words_of_swings(self.swings)}: the encoder is out of centre, or the wheel is "
+                "out of round; that is no rigid motion, and errs in force as a friction would; "
+                "look how the encoder and the wheel sit on the axle"
+            )
         if not self.bursts:
-            return slip_words(self.share)
+            return (
+                f"the wheels slip: {self.share:.1%} of the wheel speeds is no rigid motion, beyond "
+                "noise and kinematics; mend what `youbot doctor` says of their speeds, if it does; "
+                "else drive more gently, or on a floor with more grip"
+            )
         return (
             f"the wheels slip now and then: {self.bursts} times their speeds are no rigid motion, "
             f"and the squares of the force error are then {self.square_ratio:.1f} times as large "
@@ -512,10 +539,7 @@ class TellingSlip:
         )
 
 
-def slip_words(share: float) -> str:
-    """What is to be said of wheels that slip, by a share of their speeds."""
-    return (
-        f"the wheels slip: {share:.1%} of the wheel speeds is no rigid motion, beyond noise "
-        "and kinematics; mend what `youbot doctor` says of their speeds, if it does; else drive "
-        "more gently, or on a floor with more grip"
-    )
+def _words_of_swings(swings: Mapping[str, float]) -> str:
+    """Whose speeds swing with their angle, and by how much."""
+    parts = [f"{WHEEL_WORDS.get(joint, joint)} by {size:.1%}" for joint, size in swings.items()]
+    return f"speeds swing with the wheel's own angle ({', '.join(parts)})"

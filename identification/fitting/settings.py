@@ -445,6 +445,36 @@ class WheelEvidenceSettings(Settings):
             "at 0.15, 0.05 where wheels slide; at most 0.002 of noise of any colour",
         },
     )
+    swings_a_turn: tuple[int, ...] = field(
+        default=(1, 2),
+        metadata={
+            "unit": "1",
+            "reason": "of a speed with its wheel's angle: an encoder out of centre, an oval wheel",
+        },
+    )
+    min_rows_of_swing: int = field(
+        default=4,
+        metadata={
+            "unit": "rows for each column",
+            "reason": "of the half that swings are fitted to",
+        },
+    )
+    min_share_of_swings: float = field(
+        default=0.6,
+        metadata={
+            "unit": "share of the slip's squares, held out",
+            "reason": "that swings explain, above which they are named in place of slip: 0.98 of "
+            "an encoder 4 % out of centre; 0.06 and less of wheels that slide on a floor with a "
+            "friction of 0.1 and 0.15, and where one wheel is larger",
+        },
+    )
+    min_share_of_largest_swing: float = field(
+        default=0.5,
+        metadata={
+            "unit": "share of the largest swing",
+            "reason": "from which on another wheel is named too",
+        },
+    )
     slip_deviations: float = field(
         default=4.0,
         metadata={

@@ -3,6 +3,9 @@
 WHEELS = ("fl", "fr", "bl", "br")
 """Wheel order everywhere: front left, front right, back left, back right."""
 
+WHEEL_WORDS = {"fl": "front left", "fr": "front right", "bl": "back left", "br": "back right"}
+"""Wheels in a sentence."""
+
 TORQUE_CONSTANT = 0.0335
 """Motor torque per current [N m/A]: Maxon EC 45 flat, as in KUKA's youBot driver."""
 

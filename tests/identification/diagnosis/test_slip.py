@@ -85,3 +85,26 @@ def test_slip_that_lasts_is_told_by_its_share_alone():
     found = telling_slip(left(samples, 1.0), lasting)
     assert found is not None and found == TellingSlip(0.036)
     assert found.brief == "the wheels slip (3.6% of their speeds is no rigid motion)"
+
+
+@pytest.mark.parametrize("phases", [(0.0, 0.0), (0.4, 2.9)])
+def test_a_speed_that_swings_with_its_wheel_is_no_slip(phases):
+    logs = []
+    for phase in phases:
+        samples = driven(0.0)
+        speed = samples.wheel_speed.copy()
+        # As an encoder reads that is out of centre; each log counts angles from its own start.
+        speed[:, 1] *= 1 + 0.03 * np.cos(samples.wheel_angle[:, 1] + phase)
+        logs.append(BASE.samples(Log("two minutes", BASE.joints, samples.time, speed, 0.0 * speed)))
+    noise = [NoiseLevel.of(item).speed for item in logs]
+    slip = slipping_wheels(BASE, PAPER.theta, logs, noise)
+    assert list(slip.swings) == ["fr"] and slip.swings["fr"] == pytest.approx(0.03, rel=0.05)
+    found = telling_slip(left(logs[0], 1.0), slip)
+    assert found is not None and "front right by 3.0%" in found.brief
+    assert "encoder" in found.words and "slip" not in found.words
+
+
+def test_wheels_that_slide_do_not_swing():
+    samples = driven(3.0)
+    slip = slip_of(samples)
+    assert slip.share > SETTINGS.fit.kinematics.min_slip_share and not slip.swings
