@@ -31,6 +31,7 @@ from .physics.effect import (
 )
 from .physics.geometry import Geometry as Geometry
 from .physics.mecanum import CATALOGUE as CATALOGUE
+from .plugins import load_effects as load_effects
 from .simulation import Plant as Plant, initial_state as initial_state
 
 __all__: list[str]

@@ -304,9 +304,8 @@ def _bounded_step(
     # lsq_linear decomposes all rows again at each of its iterations.
     _, triangle = np.linalg.qr(np.column_stack([matrix, right]))
     # Bounds are on each parameter, so the step cannot be sought in directions that data can see.
-    # What they cannot see (the common part of relative parameters) stays where it is unless the
-    # bounds move it: a weight so small costs the fit nothing, and without it such a part may be
-    # anything.
+    # What they cannot see (the common part of relative parameters) stays where it is, since it
+    # costs more than the fit could gain by it: on such parts there are no bounds.
     weight = settings.unseen_weight_share * np.linalg.norm(triangle[:, :-1])
     triangle = np.vstack([triangle, weight * np.column_stack([unseen, np.zeros(len(unseen))])])
     with np.errstate(over="ignore", invalid="ignore"):

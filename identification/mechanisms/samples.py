@@ -8,7 +8,7 @@ from __future__ import annotations
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, fields, replace
 from functools import cached_property, partial
-from typing import Generic, NamedTuple
+from typing import Generic, NamedTuple, cast
 
 import numpy as np
 from numpy.typing import NDArray
@@ -335,7 +335,9 @@ class DemandedForce(Generic[Geometry]):
     @property
     def joint_torque(self) -> Components[Array]:
         """(J) of (2, N - 1): torques that act at the joints, with what exerts no force."""
-        return self.instant.torque if self.structure.depends_on_load else self._loads()
+        if self.structure.depends_on_load:
+            return cast("Components[Array]", self.instant.torque)
+        return self._loads()
 
     @cached_property
     def _nominal_forceless(self) -> tuple[float, ...]:

@@ -14,6 +14,7 @@ from identification.proposal.sized_friction import (
     by_time,
     by_wheel_angle,
     sized,
+    without_level,
 )
 from identification.proposal.surroundings import CONFIRM, Surroundings
 from identification.proposal.time_laws import late
@@ -91,7 +92,7 @@ def _faults_of_torque(seen: Surroundings, settings: ProposalSettings) -> Iterato
         "lost_torque", WHEEL, ("torque",),
         (Constant("share", "1", -share, share, size=0.1),), (),
         "share * wheel.torque", "Part of the torque that is lost", "k M", "k M",
-        "The wheels get less than the log says", CONFIRM["load"],
+        "The wheels get less, or more, than the log says", CONFIRM["load"],
     )  # fmt: skip
     over_turn = (
         replace(by_wheel_angle(order), word="which swings with its angle: a drive that is weaker "
@@ -100,7 +101,11 @@ def _faults_of_torque(seen: Surroundings, settings: ProposalSettings) -> Iterato
     )  # fmt: skip
     from_a_time = late(lost, seen, settings)
     laws = [from_a_time, _each(from_a_time)]
-    laws += (_each(sized(lost, by)) for by in (*over_turn, by_time(), by_fading(seen, settings)))
+    # Without a level: what the wheels lose alike at all times is no other than their scale.
+    laws += (
+        _each(sized(lost, without_level(by)))
+        for by in (*over_turn, by_time(), by_fading(seen, settings))
+    )
     yield from (_within(law, share) for law in laws)
 
 
@@ -151,7 +156,7 @@ def _each(law: Law) -> Law:
         name=f"uneven_{law.name}",
         constants=constants,
         meaning=f"{law.meaning}, each wheel its own",
-        recognise=f"{law.recognise.rstrip('.')} of certain wheels.",
+        recognise=f"{law.recognise.rstrip('.')}, at some wheels more than at others.",
     )
 
 

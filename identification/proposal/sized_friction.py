@@ -161,6 +161,17 @@ def sized(friction: Law, by: Sizing) -> Law:
     )
 
 
+def without_level(by: Sizing) -> Sizing:
+    """The same with no part that does not change."""
+    return replace(
+        by,
+        parts=by.parts[1:],
+        size=by.size.removeprefix("level + "),
+        formula=by.formula.removeprefix("a + "),
+        latex=by.latex.removeprefix("a + "),
+    )
+
+
 def place_of(law: Law) -> str:
     """What has the place on the floor at which a law acts, as ``.x`` and ``.y``."""
     return "world" if law.place is WORLD else f"{law.place.name.split()[0]}.contact"

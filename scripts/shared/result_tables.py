@@ -188,7 +188,7 @@ def addition_errors(found: Found) -> Table:
 def slip(logs: Mapping[str, Found]) -> list[Table]:
     """Whether the wheel speeds fulfil the identity of rolling without slip; [] for an axis."""
     rows = tuple(
-        (name, slip["ratio"], slip["noise"], "slip" if slip["exceeds_noise"] else "holds")
+        (name, slip["ratio"], slip["noise"], "broken" if slip["exceeds_noise"] else "holds")
         for name, entry in logs.items()
         if (slip := entry.get("slip"))
     )

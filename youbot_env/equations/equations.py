@@ -181,10 +181,14 @@ def try_out(item: Effect, notation: Notation | None = None) -> None:
         try:
             found = item.evaluate(xp, where, values)
         except Exception as error:
-            hint = ": use the functions of xp, such as xp.tanh, and xp.where instead of if"
+            hint = ""
+            if isinstance(error, AttributeError):
+                fields = ", ".join(getattr(point, "_fields", ()))
+                hint = f": the point has {fields} (a contact x, y), `youbot effects --points` tells"
+            elif kind == "symbols":
+                hint = ": use the functions of xp, such as xp.tanh, and xp.where instead of if"
             raise InputError(
-                f"effect {item.name}: fails on {kind} ({type(error).__name__}: {error})"
-                + (hint if kind == "symbols" else "")
+                f"effect {item.name}: fails on {kind} ({type(error).__name__}: {error}){hint}"
             ) from None
         parts = found if isinstance(found, tuple) else (found,)
         is_value = all(isinstance(part, (int, float, sympy.Expr)) for part in parts)

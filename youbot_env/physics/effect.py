@@ -496,7 +496,8 @@ class Registry:
             return found if name == found.name else replace(found, name=name)
         except KeyError:
             raise InputError(
-                f"unknown effect {name!r}: one of your own needs --effects FILE.py; known are "
+                f"unknown effect {name!r}: one of your own needs --effects FILE.py (in Python "
+                "youbot_env.load_effects); known are "
                 f"{', '.join(self._effects) or 'none'} (`youbot effects` explains them)"
             ) from None
 

@@ -357,7 +357,8 @@ def acting_torque(
             return torque
         if size > most:
             break
-    raise NoTorqueError("no torque drives this motion: friction grows as fast as the torque")
+    names = " and ".join(item.name for item, _ in loads)
+    raise NoTorqueError(f"no torque drives this motion: {names} takes as much of it as there is")
 
 
 def _with(more: Sequence[N | float], torque: Components[N]) -> Components[N]:

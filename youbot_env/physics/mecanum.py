@@ -141,6 +141,9 @@ class _Contact:
     def y(self) -> Number:
         return self._place()[1]
 
+    def __getitem__(self, axis: int) -> Number:
+        return self._place()[axis]
+
 
 def _places(points: EffectPoints[Geometry, Number]) -> list[_Contact]:
     """Where the four wheels touch the floor."""

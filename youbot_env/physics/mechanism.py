@@ -552,4 +552,10 @@ class ModelStructure(Generic[Geometry]):
 
 
 def _tried(item: Effect, where: slice, points: EffectPoints[Geometry, float]) -> Components[float]:
-    return component_force(item, [0.5] * (where.stop - where.start), points)
+    try:
+        return component_force(item, [0.5] * (where.stop - where.start), points)
+    except (ArithmeticError, ValueError) as error:
+        raise InputError(
+            f"effect {item.name}: fails at some motions ({error}); keep roots, logarithms and "
+            "divisions from what is zero or below, by xp.maximum(..., 1e-6), say"
+        ) from None

@@ -11,7 +11,9 @@ from identification.fitting.regression import acting_share, regression, regressi
 from identification.fitting.settings import FitSettings
 from identification.logs.reading import read_log
 from identification.mechanisms.mecanum import Mecanum
+from identification.proposal.law import FoundLaw
 from identification.signals.filters import FilterSettings, block_mean, filter_samples, settled
+from tests.identification.proposal.laws import every_law
 from tests.identification.recordings import recording
 from tests.identification.shared_data import DATA, needs_data, theta, truth
 from youbot_env.errors import InputError
@@ -21,6 +23,7 @@ from youbot_env.physics.geometry import Geometry
 from youbot_env.physics.inverse_dynamics import wrench
 from youbot_env.physics.mecanum import mecanum_structure
 from youbot_env.physics.mechanism import Instant
+from youbot_env.plugins import load_effects
 
 PAPER = load_model("paper")
 
@@ -219,6 +222,24 @@ def test_what_no_data_can_see_stays_where_it_is_where_a_bound_acts():
     offsets = found.theta[-4:]
     assert np.abs(offsets).max() < 1.0
     assert offsets @ np.array(engine.internal) == pytest.approx(0.0, abs=1e-6)
+
+
+def test_the_common_part_of_gains_stays_where_it_is_where_a_bound_acts(monkeypatch, tmp_path):
+    """Gains of the torques, and a friction that would go below zero: what the log has is neither,
+    but a friction that changes over the floor."""
+    monkeypatch.setattr(CATALOGUE, "_effects", dict(CATALOGUE._effects))
+    law = next(law for law in every_law() if law.name == "dry_wheel_friction_by_place")
+    planted = {"level": 0.15, "along_x": 0.0, "along_y": 0.1}
+    path = tmp_path / "place.py"
+    path.write_text(FoundLaw(law, planted | {"smoothing": 0.1}).file_text("Planted."))
+    load_effects(path)
+    log = recording("calibration", ((law.name, tuple(planted.items())),), 50.0)
+    engine = mechanism("wheel_stribeck_friction", "torque_gain_error")
+    start = np.concatenate([PAPER.theta, [0.2, 0.1, 0.5, 0.03, 0.0, 0.0, 0.0, 0.0]])
+    found = fit(engine, [engine.samples(log)], start)
+    assert found.bounded
+    assert found.theta[-4:].sum() == pytest.approx(0.0, abs=1e-3)
+    assert found.theta[0] == pytest.approx(PAPER.values["m0"], rel=0.1)
 
 
 def test_a_fit_that_wanders_about_ends_early_with_the_best_it_has_passed():
