@@ -12,6 +12,7 @@ from youbot_env import plugins
 from youbot_env.errors import InputError
 from youbot_env.model.model_file import load_model, save_model
 from youbot_env.physics.effect import CATALOGUE
+from youbot_env.physics.mecanum import mecanum_structure
 from youbot_env.plugins import load_effects, load_installed_effects
 from youbot_env.simulation.free_run import initial_state, simulate
 
@@ -95,6 +96,23 @@ def test_an_effect_sees_where_each_wheel_stands_and_what_all_wheels_do(tmp_path:
     state = initial_state(model, twist=twist, pose=pose)
     change = model.state_derivative(state, torque)
     assert change[:3] == pytest.approx(acceleration, abs=1e-9)
+
+
+def test_a_loss_and_a_torque_of_its_own_drive_a_platform_at_rest(tmp_path: Path):
+    """Without the effect no torque acts at rest: nothing to compare a torque with."""
+    source = WHERE_AND_TOGETHER.replace(
+        "torque * beyond * xp.tanh(wheel.rate / 0.1) + lost", "torque + share * wheel.torque"
+    )
+    load_effects(written(tmp_path, source))
+    model = load_model("paper").with_effect("rough_and_weak", torque=0.3, share=0.1)
+    still = model.inverse_dynamics([0.0, 0.0, 0.0], [0.0, 0.0, 0.0])
+    assert still == pytest.approx([0.3 / 0.9] * 4)
+
+
+def test_a_root_below_zero_at_some_motions_is_one_line(tmp_path: Path):
+    load_effects(written(tmp_path, DRAG.replace("wheel.rate *", "xp.sqrt(wheel.contact.x) *")))
+    with pytest.raises(InputError, match=r"my_drag: fails at some motions .* xp.maximum"):
+        _ = mecanum_structure(["my_drag"]).depends_on_load
 
 
 def test_a_model_file_alone_never_loads_an_effects_file(tmp_path: Path):

@@ -310,7 +310,7 @@ def _affine_inverse(
 
 
 DIVERGED = 1e6
-"""Times the torque without losses: a fixed point that comes to so much goes on to infinity."""
+"""Times the torque of the first round: a fixed point that comes to so much goes on to infinity."""
 
 
 def acting_torque(
@@ -344,7 +344,7 @@ def acting_torque(
     others = [row for row in structure.wrenches if row not in loads]
     given = _wrench_of(xp, structure, others, geometry, theta, at)
     torque = _with(internal, torque_of(rolling, given))
-    most = DIVERGED * max(_largest(xp.abs(a)) for a in torque)
+    most = 0.0
     # With the largest share, 0.9, rounding is reached after 330 rounds.
     for _ in range(1000):
         last = torque
@@ -355,6 +355,7 @@ def acting_torque(
         # Below 2e-15 of the size rounding alone moves the torques, and tolerance 0 would never end.
         if moved <= max(tolerance, 2e-15 * size):
             return torque
+        most = most or DIVERGED * size
         if size > most:
             break
     names = " and ".join(item.name for item, _ in loads)

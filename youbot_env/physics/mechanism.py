@@ -554,6 +554,8 @@ class ModelStructure(Generic[Geometry]):
 def _tried(item: Effect, where: slice, points: EffectPoints[Geometry, float]) -> Components[float]:
     try:
         return component_force(item, [0.5] * (where.stop - where.start), points)
+    except InputError:
+        raise
     except (ArithmeticError, ValueError) as error:
         raise InputError(
             f"effect {item.name}: fails at some motions ({error}); keep roots, logarithms and "
