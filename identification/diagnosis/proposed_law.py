@@ -77,9 +77,8 @@ class Found(NamedTuple):
 
 
 def _found(data: LoggedData, steps: Sequence[Step], unexplained: bool, fits: Fits) -> Found | None:
-    """The best of laws beside all accepted effects and beside none."""
+    """The law without the accepted effects, if it makes them needless; else that beside them."""
     counts = [len(steps)] if len(steps) == 1 or not unexplained else [1, len(steps)]
-    found: list[Found] = []
     for count in counts:
         base = steps[count - 1]
         left = Left(
@@ -100,19 +99,13 @@ def _found(data: LoggedData, steps: Sequence[Step], unexplained: bool, fits: Fit
             of_law, fitted = _fitted(data, base.fitted, verdict.found, fits)
         except NoTorqueError:  # a loss that grows with the torque, larger than can be
             continue
-        enough = _is_enough(of_law, steps, fitted)
+        if not fitted.square < base.fitted.square:
+            continue
         # Effects of the catalogue give way only to a law that leaves much less than they do, or
         # nothing but noise.
-        if fitted.square < base.fitted.square and (count == len(steps) or enough):
-            found.append(Found(base, verdict, fitted, count, of_law))
-        if count == 1 and found and enough:
-            break
-    if not found:
-        return None
-    alone = found[0]
-    most = 1.0 + data.settings.min_extension_gain
-    best = min(found, key=lambda item: item.fitted.square)
-    return alone if alone.fitted.square <= most * best.fitted.square else best
+        if count == len(steps) or _is_enough(of_law, steps, fitted):
+            return Found(base, verdict, fitted, count, of_law)
+    return None
 
 
 def _fitted(

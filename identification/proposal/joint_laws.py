@@ -23,24 +23,21 @@ from youbot_env.physics.effect import ROLLER, WHEEL, Place
 
 def laws_of_joints(seen: Surroundings, settings: ProposalSettings) -> Iterator[Law]:
     """Torques at the wheels and rollers by their own speed, load, acceleration and time."""
-    for place, point, typical, eps, variable in (
-        (WHEEL, "wheel", seen.wheel, settings.smoothing[2], "wheel_speed"),
-        (ROLLER, "roller", seen.roller, settings.smoothing[3], "twist"),
-    ):
-        u = Quantity(f"{point}.rate", "w", r"\omega", f"{point} speed", "rad/s", typical, eps)
-        for form in speed_forms(u, "torque", "N m", settings):
-            if form.key not in TRIED.get(point, ()):
-                yield _joint_law(place, point, form, (variable,))
-            if form.key not in TRIED.get(f"each {point}", ()):
-                yield _each(_joint_law(place, point, form, (variable,)))
-        yield from _joints_by_time(place, point, u, seen, settings)
-    yield from _sized_wheels(seen, settings)
+    for place, variable in OF_SPEED.items():
+        for form in speed_forms(_rate(place, seen, settings), "torque", "N m", settings):
+            law = _joint_law(place, form, variable)
+            if form.key not in TRIED[place]:
+                yield law
+            if form.key not in TRIED_OF_EACH[place]:
+                yield _each(law)
+    for friction in frictions_of_joints(seen, settings):
+        from_a_time = late(friction, seen, settings)
+        yield from (from_a_time, _each(from_a_time))
+        if friction.place is WHEEL:
+            yield from _sized(friction, seen, settings)
     # Even: in the catalogue for all wheels together, not for each.
-    u = Quantity(
-        "wheel.rate", "w", r"\omega", "wheel speed", "rad/s", seen.wheel, settings.smoothing[2]
-    )
-    for form in even_forms(u, "torque", "N m"):
-        yield _each(_joint_law(WHEEL, "wheel", form, ("wheel_speed",)))
+    for form in even_forms(_rate(WHEEL, seen, settings), "torque", "N m"):
+        yield _each(_joint_law(WHEEL, form, OF_SPEED[WHEEL]))
     yield Law(
         "inertia_of_one_wheel", WHEEL, ("acceleration",),
         (Constant("inertia", "kg m^2", 0.0, size=0.01, each_wheel=True),), (),
@@ -67,7 +64,7 @@ def laws_of_joints(seen: Surroundings, settings: ProposalSettings) -> Iterator[L
         Form("even_load", "of the absolute torque", (strength("share", "N m", load, 1),),
              "share * xp.abs(wheel.torque)", "k |M|", "k |M|", False, False),
     ):  # fmt: skip
-        law = _joint_law(WHEEL, "wheel", form, ("torque",))
+        law = _joint_law(WHEEL, form, "torque")
         # Within these the torque that a motion demands stays one.
         most = settings.most_load_share / (load.typical or 1.0)
         limit = replace(law.constants[0], lower=-most, upper=most)
@@ -118,27 +115,47 @@ def _within(law: Law, share: float) -> Law:
     return replace(law, constants=constants)
 
 
-TRIED = {
-    "wheel": ("dry", "viscous", "quadratic"),
-    "roller": ("dry", "viscous"),
-    "each wheel": ("dry", "viscous"),
-    "each roller": ("dry",),
-}
-"""Forms of friction that the catalogue or the base model has."""
+OF_SPEED = {WHEEL: "wheel_speed", ROLLER: "twist"}
+"""The variable that tells a joint's speed."""
+
+TRIED = {WHEEL: ("dry", "viscous", "quadratic"), ROLLER: ("dry", "viscous")}
+"""Forms of friction that the catalogue or the base model has for all joints."""
+
+TRIED_OF_EACH = {WHEEL: ("dry", "viscous"), ROLLER: ("dry",)}
+"""The same for each joint its own."""
 
 
-def _joint_law(place: Place, point: str, form: Form, variables: tuple[str, ...]) -> Law:
+def _rate(place: Place, seen: Surroundings, settings: ProposalSettings) -> Quantity:
+    """The speed of a joint."""
+    point = place.name.split()[0]
+    typical, smoothing = (
+        (seen.wheel, settings.smoothing[2]) if place is WHEEL
+        else (seen.roller, settings.smoothing[3])
+    )  # fmt: skip
+    return Quantity(f"{point}.rate", "w", r"\omega", f"{point} speed", "rad/s", typical, smoothing)
+
+
+def frictions_of_joints(seen: Surroundings, settings: ProposalSettings) -> Iterator[Law]:
+    """Dry and viscous friction of all wheels, and of all rollers, which the catalogue has too."""
+    for place, variable in OF_SPEED.items():
+        for form in speed_forms(_rate(place, seen, settings), "torque", "N m", settings):
+            if form.key in ("dry", "viscous"):
+                yield _joint_law(place, form, variable)
+
+
+def _joint_law(place: Place, form: Form, variable: str) -> Law:
+    point = place.name.split()[0]
     return Law(
         f"{form.key}_{point}_friction" if form.dissipative else f"{form.key}_{point}_torque",
         place,
-        variables,
+        (variable,),
         form.constants,
         (),
         form.text,
         f"{form.word.capitalize()} torque at each {point}",
         form.symbol,
         form.latex,
-        f"The residual follows the {point}s' own {variables[0].partition('_')[2] or 'speed'}.",
+        f"The residual follows the {point}s' own {variable.partition('_')[2] or 'speed'}.",
         CONFIRM["wheel"],
         dissipative=form.dissipative,
     )
@@ -160,44 +177,12 @@ def _each(law: Law) -> Law:
     )
 
 
-def _joints_by_time(
-    place: Place, point: str, u: Quantity, seen: Surroundings, settings: ProposalSettings
-) -> Iterator[Law]:
-    """Friction that begins at a time."""
-    for form in speed_forms(u, "torque", "N m", settings):
-        if form.key in ("dry", "viscous"):
-            law = late(_joint_law(place, point, form, _variables(point)), seen, settings)
-            yield from (law, _each(law))
-
-
-def _sized_wheels(seen: Surroundings, settings: ProposalSettings) -> Iterator[Law]:
+def _sized(friction: Law, seen: Surroundings, settings: ProposalSettings) -> Iterator[Law]:
     """Friction of a wheel that rubs over a part of its turn: its size swings with the angle; and
-    friction that grows or fades as a part wears or runs in."""
-    u = Quantity(
-        "wheel.rate", "w", r"\omega", "wheel speed", "rad/s", seen.wheel, settings.smoothing[2]
-    )
-    for form in speed_forms(u, "torque", "N m", settings):
-        if form.key in ("dry", "viscous"):
-            friction = _joint_law(WHEEL, "wheel", form, ("wheel_speed",))
-            for order in settings.wheel_orders:
-                yield _each(sized(friction, by_wheel_angle(order)))
-            for by in (by_time(), by_fading(seen, settings)):
-                law = sized(friction, by)
-                yield from (law, _each(law))
-            yield sized(friction, by_place())
-
-
-def frictions_of_joints(seen: Surroundings, settings: ProposalSettings) -> Iterator[Law]:
-    """Dry and viscous friction of all wheels, and of all rollers, which the catalogue has too."""
-    for place, point, typical, eps in (
-        (WHEEL, "wheel", seen.wheel, settings.smoothing[2]),
-        (ROLLER, "roller", seen.roller, settings.smoothing[3]),
-    ):
-        u = Quantity(f"{point}.rate", "w", r"\omega", f"{point} speed", "rad/s", typical, eps)
-        for form in speed_forms(u, "torque", "N m", settings):
-            if form.key in ("dry", "viscous"):
-                yield _joint_law(place, point, form, _variables(point))
-
-
-def _variables(point: str) -> tuple[str, ...]:
-    return ("wheel_speed",) if point == "wheel" else ("twist",)
+    friction that grows or fades as a part wears or runs in, or changes over the floor."""
+    for order in settings.wheel_orders:
+        yield _each(sized(friction, by_wheel_angle(order)))
+    for by in (by_time(), by_fading(seen, settings)):
+        law = sized(friction, by)
+        yield from (law, _each(law))
+    yield sized(friction, by_place())

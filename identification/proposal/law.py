@@ -108,10 +108,14 @@ class Law:
         """How long the law is: constants that are fitted, and factors."""
         return sum(len(c.names) for c in self.constants if not c.is_shape or c.fitted) + self.terms
 
+    @property
+    def point(self) -> str:
+        """What its function calls the point at which it acts."""
+        return self.place.name.split()[0] if self.place.name != "axis" else "joint"
+
     def function_text(self) -> str:
         """The function that states the law."""
-        point = self.place.name.split()[0] if self.place.name != "axis" else "joint"
-        takes = ", ".join(["xp", point, *(item.name for item in self.constants)])
+        takes = ", ".join(["xp", self.point, *(item.name for item in self.constants)])
         head = f"def {self.name}({takes}):"
         if len(head) > LINE:
             head = f"def {self.name}(\n    {takes}\n):"

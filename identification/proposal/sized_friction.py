@@ -139,8 +139,7 @@ class Sizing:
 def sized(friction: Law, by: Sizing) -> Law:
     """A friction of one strength, whose size something sets."""
     (strength,) = friction.strengths
-    point = friction.place.name.split()[0]
-    size = by.size.format(point, place_of(friction))
+    size = by.size.format(friction.point, place_of(friction))
     # A formula begins with the strength, which is one letter.
     formula, latex = friction.formula[1:].lstrip(), friction.latex[1:].removeprefix(r"\,").lstrip()
     where = f", {by.where}" if by.where else ""
@@ -174,7 +173,7 @@ def without_level(by: Sizing) -> Sizing:
 
 def place_of(law: Law) -> str:
     """What has the place on the floor at which a law acts, as ``.x`` and ``.y``."""
-    return "world" if law.place is WORLD else f"{law.place.name.split()[0]}.contact"
+    return "world" if law.place is WORLD else f"{law.point}.contact"
 
 
 def by_heading(order: int) -> Sizing:

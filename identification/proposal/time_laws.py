@@ -37,14 +37,10 @@ def laws_by_time(seen: Surroundings, settings: ProposalSettings) -> Iterator[Law
     """Each push for a while, from a time on, and ever more."""
     for push in _pushes():
         yield _for_a_while(push, seen, settings)
-        yield growing(push)
+        yield _growing(push)
         # Along the world that is one of the products: the catalogue has a constant pull.
         if push.name != "pull":
             yield late(push, seen, settings)
-
-
-def _point(law: Law) -> str:
-    return law.place.name.split()[0]
 
 
 def _parts(law: Law) -> list[str]:
@@ -63,7 +59,7 @@ def _for_a_while(law: Law, seen: Surroundings, settings: ProposalSettings) -> La
         law,
         name=f"{law.name}_for_a_while",
         constants=(*law.constants, middle, width),
-        lines=(f"share = xp.exp(-((({_point(law)}.time - middle) / width) ** 2))",),
+        lines=(f"share = xp.exp(-((({law.point}.time - middle) / width) ** 2))",),
         result=_scaled(law, "share"),
         meaning=f"{law.meaning}, coming and going in each log",
         formula=f"{law.formula} exp(-((t - t_m)/b)^2)",
@@ -76,7 +72,7 @@ def _for_a_while(law: Law, seen: Surroundings, settings: ProposalSettings) -> La
 def late(law: Law, seen: Surroundings, settings: ProposalSettings) -> Law:
     """A law from a time on."""
     instant = Constant("instant", "s", 0.0, seen.duration, 10.0, instants(seen, settings))
-    acts = f"acts = 0.5 + 0.5 * xp.tanh(({_point(law)}.time - instant) / {settings.switch_time:g})"
+    acts = f"acts = 0.5 + 0.5 * xp.tanh(({law.point}.time - instant) / {settings.switch_time:g})"
     return replace(
         law,
         name=f"late_{law.name}",
@@ -92,14 +88,14 @@ def late(law: Law, seen: Surroundings, settings: ProposalSettings) -> Law:
     )
 
 
-def growing(law: Law) -> Law:
+def _growing(law: Law) -> Law:
     """A force that grows steadily from the start of each log, from one that is there already."""
     growth = {
         c.name: replace(c, name=f"{c.name}_growth", unit=f"{c.unit}/s", size=c.size / 60.0)
         for c in law.constants
     }
     grown = (
-        part if part == "0.0" else f"{part} + {growth[part].name} * {_point(law)}.time"
+        part if part == "0.0" else f"{part} + {growth[part].name} * {law.point}.time"
         for part in _parts(law)
     )
     return replace(

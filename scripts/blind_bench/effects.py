@@ -503,6 +503,7 @@ FORMS = {
     "springy_mat": ("spring_in_a_patch",),
     "saddle_floor": ("saddle",),
     "eccentric_rub": ("uneven_dry_wheel_friction_by_angle_1",),
+    "rough_floor": ("dry_wheel_friction_beyond_an_edge_in_x",),
     "lame_drive": ("uneven_lost_torque_by_angle_1",),
     "failing_drive": ("uneven_late_lost_torque",),
     "battery_sag": ("loss_under_common_load",),
