@@ -16,7 +16,7 @@ from youbot_scripts.blind_bench.calibration import rows_of
 from youbot_scripts.blind_bench.calibration_page import Run, write_page
 from youbot_scripts.blind_bench.cases import KINDS, write_case
 from youbot_scripts.blind_bench.effect_sizes import force_ratio, size_table, sizings
-from youbot_scripts.blind_bench.null_fits import null_fits
+from youbot_scripts.blind_bench.null_fits import null_fits, null_p_values
 from youbot_scripts.blind_bench.published import Published
 from youbot_scripts.blind_bench.publishing import publish as write_blind_set
 from youbot_scripts.blind_bench.report import not_right, show, show_claims, show_sizes, tables
@@ -35,8 +35,8 @@ EXAMPLES = (
     "youbot bench --cases 105 --kinds sweep",
     "youbot bench --cases 3 --kinds floor_tilt --write cases/",
     "youbot bench --cases 300 --kinds fleet --write robots/",
-    "youbot bench --baseline --calibration docs/calibration.md --kinds none,noise,one,two "
-    "--cases 200 --replicates 2000 --seed 11 --resume calibration/",
+    "youbot bench --calibration docs/calibration.md --kinds none,noise,one,two --cases 50 "
+    "--replicates 2000 --ranked 400 --seed 11 --resume calibration/",
     "youbot bench --sizes --cases 2",
     "youbot bench --publish blind/ --kinds none,one,law --cases 20 --seed 7",
     "youbot bench --publish blind/ --tool stepwise --jobs 2",
@@ -106,6 +106,9 @@ def main(
     replicates: Annotated[
         int, typer.Option(min=0, metavar="N", help="Fits without a diagnosis, for that page.")
     ] = 0,
+    ranked: Annotated[
+        int, typer.Option(min=0, metavar="N", help="Of the platforms of these fits, with p-values.")
+    ] = 0,
     publish: Annotated[
         Path | None,
         typer.Option(
@@ -139,8 +142,8 @@ def main(
     and diagnosed from the published model, whose parameters are not the platform's. The same kind,
     index, seed, rate and noise make the same case: `--first N --cases 1` runs one alone. Cases that
     --resume finds are neither run nor kept. --calibration writes a page of what all stated
-    probabilities promise and deliver on these cases and on --replicates fits of platforms to which
-    nothing is added, white noise and other in turn.
+    probabilities promise and deliver on these cases, on --replicates fits of platforms to which
+    nothing is added, white noise and other in turn, and on the p-values of --ranked of them.
 
     --publish writes the cases as a blind set for other tools, with the rules in its README.md;
     --score scores a tool's answers to it, --tool answers it by this diagnosis or by a baseline of
@@ -175,8 +178,9 @@ def main(
     scores = score(records)
     if calibration is not None:
         fits = null_fits(replicates, seed, jobs, resume)
-        run = Run(len(fits), len(records), cases, seed)
-        write_page(calibration, rows_of(records, fits), run)
+        p_values = null_p_values(ranked, seed, jobs, resume)
+        run = Run(len(fits), len(p_values), len(records), cases, seed)
+        write_page(calibration, rows_of(records, fits, p_values), run)
         out.print(f"calibration: {calibration}", soft_wrap=True)
     show(out, scores, records)
     if report:

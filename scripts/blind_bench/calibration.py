@@ -39,16 +39,26 @@ def row_of(
     return Row(what, promised, hits, of, least, most)
 
 
-def rows_of(records: Sequence[Record], fits: Sequence[Record]) -> dict[str, list[Row]]:
-    """All rows, by heading."""
+def rows_of(
+    records: Sequence[Record], fits: Sequence[Record], ranked: Sequence[Record]
+) -> dict[str, list[Row]]:
+    """All rows, by heading.
+
+    records : trials of the bench; fits : of platforms to which nothing is added; ranked : p-values
+        of such platforms
+    """
     trials = {kind: [r for r in records if r["case"]["kind"] == kind] for kind in TRIALS}
-    null = {
-        kind: [r for r in fits if r["case"]["kind"] == kind and "error" not in r] for kind in NULLS
-    }
+    null, p_values = (
+        {
+            kind: [r for r in some if r["case"]["kind"] == kind and "error" not in r]
+            for kind in NULLS
+        }
+        for some in (fits, ranked)
+    )
     tables = {
         "Intervals of 95 %": _intervals(trials, null),
-        "p-values where nothing is missing": _p_values(null),
-        "p-values by kind of noise": _p_values_by_noise(null.get("noise", [])),
+        "p-values where nothing is missing": _p_values(p_values),
+        "p-values by kind of noise": _p_values_by_noise(p_values["noise"]),
         "Verdicts": _verdicts(trials, null),
     }
     return {heading: [row for row in rows if row is not None] for heading, rows in tables.items()}
@@ -96,10 +106,10 @@ def _intervals(trials: dict[str, list[Record]], null: dict[str, list[Record]]) -
     return found
 
 
-def _p_values(null: dict[str, list[Record]]) -> list[Row | None]:
+def _p_values(ranked: dict[str, list[Record]]) -> list[Row | None]:
     found = []
     for key, what in (("p_value", "candidates"), ("map_p_value", "the map's variables")):
-        for kind, rows in null.items():
+        for kind, rows in ranked.items():
             for level in LEVELS:
                 below = partial(_is_below, key, level)
                 name = f"least p-value of all {what} is {level:g} or less, {NOISE[kind]}"

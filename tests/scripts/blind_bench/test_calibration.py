@@ -12,7 +12,7 @@ from youbot_env.model.model_file import load_model
 from youbot_scripts.blind_bench.baseline import discoveries, stepwise
 from youbot_scripts.blind_bench.calibration import Row, row_of, rows_of
 from youbot_scripts.blind_bench.calibration_page import Run, commit, page
-from youbot_scripts.blind_bench.null_fits import null_fits
+from youbot_scripts.blind_bench.null_fits import null_fits, null_p_values
 from youbot_scripts.blind_bench.scores import score
 
 
@@ -62,7 +62,7 @@ def test_the_page_tells_what_came_of_each_promise():
         trial("none", [], [], baseline={"verdict": "adequate", "missing": []}),
         trial("none", [], ["floor_tilt"], baseline={"verdict": "effect", "missing": ["tether"]}),
     ]
-    rows = {row.what: row for part in rows_of(records, fits).values() for row in part}
+    rows = {row.what: row for part in rows_of(records, fits, fits).values() for row in part}
     inside = rows["base parameters by `identify`, calibration motion alone, white noise"]
     assert inside.hits == (1, 1, 0, 1) and inside.of == (1, 1, 1, 1)
     assert rows["least p-value of all candidates is 0.05 or less, white noise"].share == 0.5
@@ -70,8 +70,8 @@ def test_the_page_tells_what_came_of_each_promise():
     assert rows["the baseline: a name that nobody planted, nothing missing, white noise"].hits == (
         *(0, 1),
     )
-    text = page(rows_of(records, fits), Run(len(fits), len(records), 1, 7))
-    assert "| 75.0% |" in text and "4 fits, 2 diagnoses" in text and commit() in text
+    text = page(rows_of(records, fits, fits), Run(len(fits), len(fits), len(records), 1, 7))
+    assert "| 75.0% |" in text and "4 fits, p-values of 4, 2 diagnoses" in text and commit() in text
 
 
 def test_p_values_by_kind_of_noise_tell_what_is_there_from_what_is_chance():
@@ -80,12 +80,12 @@ def test_p_values_by_kind_of_noise_tell_what_is_there_from_what_is_chance():
         record = fit("noise", 0.5, p_value)
         record["case"]["sensing"] = {"name": name, "values": {}}
         fits.append(record)
-    tables = rows_of([], fits)
+    tables = rows_of([], [], fits)
     rows = {row.what.rpartition(", ")[2]: row for row in tables["p-values by kind of noise"]}
     assert set(rows) == {"hum", "torque wander"}
     assert rows["hum"].hits == (1, 0) and rows["hum"].most == 0.05
     assert rows["torque wander"].share == 1.0 and not rows["torque wander"].falls_short
-    assert "drive_resonance" in page(tables, Run(len(fits), 0, 1, 7))
+    assert "drive_resonance" in page(tables, Run(0, len(fits), 0, 1, 7))
 
 
 def test_the_baseline_is_scored_beside_the_diagnosis():
@@ -113,8 +113,12 @@ def test_the_baseline_names_what_is_planted():
 
 
 @pytest.mark.slow
-def test_cheap_fits_are_resumed(tmp_path):
+def test_fits_are_resumed(tmp_path):
     first = null_fits(2, 3, folder=tmp_path)
     assert [record["case"]["kind"] for record in first] == ["none", "noise"]
-    assert all(0 < record["p_value"] <= 1 for record in first)
+    assert not any(record["misfit"] for record in first)
     assert null_fits(2, 3, folder=tmp_path) == first
+    (ranked,) = null_p_values(1, 3, folder=tmp_path)
+    assert 0 < ranked["p_value"] <= 1 and 0 < ranked["map_p_value"] <= 1
+    assert ranked["case"] == first[0]["case"]
+    assert null_p_values(1, 3, folder=tmp_path) == [ranked]
