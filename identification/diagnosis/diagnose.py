@@ -54,6 +54,7 @@ from identification.fitting.least_squares import Fit
 from identification.fitting.regression import acting_share
 from identification.logs.log import Log, in_order_of_time, shared_clock, warnings_of_logs
 from identification.mechanisms.mechanism import Mechanism
+from identification.mechanisms.physical_parameters import public_values
 from identification.mechanisms.registry import AnyModel, kind_of, mechanism_of
 from identification.mechanisms.residual_maps import refuse_unseen_logs
 from identification.mechanisms.samples import Samples
@@ -151,7 +152,10 @@ def diagnose(
         settings=settings,
         regime=regime,
         proposal=proposal,
-        changes=changed_parameters(model, fitted_model, mechanism, settings.fit),
+        changes=changed_parameters(
+            *(model, fitted_model, mechanism, settings.fit),
+            public_values(steps[0].fitted.mechanism, steps[0].fitted.theta),
+        ),
         slip=slip,
     )
 

@@ -80,6 +80,7 @@ def wheel_evidence(
     left = [name for name in kinematic_effects(mechanism) if name in names and evidence.logs]
     accepted: list[tuple[str, ...]] = []
     here, theta, tried = mechanism, start, dict[str, KinematicFit]()
+    squares = [evidence.at(here, theta).square] if left else []
     while left:
         tried = {
             name: evidence.fitted(
@@ -90,8 +91,14 @@ def wheel_evidence(
         leaders = leaders_of(evidence.at(here, theta), tried)
         if not leaders:
             break
+        best, explained = tried[leaders[0]], squares[0] - squares[-1]
+        # What the form of an accepted effect leaves of what that effect does is no second one:
+        # where wheels creep by the force on the floor, not by their torque, rollers seem askew.
+        if squares[-1] - best.square < data.settings.fit.kinematics.min_further_share * explained:
+            break
         accepted.append(leaders)
-        here, theta = tried[leaders[0]].mechanism, tried[leaders[0]].theta
+        here, theta = best.mechanism, best.theta
+        squares.append(best.square)
         left = [name for name in left if name not in leaders]
     settled = [held_by(tried[name], name) for name in left]
     known = mechanism.holding((*mechanism.held, *settled))

@@ -405,6 +405,15 @@ class WheelEvidenceSettings(Settings):
             "contact simulator, whose rollers ripple and slip, 0.42 at most of what is none",
         },
     )
+    min_further_share: float = field(
+        default=0.1,
+        metadata={
+            "unit": "share of the squares that the accepted effects of kinematics explain",
+            "reason": "that a further one must: where wheels creep by the force on the floor, and "
+            "not by their torque, rollers that seem askew explain 0.04 to 0.06 of what the creep "
+            "does",
+        },
+    )
     min_size_share: float = field(
         default=0.2,
         metadata={

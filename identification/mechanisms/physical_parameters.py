@@ -99,6 +99,12 @@ def well_inside(mechanism: Mechanism[Any], theta: Array) -> Array:
     return found
 
 
+def public_values(mechanism: Mechanism[Any], theta: Array) -> dict[str, float]:
+    """The parameters at ``theta`` (P,) by the names and in the units that a model file has."""
+    settled, _ = settle_gauge(mechanism, theta)
+    return dict(to_public(mechanism.structure, mechanism.geometry, settled))
+
+
 def fitted_model(
     mechanism: Mechanism[Any],
     fit: FitResult,

@@ -66,6 +66,24 @@ def test_a_sum_is_told_where_its_members_are_not_known(made: Model):
     assert [row.name for row in found.changed] == ["m0 + 4 I1/R^2"]
 
 
+def test_a_change_that_a_new_effect_alone_brings_is_none(made: Model):
+    """The robot may always have had the effect: the given model's own structure must say it too."""
+    known = {"covariance": made.covariance, "covariance_names": made.covariance_names}
+    mass = made.values["m0"]
+    other = made.with_values({"m0": mass + 6.0}).with_effect("wheel_creep", slip=0.2)
+    heavier, mechanism = replace(other, **known), mechanism_of(made)
+    told = {
+        alike: [
+            row.name
+            for row in changed_parameters(
+                made, heavier, mechanism, alike={**made.values, "m0": mass + alike}
+            ).changed
+        ]
+        for alike in (-6.0, 0.0, 5.0)
+    }
+    assert told == {-6.0: [], 0.0: [], 5.0: ["m0"]}
+
+
 def test_what_was_missing_from_the_start_is_no_change(made: Model):
     errors = {"force_error": 0.2, "noise_floor": {"force_error": 0.01}}
     never_right = replace(made, errors=errors)
