@@ -20,6 +20,7 @@ from identification.diagnosis.candidates import (
     with_joint_fit,
 )
 from identification.diagnosis.experiment_design import best_experiment
+from identification.diagnosis.kinematic_sentences import contradiction_warning
 from identification.diagnosis.kinematic_stage import (
     WheelEvidence,
     accepted_kinematics,
@@ -50,6 +51,7 @@ from identification.diagnosis.structures import (
 )
 from identification.fitting.changed_parameters import changed_parameters
 from identification.fitting.final_fit import coarse_speed_warnings, final_fit
+from identification.fitting.kinematic_evidence import kinematic_effects
 from identification.fitting.least_squares import Fit
 from identification.fitting.regression import acting_share
 from identification.logs.log import Log, in_order_of_time, shared_clock, warnings_of_logs
@@ -125,6 +127,8 @@ def diagnose(
     fitted_model = _model(steps[-1], final, model, logs, floor)
     of_logs = warnings_of_logs(logs) + [*data.notes, *coarse_speed_warnings(data.samples, final)]
     words = sentences_of(fitted_model, steps, verdict, ties, floor, maps[-1], regime, proposal)
+    if chosen.contradicted:
+        of_logs.append(contradiction_warning(chosen.contradicted))
     if slip is not None:
         of_logs.append(slip_warning(slip, chosen.refused))
         words = [slip.words, *words] if unexplained else words
@@ -176,6 +180,7 @@ class Selection:
     out_of_time : whether the search was ended before it had come to its own end
     wheels : what the wheels and a pose say of kinematics
     refused : effects that act as slipping wheels do, and hold only where they slip
+    contradicted : effects that wheels and pose show, and with which forces fit worse
     """
 
     steps: tuple[Step, ...]
@@ -184,6 +189,7 @@ class Selection:
     out_of_time: bool
     wheels: WheelEvidence
     refused: tuple[str, ...] = ()
+    contradicted: tuple[str, ...] = ()
 
 
 def select(
@@ -204,6 +210,39 @@ def select(
     names : of the candidates
     rng : of the bootstrap's signs
     """
+    found = _searched(data, mechanism, start, names, rng)
+    contradicted = _contradicted(data, found.steps, found.wheels)
+    if not contradicted or data.out_of_time:
+        return found
+    # Wheels do something of that kind, and not by the law that the catalogue has: what else the
+    # catalogue has of kinematics would only imitate it.
+    forces = [name for name in names if name not in kinematic_effects(mechanism)]
+    found = _searched(data, mechanism, start, forces, rng)
+    return replace(found, contradicted=contradicted)
+
+
+def _contradicted(
+    data: LoggedData, steps: Sequence[Step], wheels: WheelEvidence
+) -> tuple[str, ...]:
+    """Accepted effects of kinematics without which, all others kept, forces fit clearly better."""
+    shown = [name for name in _names(steps) if name in wheels.settled]
+    if not shown:
+        return ()
+    others = [name for name in _names(steps) if name not in shown]
+    without = _walk(data, steps[0], others, steps[-1].fitted)
+    most = 1.0 - data.settings.min_share_of_residual
+    better = _held_out_square(*without) < most * _held_out_square(*steps)
+    return tuple(shown) if better else ()
+
+
+def _searched(
+    data: LoggedData,
+    mechanism: Mechanism,
+    start: Array,
+    names: Sequence[str],
+    rng: np.random.Generator,
+) -> Selection:
+    """One search: kinematics first, then forces."""
     settings, wheels = data.settings, wheel_evidence(data, mechanism, start, names)
     names = wheels.names
     base = data.step(fit_base(data, wheels.mechanism, start), None)
@@ -226,7 +265,7 @@ def select(
             break
         steps = [*steps, *(step for step, _ in more)]
         rankings = [*rankings, *(won for _, won in more)]
-        if data.out_of_time:
+        if data.out_of_time or _contradicted(data, steps, wheels):
             break
         # With one accepted effect there is nothing to revise: it has just won.
         if len(steps) > 2:

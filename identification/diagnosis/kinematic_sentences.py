@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 
 from youbot_env.physics.hardware import WHEEL_WORDS
 
@@ -87,3 +87,13 @@ KINEMATIC_WORDS: dict[str, Callable[[Values, Values], str]] = {
     "wheel_creep": _creep,
 }
 """What each effect of kinematics says at its fitted size, from its values and the base model's."""
+
+
+def contradiction_warning(names: Sequence[str]) -> str:
+    """What a reader must know where wheels and forces disagree on effects of kinematics."""
+    listed = " and ".join(name.replace("_", " ") for name in names)
+    return (
+        f"wheel speeds (and a pose, if there is one) speak for {listed}, but with it the forces "
+        "fit worse than without it: it is left out. Wheels and floor differ in another way than "
+        "that, so the way that the model predicts is a little off"
+    )

@@ -33,6 +33,7 @@ from identification.fitting.kinematic_evidence import (
 )
 from identification.fitting.least_squares import Fit
 from identification.mechanisms.mechanism import Mechanism
+from identification.mechanisms.samples import rolled_speeds
 
 Array = NDArray[np.float64]
 
@@ -80,7 +81,6 @@ def wheel_evidence(
     left = [name for name in kinematic_effects(mechanism) if name in names and evidence.logs]
     accepted: list[tuple[str, ...]] = []
     here, theta, tried = mechanism, start, dict[str, KinematicFit]()
-    squares = [evidence.at(here, theta).square] if left else []
     while left:
         tried = {
             name: evidence.fitted(
@@ -91,14 +91,11 @@ def wheel_evidence(
         leaders = leaders_of(evidence.at(here, theta), tried)
         if not leaders:
             break
-        best, explained = tried[leaders[0]], squares[0] - squares[-1]
-        # What the form of an accepted effect leaves of what that effect does is no second one:
-        # where wheels creep by the force on the floor, not by their torque, rollers seem askew.
-        if squares[-1] - best.square < data.settings.fit.kinematics.min_further_share * explained:
+        best = tried[leaders[0]]
+        if not _stands_beside_creep(evidence, best, leaders[0]):
             break
         accepted.append(leaders)
         here, theta = best.mechanism, best.theta
-        squares.append(best.square)
         left = [name for name in left if name not in leaders]
     settled = [held_by(tried[name], name) for name in left]
     known = mechanism.holding((*mechanism.held, *settled))
@@ -108,6 +105,35 @@ def wheel_evidence(
     noise = [level.speed for level in data.noise]
     slip = slipping_wheels(here, theta, data.samples, noise, data.settings.fit)
     return WheelEvidence(evidence, tuple(accepted), known, kept, slip)
+
+
+def _stands_beside_creep(evidence: KinematicEvidence, fit: KinematicFit, name: str) -> bool:
+    """Whether an effect moves the speeds by more than the form of a creep beside it is uncertain.
+
+    Wheels may creep by the force on the floor, which is their torque less their friction, so nearly
+    a share of their speed. Wheels seem mis-scaled by that share then, or rollers askew.
+    """
+    creeps = [other for other in fit.mechanism.structure.creeps if other != name]
+    if not creeps:
+        return True
+    uncertain = evidence.settings.kinematics.max_uncertain_share_of_creep
+    return _moved(evidence, fit, [name]) > uncertain * _moved(evidence, fit, creeps)
+
+
+def _moved(evidence: KinematicEvidence, fit: KinematicFit, names: Sequence[str]) -> float:
+    """Root mean square of what effects change in the speeds of the logs, over the axes."""
+    mechanism, without, squares = fit.mechanism, fit.theta.copy(), list[Array]()
+    for index, label in enumerate(mechanism.labels):
+        if label.component in names:
+            without[index] = label.parameter.without
+    for log in evidence.logs:
+        where = (mechanism.structure, mechanism.geometry)
+        with_them, alone = (
+            rolled_speeds(*where, theta, log, mechanism.settings)[0]
+            for theta in (fit.theta, without)
+        )
+        squares.append(((with_them - alone) * mechanism.speed_scale) ** 2)
+    return float(np.sqrt(np.concatenate(squares).mean()))
 
 
 def _best(accepted: Sequence[tuple[str, ...]]) -> list[str]:

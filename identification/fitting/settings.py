@@ -405,13 +405,13 @@ class WheelEvidenceSettings(Settings):
             "contact simulator, whose rollers ripple and slip, 0.42 at most of what is none",
         },
     )
-    min_further_share: float = field(
-        default=0.1,
+    max_uncertain_share_of_creep: float = field(
+        default=0.25,
         metadata={
-            "unit": "share of the squares that the accepted effects of kinematics explain",
-            "reason": "that a further one must: where wheels creep by the force on the floor, and "
-            "not by their torque, rollers that seem askew explain 0.04 to 0.06 of what the creep "
-            "does",
+            "unit": "share of what a creep moves the speeds by",
+            "reason": "that a further effect of kinematics must exceed: where wheels creep by the "
+            "force on the floor, and not by their torque, rollers that seem askew move them by "
+            "0.16 to 0.18 of it, a speed that seems mis-scaled by 0.08",
         },
     )
     min_size_share: float = field(

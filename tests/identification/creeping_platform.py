@@ -28,10 +28,11 @@ TICK, STEPS = 0.002, 25
 
 
 @njit(cache=True)
-def _driven(reference: Array, grip: float) -> tuple[Array, Array, Array]:
+def _driven(reference: Array, grip: float, coulomb: float) -> tuple[Array, Array, Array]:
     """Wheel speeds (N, 4), torques (N, 4) and poses (N, 3) under a PI loop of wheel speeds.
 
-    grip : [N s/m] force along a roller's axis by the speed of slip
+    grip : [N s/m] force along a roller's axis by the speed of slip; coulomb : dry friction [N m] of
+        each wheel joint
     """
     inertia = np.array(
         [[MASS, 0.0, -MOMENT_Y], [0.0, MASS, MOMENT_X], [-MOMENT_Y, MOMENT_X, YAW_INERTIA]]
@@ -63,19 +64,20 @@ def _driven(reference: Array, grip: float) -> tuple[Array, Array, Array]:
                 across = -MU2 / ROLLER**2 * (c * at_y - s * at_x)
                 fx, fy = along * c - across * s, along * s + across * c
                 force += np.array([fx, fy, X[i] * fy - Y[i] * fx])
-                rate[i] += dt * (torque[i] - MU1 * rate[i] - R * fx) / SPIN_INERTIA
+                friction = MU1 * rate[i] + coulomb * np.tanh(rate[i] / 0.03)
+                rate[i] += dt * (torque[i] - friction - R * fx) / SPIN_INERTIA
             v += dt * (solve @ force)
             c, s = np.cos(pose[2]), np.sin(pose[2])
             pose += dt * np.array([c * v[0] - s * v[1], s * v[0] + c * v[1], v[2]])
     return rates, torques, poses
 
 
-def creeping_logs(grip: float, seed: int = 0) -> list[Log]:
+def creeping_logs(grip: float, coulomb: float = 0.0, seed: int = 0) -> list[Log]:
     """Calibration motion and a multisine at 50 Hz, with poses and white noise."""
     rng = np.random.default_rng(seed)
     logs = []
     for name, twist in (("calibration", calibration(TICK)), ("multisine", multisine(rng, TICK))):
-        rates, torques, poses = _driven(np.ascontiguousarray(wheel_speeds(twist)), grip)
+        rates, torques, poses = _driven(np.ascontiguousarray(wheel_speeds(twist)), grip, coulomb)
         # The mean of the two commands that meet at a row.
         torques[1:] = 0.5 * (torques[1:] + torques[:-1])
         rows = slice(0, None, 10)

@@ -412,6 +412,17 @@ class ModelStructure(Generic[Geometry]):
         )
 
     @cached_property
+    def creeps(self) -> tuple[str, ...]:
+        """Effects that make a joint's speed another by the torque that acts."""
+        return tuple(
+            item.name
+            for item, _ in self.at(SPEED)
+            for values in [[0.5] * len(item.parameter_names)]
+            if item.evaluate(floats, SPEED.point(0.3, 0.0, 0.5, 0.7), values)
+            != item.evaluate(floats, SPEED.point(0.3, 0.0, 0.9, 0.7), values)
+        )
+
+    @cached_property
     def only_wrenches(self) -> bool:
         """Whether the interface torque acts unchanged, at most later: no drive, no channel; and
         joints roll as the geometry says."""
