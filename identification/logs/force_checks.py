@@ -61,17 +61,21 @@ def effort_offsets(log: Log, limits: CheckLimits) -> Iterator[Finding]:
     """
     settings = limits.settings
     means = _means(log, limits.geometry, settings)
-    columns = _columns_of_wheels(means, limits.geometry, settings)
-    if columns is None or len(columns) < settings.min_offset_rows:
+    seen = _columns_of_wheels(means, limits.geometry, settings)
+    # What dry friction holds at a wheel that stands is any effort, and no offset.
+    if seen is None or seen[1].sum(axis=0).min() < settings.min_offset_rows:
         return
+    columns, turns = seen
     lag = round(settings.offset_memory / means.step)
-    found = np.array([_constant(columns, effort, lag) for effort in means.effort.T])
+    wheels = zip(means.effort.T, turns.T, strict=True)
+    found = np.array([_constant(columns[rows], effort[rows], lag) for effort, rows in wheels])
     unseen = limits.no_slip
     value, std = found[:, 0] - unseen * (found[:, 0] @ unseen), found[:, 1]
     usual = np.sqrt((means.effort**2).mean(axis=0))
-    # Where the regression explains nearly all, its deviations hold; friction makes them too small.
-    fits = found[:, 2] < settings.max_left_of_efforts
-    deviations = np.where(fits, settings.sure_offset_deviations, settings.offset_deviations)
+    # Where the regression explains nearly all of each wheel, its deviations hold; friction, which
+    # seldom is in one wheel alone, makes them too small.
+    fits = found[:, 2].max() < settings.max_left_of_efforts
+    deviations = settings.sure_offset_deviations if fits else settings.offset_deviations
     least = np.maximum(deviations * std, settings.min_offset_share * usual)
     if (np.abs(value) < least).all():
         return
@@ -143,8 +147,11 @@ def low_passed_speeds(log: Log, limits: CheckLimits) -> Iterator[Finding]:
         yield Finding("warning", message, cure=cure)
 
 
-def _columns_of_wheels(means: _Means, geometry: Geometry, settings: LogSettings) -> Array | None:
-    """(n, p) what may make an effort of any wheel, the constant first; None without both ways."""
+def _columns_of_wheels(
+    means: _Means, geometry: Geometry, settings: LogSettings
+) -> tuple[Array, NDArray[np.bool_]] | None:
+    """(n, p) what may make an effort of any wheel, the constant first, and (n, 4) whether each wheel
+    turns; None without both ways."""
     twist = means.twist
     size = np.sqrt((twist**2).mean(axis=0))
     moving = size > settings.min_compared_size
@@ -152,19 +159,20 @@ def _columns_of_wheels(means: _Means, geometry: Geometry, settings: LogSettings)
     if not moving.any() or min(np.array(ways)[moving]) < settings.min_share_of_way:
         return None
     wheel = twist @ np.sign(geometry.wheel_jacobian).T
-    smooth = settings.moving_speed_share * np.sqrt((wheel**2).mean(axis=0))
+    smooth = np.maximum(settings.moving_speed_share * np.sqrt((wheel**2).mean(axis=0)), 1e-12)
     products = [twist[:, i] * twist[:, j] for i in range(3) for j in range(i, 3)]
-    return np.column_stack(
+    columns = np.column_stack(
         [
             np.ones(len(twist)),
             twist,
             means.rate,
-            np.tanh(wheel / np.maximum(smooth, 1e-12)),
+            np.tanh(wheel / smooth),
             *products,
             np.cos(means.heading),
             np.sin(means.heading),
         ]
     )
+    return columns, np.abs(wheel) > smooth
 
 
 def _constant(columns: Array, effort: Array, lag: int) -> tuple[float, float, float]:

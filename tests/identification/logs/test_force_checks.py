@@ -12,6 +12,7 @@ from controllers.recording import record
 from identification.logs.checks import check, limits_for
 from identification.logs.log import Log
 from identification.logs.settings import LogSettings
+from tests.identification.creeping_platform import creeping_logs
 from tests.identification.recordings import recording
 from youbot_env.model.model_file import load_model
 from youbot_env.motions.multisine import multisine
@@ -55,6 +56,12 @@ def test_offsets_of_efforts(offset: tuple[float, ...]):
 )
 def test_slopes_and_friction_are_no_offsets(effects):
     assert first(recording(effects=effects)) == ""
+
+
+def test_dry_friction_of_wheels_that_stand_is_no_offset():
+    """In motions I and II two wheels stand, and creep a little."""
+    log = creeping_logs(6000.0, coulomb=0.15, seed=14)[0]
+    assert "offset" not in first(replace(log, pose=None))
 
 
 def test_efforts_at_rest(free: Log):
