@@ -150,8 +150,8 @@ def low_passed_speeds(log: Log, limits: CheckLimits) -> Iterator[Finding]:
 def _columns_of_wheels(
     means: _Means, geometry: Geometry, settings: LogSettings
 ) -> tuple[Array, NDArray[np.bool_]] | None:
-    """(n, p) what may make an effort of any wheel, the constant first, and (n, 4) whether each wheel
-    turns; None without both ways."""
+    """(n, p) what may make an effort, the constant first, and (n, 4) which wheels turn;
+    None without motion both ways."""
     twist = means.twist
     size = np.sqrt((twist**2).mean(axis=0))
     moving = size > settings.min_compared_size
