@@ -114,7 +114,7 @@ def diagnose(
     if slip is None:
         # Also where trees find nothing: a ripple of the floor is too fine for them. Of wheels that
         # slide no law is sought: one of rolling would imitate them.
-        steps, proposal = propose(data, steps, unexplained, Fits(fit_structure, final_fit))
+        steps, proposal = propose(data, steps, unexplained, FITS)
     unexplained = unexplained or proposal is not None
     floor = data.floor(steps[-1].fitted).to_dict()
     accepted = _names(steps)
@@ -577,6 +577,10 @@ def _refitted(data: LoggedData, full: FittedStructure, effects: tuple[str, ...])
     known = dict(zip(full.mechanism.parameter_names, full.theta, strict=True))
     start = np.array([known[name] for name in mechanism.parameter_names])
     return fit_structure(data, mechanism, start)
+
+
+FITS = Fits(fit_structure, final_fit, _refitted, _walk)
+"""How a diagnosis fits what is missing from the catalogue."""
 
 
 def _final_fit_and_maps(data: LoggedData, steps: Sequence[Step]) -> tuple[Fit, list[ResidualMap]]:

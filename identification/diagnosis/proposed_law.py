@@ -22,11 +22,14 @@ Array = NDArray[np.float64]
 
 
 class Fits(NamedTuple):
-    """How structures are fitted: structure(data, mechanism, theta) jointly on all logs, and
-    final(...) with intervals, see `final_fit`."""
+    """How structures are fitted: structure(data, mechanism, theta) jointly on all logs, final(...)
+    with intervals, see `final_fit`; fewer(data, full, names) with some effects of a fitted
+    structure, and walk(data, base, names, full) likewise, effect by effect from a step on."""
 
     structure: Callable[[LoggedData, Mechanism[Any], Array], FittedStructure]
     final: Callable[..., Fit]
+    fewer: Callable[[LoggedData, FittedStructure, tuple[str, ...]], FittedStructure]
+    walk: Callable[[LoggedData, Step, Sequence[str], FittedStructure], list[Step]]
 
 
 def propose(
@@ -42,8 +45,8 @@ def propose(
     found = _found(data, steps, unexplained, fits)
     if found is None:
         return steps, None
-    base, verdict, fitted, count, of_law = found
-    kept = steps[:count]
+    kept, verdict, fitted, of_law = found
+    base = kept[-1]
     try:
         step = of_law.step(fitted, verdict.found.law.name)
     except NoTorqueError:  # as fitted without one of the folds
@@ -66,13 +69,12 @@ def _worsens_free_run(data: LoggedData, before: Step, after: Step) -> bool:
 
 
 class Found(NamedTuple):
-    """The step below a law, the law, the joint fit, and how many steps are kept; the logs, which
-    of a law on a clock of its own are placed on that."""
+    """The steps below a law, the law, the joint fit; and the logs, which of a law on a clock of its
+    own are placed on that."""
 
-    base: Step
+    kept: tuple[Step, ...]
     verdict: Verdict
     fitted: FittedStructure
-    count: int
     data: LoggedData
 
 
@@ -103,9 +105,39 @@ def _found(data: LoggedData, steps: Sequence[Step], unexplained: bool, fits: Fit
             continue
         # Effects of the catalogue give way only to a law that leaves much less than they do, or
         # nothing but noise.
-        if count == len(steps) or _is_enough(of_law, steps, fitted):
-            return Found(base, verdict, fitted, count, of_law)
+        if count < len(steps) and not _is_enough(of_law, steps, fitted):
+            continue
+        found = Found(tuple(steps[:count]), verdict, fitted, of_law)
+        return _without_needless(data, found, fits) if unexplained else found
     return None
+
+
+def _without_needless(data: LoggedData, found: Found, fits: Fits) -> Found:
+    """The law beside those of the accepted effects that are material beside it.
+
+    The others were accepted for want of the law, of which they took a part.
+    """
+    base, law = found.kept[0], found.verdict.found
+    own = base.fitted.mechanism.structure.effects
+    names = [step.effect for step in found.kept if step.effect]
+    needed, fitted = list(names), found.fitted
+    for name in reversed(names):
+        # What wheels and pose show is no matter of forces.
+        if fitted.mechanism.with_effects([name]).structure.changes_kinematics:
+            continue
+        others = [other for other in needed if other != name]
+        fewer = fits.fewer(found.data, fitted, (*own, *others, law.law.name))
+        if fewer.square <= (1.0 + data.settings.min_extension_gain) * fitted.square:
+            needed, fitted = others, fewer
+    if needed == names:
+        return found
+    kept = fits.walk(data, base, needed, found.kept[-1].fitted)
+    at = {name: fitted.theta[k] for k, name in enumerate(fitted.mechanism.parameter_names)}
+    effect = law.effect()
+    values = {name: float(at[f"{law.law.name}.{name}"]) for name in effect.parameter_names}
+    verdict = replace(found.verdict, found=replace(law, values=values))
+    of_law, fitted = _fitted(data, kept[-1].fitted, verdict.found, fits)
+    return Found(tuple(kept), verdict, fitted, of_law)
 
 
 def _fitted(

@@ -12,10 +12,10 @@ from identification.comparison import compare
 from identification.diagnosis import proposed_law
 from identification.diagnosis.add_effect import add_effect
 from identification.diagnosis.candidates import fit_base, fit_structure, try_candidate
-from identification.diagnosis.proposed_law import Fits, _fitted, _worsens_free_run, propose
+from identification.diagnosis.diagnose import FITS
+from identification.diagnosis.proposed_law import _fitted, _worsens_free_run, propose
 from identification.diagnosis.structures import LoggedData
 from identification.fitting.errors import SumsOfSquares
-from identification.fitting.final_fit import final_fit
 from identification.fitting.identify import identify
 from identification.mechanisms.registry import mechanism_of
 from identification.proposal.law import FoundLaw
@@ -38,21 +38,26 @@ def data_with(effects) -> LoggedData:
     return LoggedData(mechanism_of(load_model("paper")), [recording("calibration", effects)])
 
 
-@pytest.mark.slow
-def test_the_law_replaces_what_imitated_it(tmp_path: Path):
+def data_with_a_nap(tmp_path: Path, *effects) -> LoggedData:
+    """Logs of a platform on a carpet, by a machine whose catalogue has no nap."""
     law = next(law for law in every_law() if law.name == "dry_nap")
     planted = FoundLaw(law, {"force": 9.0, "smoothing": 0.01, "direction": 0.9})
     path = tmp_path / "nap.py"
     path.write_text(planted.file_text("Planted by a test."))
     load_effects(path)
-    data = data_with((("dry_nap", (("force", 9.0),)),))
-    # As on another machine, whose catalogue does not have it.
+    data = data_with((*effects, ("dry_nap", (("force", 9.0),))))
     del CATALOGUE._effects["dry_nap"]
+    return data
+
+
+@pytest.mark.slow
+def test_the_law_replaces_what_imitated_it(tmp_path: Path):
+    data = data_with_a_nap(tmp_path)
     base = fit_base(data, mechanism_of(load_model("paper")), load_model("paper").theta)
     drag = try_candidate(base, None, "cable_drag")[0]
     imitated = fit_structure(data, drag.mechanism, drag.theta)
     steps = (data.step(base, None), data.step(imitated, "cable_drag"))
-    kept, found = propose(data, steps, True, Fits(fit_structure, final_fit))
+    kept, found = propose(data, steps, True, FITS)
     assert [step.effect for step in kept] == [None]
     assert found is not None and found.name == "dry_nap" and found.beside == ()
     floor = data.floor(base).to_dict()["force_error"]
@@ -65,11 +70,27 @@ def test_the_law_replaces_what_imitated_it(tmp_path: Path):
     assert "dry_nap" not in CATALOGUE
 
 
+@pytest.mark.slow
+def test_of_accepted_effects_those_stay_that_are_material_beside_the_law(tmp_path: Path):
+    """A wheel that drags is there; the cable that took a part of the carpet's nap is not."""
+    data = data_with_a_nap(tmp_path, ("uneven_wheel_friction", (("extra_bl", 0.04),)))
+    base = fit_base(data, mechanism_of(load_model("paper")), load_model("paper").theta)
+    steps = [data.step(base, None)]
+    for name in ("uneven_wheel_friction", "cable_drag"):
+        tried = try_candidate(steps[-1].fitted, None, name)[0]
+        steps.append(data.step(fit_structure(data, tried.mechanism, tried.theta), name))
+    kept, found = propose(data, tuple(steps), True, FITS)
+    assert [step.effect for step in kept] == [None, "uneven_wheel_friction"]
+    assert found is not None and found.name == "dry_nap"
+    assert found.beside == ("uneven_wheel_friction",)
+    assert found.parameters["force"]["value"] == pytest.approx(9.0, rel=0.05)
+
+
 def test_nothing_is_proposed_beside_noise():
     data = data_with(())
     base = fit_base(data, mechanism_of(load_model("paper")), load_model("paper").theta)
     steps = (data.step(base, None),)
-    kept, found = propose(data, steps, False, Fits(fit_structure, final_fit))
+    kept, found = propose(data, steps, False, FITS)
     assert found is None and kept == steps
     assert np.isfinite(steps[0].force_error)
 
@@ -89,8 +110,8 @@ def test_a_law_with_which_no_torque_drives_the_motion_is_left_out(monkeypatch):
     too_much = replace(verdict, found=FoundLaw(law, {"share": limit}))
     monkeypatch.setattr(proposed_law, "find_law", lambda *_: too_much)
     with pytest.raises(NoTorqueError):
-        _fitted(data, base, too_much.found, Fits(fit_structure, final_fit))
-    assert propose(data, steps, True, Fits(fit_structure, final_fit)) == (steps, None)
+        _fitted(data, base, too_much.found, FITS)
+    assert propose(data, steps, True, FITS) == (steps, None)
 
 
 def test_a_law_that_makes_the_free_run_worse_is_none(monkeypatch):
@@ -128,7 +149,7 @@ def test_what_swings_in_time_is_found_added_and_compared_on_a_log_of_any_phase(t
     mechanism, theta = mechanism_of(load_model("paper")), load_model("paper").theta
     data = LoggedData(mechanism, known)
     base = fit_base(data, mechanism, theta)
-    _, found = propose(data, (data.step(base, None),), True, Fits(fit_structure, final_fit))
+    _, found = propose(data, (data.step(base, None),), True, FITS)
     assert found is not None and found.name == "sway"
     starts = list(found.starts.values())
     assert (starts[1] - starts[0]) % 3.7 == pytest.approx(3.7 * 2.5 / (2 * np.pi), abs=0.05)
