@@ -516,10 +516,11 @@ class LogSettings(Settings):
         },
     )
     max_left_of_efforts: float = field(
-        default=0.003,
+        default=0.0015,
         metadata={
             "unit": "share of an effort's squares",
-            "reason": "noise leaves up to 0.001 of means over 0.1 s, dry friction 0.004 and more",
+            "reason": "of each wheel; noise leaves up to 0.001 of means over 0.1 s, dry friction "
+            "and a carpet's nap 0.002 and more in one wheel at least",
         },
     )
     min_offset_share: float = field(
