@@ -13,7 +13,7 @@ SETTINGS = ChangingLawSettings()
 STEP = 0.05
 DURATIONS = (60.0, 60.0)
 LOG = np.repeat(np.arange(2), [round(each / STEP) for each in DURATIONS])
-TIME = np.concatenate([STEP * np.arange(round(each / STEP)) for each in DURATIONS])
+TIME = np.concatenate([STEP * np.arange(round(each / STEP)) for each in DURATIONS]).astype(float)
 STRETCH = (LOG * 10 + TIME // 6.0).astype(int)
 FOLD = np.random.default_rng(0).permutation(STRETCH.max() + 1)[STRETCH] % 6
 
@@ -50,7 +50,7 @@ def is_seen(found: ChangingLaw) -> bool:
 
 def lasting(memory: float, rng: np.random.Generator) -> np.ndarray:
     keep = np.exp(-STEP / memory)
-    return lfilter([1.0], [1.0, -keep], rng.standard_normal((len(TIME), 3)), axis=0)
+    return np.asarray(lfilter([1.0], [1.0, -keep], rng.standard_normal((len(TIME), 3)), axis=0))
 
 
 def wave(period: float, rng: np.random.Generator) -> np.ndarray:

@@ -45,7 +45,7 @@ def walk(time: np.ndarray, rng: Rng) -> np.ndarray:
 
 def lasting(time: np.ndarray, rng: Rng) -> np.ndarray:
     keep = np.exp(-STEP / 8.0)
-    return lfilter([1.0], [1.0, -keep], rng.standard_normal((len(time), 3)), axis=0)
+    return np.asarray(lfilter([1.0], [1.0, -keep], rng.standard_normal((len(time), 3)), axis=0))
 
 
 def drift(time: np.ndarray, rng: Rng) -> np.ndarray:
