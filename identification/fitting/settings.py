@@ -124,8 +124,8 @@ class PredictabilitySettings(Settings):
         metadata={
             "unit": "2 x y over x^2 + y^2",
             "reason": "of what two logs leave at the same time since each began, above which this "
-            "is no wander: -0.3 to 0.35 for the wander of 18 pairs of logs, 0.61 to 0.99 for "
-            "pushes that set in, or come and go, at one time",
+            "is no wander: -0.31 to 0.37 for the wander of 36 pairs of logs, 0.65 to 1.00 for "
+            "pushes in 18 that set in, or come and go, at one time",
         },
     )
     max_shift_p_value: float = field(
@@ -133,8 +133,9 @@ class PredictabilitySettings(Settings):
         metadata={
             "unit": "share of the shifts in time",
             "reason": "with which two logs are as much alike as without: a drift of hours is alike "
-            "whatever the shift. With the likeness, 0.3 to 2.7 % of pairs that wander on their own "
-            "pass (waves of a log's length, steps, random walks)",
+            "whatever the shift. With the likeness, 0 to 1.5 % of pairs that wander on their own "
+            "pass (steps, walks, drifts, waves; 200 pairs each), 7.5 % of single waves of a log's "
+            "length along one axis",
         },
     )
     likeness_step: float = field(
