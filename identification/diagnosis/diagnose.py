@@ -116,7 +116,8 @@ def diagnose(
         # slide no law is sought: one of rolling would imitate them.
         steps, proposal = propose(data, steps, unexplained, FITS)
     unexplained = unexplained or proposal is not None
-    floor = data.floor(steps[-1].fitted).to_dict()
+    # What the last step leaves holds the law as well, and trees do not learn all of it.
+    floor = proposal.noise_floor if proposal else data.floor(steps[-1].fitted).to_dict()
     accepted = _names(steps)
     ties = _ties(chosen.rankings, accepted)
     verdict = verdict_of(unexplained, bool(ties), bool(accepted))

@@ -199,10 +199,10 @@ def _proposal(
     values = {name: entry["value"] for name, entry in parameters.items()}
     base = kept[-1]
     systematic = base.predictable.systematic_share
-    share = None
+    floor, share = data.floor(fitted).to_dict(), None
     if systematic > 0:
         # Trees do not learn all that is there: what is beyond the noise floor was missing too.
-        noise = min(data.floor(base.fitted).to_dict()["force_error"] / base.force_error, 1.0)
+        noise = min(floor["force_error"] / base.force_error, 1.0)
         systematic = max(systematic, 1.0 - noise**2)
         share = min((1.0 - (step.force_error / before.force_error) ** 2) / systematic, 1.0)
     return Proposal(
@@ -219,6 +219,7 @@ def _proposal(
         tuple(item.name for item in data.samples),
         _starts(data, fitted),
         tuple(words_of_clock(fitted.mechanism, data.samples, data.settings.fit)),
+        floor,
     )
 
 

@@ -494,7 +494,7 @@ class _Remainder:
         """Its residual at the rate of a fit, which is lower than that of the choice of effects."""
         fitted, settings = self.fitted, self.data.settings.fit
         return [
-            regression(fitted.mechanism, fitted.theta, item, fitted.free[:0], settings)
+            regression(fitted.mechanism, fitted.theta, item, fitted.free, settings)
             for item in self.data.samples
         ]
 

@@ -130,18 +130,18 @@ def _scanned(
 
     ``step``: from one row to the next [s].
     """
-    chosen, all_of = settings.harmonic_scan, partial(_all_of, mechanism, samples, settings)
+    chosen, read = settings.harmonic_scan, partial(all_of, mechanism, samples, settings)
     first = mechanism.variables(cut(samples[0], 0, 2))
-    headings = all_of(lambda one: one.heading)
+    headings = read(lambda one: one.heading)
     for k, place in enumerate(first.places):
-        values = all_of(lambda one, k=k: one.position[:, k])
+        values = read(lambda one, k=k: one.position[:, k])
         assert values is not None
         numbers = _wave_numbers(values, step, samples, chosen)
         if len(numbers):
             name = f"position_{place}" if place else "position"
             yield _Scanned(name, values, headings, numbers)
     for k, joint in enumerate(first.joints if with_angles else ()):
-        values = all_of(lambda one, k=k: None if one.angle is None else one.angle[:, k])
+        values = read(lambda one, k=k: None if one.angle is None else one.angle[:, k])
         if values is None:
             continue
         name = f"wheel_angle_{joint}" if joint else "wheel_angle"
@@ -149,7 +149,7 @@ def _scanned(
         yield _Scanned(name, values, None, orders)
 
 
-def _all_of(
+def all_of(
     mechanism: Mechanism,
     samples: Sequence[Samples],
     settings: FitSettings,
@@ -244,7 +244,7 @@ def _best_in_time(
     row [s].
     """
     chosen = settings.harmonic_scan
-    headings = _all_of(mechanism, samples, settings, lambda one: one.heading)
+    headings = all_of(mechanism, samples, settings, lambda one: one.heading)
     predicted, p_values = [np.zeros_like(part) for part in residual], list[float]()
     longest, period = 0.0, np.inf
     for log, item in enumerate(samples):

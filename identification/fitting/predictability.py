@@ -22,6 +22,7 @@ from functools import cached_property, partial
 import numpy as np
 from numpy.typing import NDArray
 
+from identification.fitting.changing_laws import Rows, changing_law
 from identification.fitting.coarse_channels import are_coarse, measured_again
 from identification.fitting.errors import (
     NoiseLevel,
@@ -31,10 +32,15 @@ from identification.fitting.errors import (
     squares_of,
     velocity_traces,
 )
-from identification.fitting.harmonic_scan import harmonic_scan
+from identification.fitting.harmonic_scan import all_of, harmonic_scan
 from identification.fitting.regression import Regression, regression, rows_by_parts
 from identification.fitting.repeated_periods import repeated_noise
-from identification.fitting.settings import FitSettings, PredictabilitySettings
+from identification.fitting.settings import (
+    ChangingLawSettings,
+    FitSettings,
+    PredictabilitySettings,
+)
+from identification.fitting.shared_times import likeness
 from identification.mechanisms.mechanism import Mechanism
 from identification.mechanisms.samples import Samples, cut
 from identification.signals.filters import Ends, at_both_ends
@@ -237,7 +243,7 @@ def predictability(
     again = measured_again(mechanism, theta, samples, seed, chosen)
     if again is None:
         return found
-    free = np.arange(0)
+    free = np.flatnonzero(mechanism.free)
     null = [regression(mechanism, theta, item, free, settings) for item in again]
     alone = _predictability(mechanism, null, again, seed, settings)
     square = [sum(float((r**2).sum()) for r in part.residual) for part in (alone, found)]
@@ -257,7 +263,8 @@ def _predictability(
     residual = [row.residual[::thin] for row in rows]
     features = list(_all_features(mechanism, rows, samples, thin, settings))
     whole = sum(len(row.residual) * row.step for row in rows)
-    fold_of = _folds(rows, thin, seed, chosen.stretch_in(whole), chosen.folds)
+    stretch_of = _stretches(rows, thin, chosen.stretch_in(whole))
+    fold_of = _dealt(stretch_of, seed, chosen.folds)
     joined = np.concatenate(residual)
     all_features = np.concatenate(features)
     predicted = _held_out(all_features, joined, fold_of, seed, settings)
@@ -273,8 +280,15 @@ def _predictability(
     if found.share > chosen.max_noise_share:
         # Of coarse channels each part matters: they may account for the rest of it.
         ignored = 0.0 if are_coarse(samples, chosen) else found.share - chosen.max_noise_share
-        wander = _wander(all_features, joined, fold_of, seed, settings, ignored)
+        is_shared = partial(_are_alike, mechanism, found, samples, settings)
+        wander = _wander(all_features, joined, fold_of, seed, settings, ignored, is_shared)
         found = replace(found, wander=wander)
+    known = Rows(
+        *(joined, np.concatenate([row.columns[::thin] for row in rows])),
+        *(_speeds_and_accelerations(all_features, joined.shape[1]), np.concatenate(found.time)),
+        *(all_features[:, -1].astype(np.intp), stretch_of, fold_of),
+    )
+    found = _with_law(found, known, edges, settings.changing_law)
     if found.is_predicted and found.share >= chosen.max_share_with_waves:
         return found
     waves = harmonic_scan(mechanism, [row.residual for row in rows], samples, settings)
@@ -285,6 +299,46 @@ def _predictability(
     return periodic if periodic.is_predicted and periodic.share > found.share else found
 
 
+def _with_law(
+    found: Predictability, rows: Rows, edges: Indices, settings: ChangingLawSettings
+) -> Predictability:
+    """What is found, if a linear law that may change at an instant predicts no part of the rows.
+
+    With it, what predicts the most of them, and no wander: an offset follows no motion.
+    """
+    law = changing_law(rows, settings)
+    if law.p_value > settings.max_p_value or law.share <= settings.min_share:
+        return found
+    of_law = replace(found, predicted=tuple(np.split(law.predicted, edges)), wander=0.0)
+    if not of_law.is_predicted:
+        return found
+    return max(replace(found, wander=0.0), of_law, key=lambda one: one.share)
+
+
+def _are_alike(
+    mechanism: Mechanism, found: Predictability, samples: Sequence[Samples], settings: FitSettings
+) -> bool:
+    """Whether the same is left at the same time of each log, on board or along the world."""
+    forces, chosen = [list(found.residual)], settings.predictability
+    headings = all_of(mechanism, samples, settings, lambda one: one.heading)
+    if headings is not None:
+        turned = []
+        for row, time, item, heading in zip(
+            *(found.residual, found.time, samples, headings), strict=True
+        ):
+            turned.append(_along_the_world(row, np.interp(time, item.time, np.unwrap(heading))))
+        forces.append(turned)
+    return any(likeness(force, found.time, chosen).is_shared(chosen) for force in forces)
+
+
+def _along_the_world(force: Array, heading: Array) -> Array:
+    """(n, A) forces whose first two axes are the body's, along the world's; heading (n,)."""
+    found, c, s = force.copy(), np.cos(heading), np.sin(heading)
+    found[:, 0] = c * force[:, 0] - s * force[:, 1]
+    found[:, 1] = s * force[:, 0] + c * force[:, 1]
+    return found
+
+
 def _wander(
     features: Array,
     residual: Array,
@@ -292,11 +346,14 @@ def _wander(
     seed: int,
     settings: FitSettings,
     ignored: float,
+    is_shared: Callable[[], bool],
 ) -> float:
     """Share that time alone predicts beyond a constant of each log, and better than the motion.
 
     What a slow motion explains, time explains too: that is no wander. 0 too where time predicts no
     more than ``ignored``, a share that makes no difference: trees on the motion take long.
+
+    ``is_shared``: whether the logs do the same at the same times, as no wander does
     """
 
     def share(chosen: Array) -> float:
@@ -308,45 +365,33 @@ def _wander(
         return 0.0
     # A constant of each log is no drift: a slope, say, or an offset.
     drift = max(by_time - max(share(features[:, -1:]), 0.0), 0.0)
-    least = settings.predictability.min_repeated_share
-    return 0.0 if _repeated(features, residual, seed, settings) >= least * drift else drift
+    return 0.0 if drift > 0 and is_shared() else drift
 
 
-def _repeated(features: Array, residual: Array, seed: int, settings: FitSettings) -> float:
-    """Share that the time since a log began tells in logs that were not looked at: what acts at
-    the same times of each log is no wander. Of what varies within the logs; 0 of few logs."""
-    logs, log_of = np.unique(features[:, -1], return_inverse=True)
-    if len(logs) < settings.predictability.min_logs_that_repeat:
-        return 0.0
-
-    def varying(values: Array) -> Array:
-        counts = np.bincount(log_of)
-        means = [np.bincount(log_of, part) / counts for part in values.T]
-        return values - np.stack(means, axis=1)[log_of]
-
-    within = varying(residual)
-    fold_of = log_of % settings.predictability.folds
-    time = features[:, -TIMES : 1 - TIMES]
-    left = within - varying(_held_out(time, within, fold_of, seed, settings))
-    return float(((within**2).sum() - (left**2).sum()) / (residual**2).sum())
+def _speeds_and_accelerations(features: Array, axes: int) -> Array:
+    """(n, 2 A) of the features: the first ones, and the last ones that are of the motion."""
+    return np.concatenate([features[:, :axes], features[:, -TIMES - axes : -TIMES]], axis=1)
 
 
 TIMES = 3
 """Features at the end of each row that are no motion: time, time over all logs, and the log."""
 
 
-def _folds(
-    rows: Sequence[Regression], thin: int, seed: int, duration: float, folds: int
-) -> Indices:
-    """(all rows,) which rows are held out together: whole stretches of time, dealt at random."""
-    stretches, first = [], 0
+def _stretches(rows: Sequence[Regression], thin: int, duration: float) -> Indices:
+    """(all rows,) the stretch of time that each is in, counted over all logs."""
+    stretches, first = [np.zeros(0, np.intp)], 0
     for row in rows:
         count = len(row.residual[::thin])
         of_log = (np.arange(count) * thin * row.step // duration).astype(np.intp)
         stretches.append(first + of_log)
         first += int(of_log[-1]) + 1 if count else 0
-    dealt = np.random.default_rng(seed).permutation(first) % folds
-    return dealt[np.concatenate(stretches)]
+    return np.concatenate(stretches)
+
+
+def _dealt(stretch_of: Indices, seed: int, folds: int) -> Indices:
+    """(all rows,) which rows are held out together: whole stretches, dealt at random."""
+    count = int(stretch_of.max(initial=-1)) + 1
+    return (np.random.default_rng(seed).permutation(count) % folds)[stretch_of]
 
 
 def _held_out(

@@ -119,20 +119,35 @@ class PredictabilitySettings(Settings):
             "reason": "a bound on time: longer logs get fewer rows a second",
         },
     )
-    min_logs_that_repeat: int = field(
-        default=3,
-        metadata={
-            "unit": "1",
-            "reason": "logs in which the same happens at the same time: in two it may be chance",
-        },
-    )
-    min_repeated_share: float = field(
+    min_likeness: float = field(
         default=0.6,
         metadata={
-            "unit": "share of what time tells within the logs",
-            "reason": "that the time since a log began tells in logs not looked at, above which "
-            "this is no wander: -1.5 to -0.5 for the wander of twelve sets of logs, 0.67 for a "
-            "drift that each log repeats, 1.1 to 1.5 for a push that sets in at one time",
+            "unit": "2 x y over x^2 + y^2",
+            "reason": "of what two logs leave at the same time since each began, above which this "
+            "is no wander: -0.31 to 0.37 for the wander of 36 pairs of logs, 0.65 to 1.00 for "
+            "pushes in 18 that set in, or come and go, at one time",
+        },
+    )
+    max_shift_p_value: float = field(
+        default=0.05,
+        metadata={
+            "unit": "share of the shifts in time",
+            "reason": "with which two logs are as much alike as without: a drift of hours is alike "
+            "whatever the shift. With the likeness, 0 to 1.5 % of pairs that wander on their own "
+            "pass (steps, walks, drifts, waves; 200 pairs each), 7.5 % of single waves of a log's "
+            "length along one axis",
+        },
+    )
+    likeness_step: float = field(
+        default=1.0,
+        metadata={"unit": "s", "reason": "of the shifts: finer than any offset wanders"},
+    )
+    likeness_mean: int = field(
+        default=3,
+        metadata={
+            "unit": "steps",
+            "reason": "of the running mean, which leaves a tenth of the squares of noise that "
+            "does not last",
         },
     )
     measuring_margin: float = field(
@@ -212,6 +227,60 @@ class PredictabilitySettings(Settings):
         check_settings(self, "predictability settings", positive=True)
         if self.share_of_features > 1.0:
             raise InputError("predictability settings: share_of_features must be at most 1")
+
+
+@dataclass(frozen=True)
+class ChangingLawSettings(Settings):
+    """How it is tested whether a residual follows a linear law that changes at an instant.
+
+    Each field's ``metadata`` holds its unit and the reason, or the measurement, for its default.
+    """
+
+    max_p_value: float = field(
+        default=0.1,
+        metadata={
+            "unit": "1",
+            "reason": "from the spread of what is gained in steps of time: keeps out what a few of "
+            "them alone show. A load in half a minute of one log of two has 0.0002 to 0.07",
+        },
+    )
+    min_share: float = field(
+        default=0.08,
+        metadata={
+            "unit": "share of the residual's squares, held out",
+            "reason": "as for trees: at most 0.004 in 880 sets of logs under noise that is white, "
+            "remembers 0.1 to 10 s, walks, steps or swings in 10 to 100 s; 0.22 to 0.96 for loads, "
+            "drives and frictions that change",
+        },
+    )
+    instant_step: float = field(
+        default=2.0,
+        metadata={
+            "unit": "s",
+            "reason": "from one instant that is tried to the next: a third of a stretch",
+        },
+    )
+    max_instants: int = field(
+        default=72,
+        metadata={"unit": "1", "reason": "a bound on time: of longer logs they are farther apart"},
+    )
+    min_duration: float = field(
+        default=6.0,
+        metadata={
+            "unit": "s",
+            "reason": "before and after the instant: a stretch that is held out",
+        },
+    )
+    ridge: float = field(
+        default=1e-3,
+        metadata={
+            "unit": "mean square of the signals",
+            "reason": "what a stretch hardly shows of a law stays small",
+        },
+    )
+
+    def __post_init__(self) -> None:
+        check_settings(self, "changing law settings", positive=True)
 
 
 @dataclass(frozen=True)
@@ -529,6 +598,7 @@ class FitSettings(Settings):
     held: HeldSettings = field(default_factory=HeldSettings)
     mechanism: MechanismSettings = field(default_factory=MechanismSettings)
     predictability: PredictabilitySettings = field(default_factory=PredictabilitySettings)
+    changing_law: ChangingLawSettings = field(default_factory=ChangingLawSettings)
     harmonic_scan: HarmonicScanSettings = field(default_factory=HarmonicScanSettings)
     kinematics: WheelEvidenceSettings = field(default_factory=WheelEvidenceSettings)
 

@@ -34,6 +34,7 @@ class Proposal:
     logs : that it was found on
     starts : by log, when it began on the law's own clock [s]; {} where the law has none
     of_clock : what is known of these starts, in sentences
+    noise_floor : both errors that noise leaves of the model with it; {} if not known
     """
 
     law: FoundLaw
@@ -49,6 +50,7 @@ class Proposal:
     logs: tuple[str, ...] = ()
     starts: dict[str, float] = field(default_factory=dict[str, float])
     of_clock: tuple[str, ...] = ()
+    noise_floor: dict[str, float] = field(default_factory=dict[str, float])
 
     @property
     def name(self) -> str:

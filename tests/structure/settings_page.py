@@ -27,6 +27,7 @@ from controllers.tuning.tuning import SearchSettings
 from identification.comparison import ComparisonSettings
 from identification.diagnosis.settings import DiagnosisSettings
 from identification.fitting.settings import (
+    ChangingLawSettings,
     FitSettings,
     HarmonicScanSettings,
     PredictabilitySettings,
@@ -55,6 +56,7 @@ AREAS = {
         ImportSettings,
         MechanismSettings,
         PredictabilitySettings,
+        ChangingLawSettings,
         HarmonicScanSettings,
         WheelEvidenceSettings,
         FitSettings,

@@ -16,6 +16,7 @@ from identification.logs.reading import read_log
 from identification.mechanisms.mecanum import Mecanum
 from identification.mechanisms.mechanism import Mechanism
 from identification.mechanisms.plausibility import warnings_of
+from tests.identification.blind_logs import FEW, blind_logs
 from tests.identification.recordings import recording
 from tests.identification.shared_data import DATA, needs_data, theta, truth
 from tests.sparing import mostly_slow
@@ -250,3 +251,18 @@ def test_what_is_wrong_with_a_log_is_told_before_the_misfit() -> None:
     assert found.misfit
     jumps = next(k for k, line in enumerate(found.warnings) if "the clock jumps" in line)
     assert jumps < found.warnings.index(found.misfit) < found.told_first
+
+
+@pytest.mark.parametrize("names", FEW)
+def test_a_load_that_is_put_on_in_one_of_two_logs_is_a_misfit(names) -> None:
+    mass = {"mass": 12.0, "time": 30.0}
+    logs = blind_logs("payload_change", names, mass, only_in=("multisine_a",))
+    found = identify(logs, recursive=False)
+    errors = found.model.errors
+    assert found.misfit and "the model lacks something" in found.misfit
+    assert errors["noise_floor"]["force_error"] < 0.8 * errors["force_error"]
+
+
+@pytest.mark.parametrize("kind", ["none", "torque_wander"])
+def test_noise_of_two_logs_is_no_misfit(kind) -> None:
+    assert identify(blind_logs(kind, FEW[0], seed=8), recursive=False).misfit is None

@@ -19,6 +19,7 @@ from identification.fitting.repeated_periods import (
 from identification.fitting.settings import FitSettings, PredictabilitySettings
 from identification.logs.log import Log
 from identification.mechanisms.registry import mechanism_of
+from tests.identification.blind_logs import FEW, blind_logs
 from tests.identification.recordings import recording
 from youbot_env.model.model_file import load_model
 
@@ -83,10 +84,45 @@ def test_what_each_log_repeats_at_the_same_time_is_no_wander():
             logs.append(replace(log, effort=log.effort + wave))
         return left_by_the_base_model(*logs)
 
-    found = with_waves((0.4, 2.5, 4.6))
-    assert found.wander > 0.3 and found.is_noise
-    found = with_waves((0.4, 0.4, 0.4))
-    assert found.wander == 0.0 and found.share > 0.3 and not found.is_noise
+    for own in ((0.4, 2.5, 4.6), (0.4, 2.5)):
+        found = with_waves(own)
+        assert found.wander > 0.3 and found.is_noise
+    for shared in ((0.4, 0.4, 0.4), (0.4, 0.4)):
+        found = with_waves(shared)
+        assert found.wander == 0.0 and found.share > 0.3 and not found.is_noise
+
+
+@pytest.mark.parametrize(
+    ("kind", "names"),
+    [("jet_on_board", FEW[0]), ("jet_on_board", FEW[1]), ("whirl", FEW[0]), ("gust", FEW[0])],
+)
+def test_a_push_at_one_time_of_two_logs_is_no_wander(kind, names):
+    found = left_by_the_base_model(*blind_logs(kind, names))
+    assert found.wander == 0.0 and not found.is_noise
+
+
+@pytest.mark.parametrize(
+    ("kind", "names", "only_in"),
+    [
+        ("payload_change", FEW[0], ("multisine_a",)),
+        ("payload_change", FEW[0], ()),
+        ("failing_drive", FEW[0], ()),
+        ("failing_drive", FEW[1], ()),
+    ],
+)
+def test_a_force_that_follows_the_motion_otherwise_from_a_time_on_is_no_noise(kind, names, only_in):
+    logs = blind_logs(kind, names, {"time": 30.0}, factor=0.7, only_in=only_in)
+    found = left_by_the_base_model(*logs)
+    assert not found.is_noise and found.share > 0.25
+
+
+@pytest.mark.parametrize(
+    ("kind", "names"),
+    [("torque_wander", FEW[0]), ("offset_wander", FEW[0]), ("offset_wander", FEW[1])],
+)
+def test_noise_of_two_logs_is_noise(kind, names):
+    found = left_by_the_base_model(*blind_logs(kind, names, seed=6))
+    assert found.is_noise
 
 
 def test_what_happens_at_times_only_is_no_noise_and_is_told_where():
