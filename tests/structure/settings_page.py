@@ -29,6 +29,7 @@ from identification.diagnosis.settings import DiagnosisSettings
 from identification.fitting.settings import (
     FitSettings,
     HarmonicScanSettings,
+    LateEffortSettings,
     PredictabilitySettings,
     WheelEvidenceSettings,
 )
@@ -57,6 +58,7 @@ AREAS = {
         PredictabilitySettings,
         HarmonicScanSettings,
         WheelEvidenceSettings,
+        LateEffortSettings,
         FitSettings,
         ResidualMapSettings,
         RegimeSettings,
