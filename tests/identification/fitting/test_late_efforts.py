@@ -7,6 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from identification.diagnosis.diagnose import diagnose
 from identification.doctor import faults_of_joints
 from identification.fitting.identify import identify
 from identification.fitting.late_efforts import late_efforts
@@ -148,3 +149,14 @@ def test_doctor_says_that_a_speed_swings_with_its_wheel_or_comes_late():
     ]
     assert len(messages) == 1
     assert "speeds swing with the wheel's own angle (front right by 5" in messages[0]
+
+
+def test_diagnose_says_it_first_and_proposes_no_law():
+    log = later(recording(), "fl", 0.08)
+    found = diagnose(PAPER, [log], effects=["wheel_coulomb_friction"])
+    assert found.late is not None and found.late.late == ("effort_fl",)
+    assert found.proposal is None and found.slip is None
+    assert found.first_warnings[0].startswith("effort_fl comes")
+    if found.verdict == "unknown":
+        assert found.summary().startswith("effort_fl comes")
+    assert found.to_dict()["late"]["early"] == ["effort_fr", "effort_bl", "effort_br"]
