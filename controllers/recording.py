@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import zlib
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -33,6 +33,9 @@ SLOWEST, FASTEST = 20.0, 1000.0
 
 MAX_TICKS = 2_000_000
 """Control ticks in one run: an hour at 500 Hz, half a gigabyte of states."""
+
+MIN_SHARE_OF_MOTION = 0.1
+"""Of the speeds that a motion asks for (rms): a platform that reaches less of them is held."""
 
 TORQUE_NOISE, SPEED_NOISE = 0.03, 0.01
 """White noise of a logged torque [N m] and of a measured wheel speed [rad/s]."""
@@ -219,6 +222,32 @@ def drive(
     return found.log(torque_noise, rng)
 
 
+def share_of_motion(trace: Trace) -> float:
+    """True speeds over those that were asked for, root mean square; 1 where none were."""
+    asked = float((trace.reference**2).sum())
+    return float(np.sqrt((trace.twist**2).sum() / asked)) if asked else 1.0
+
+
+def holding_effects(plant: Model, motion: Motion, *, rate: float = 100.0) -> tuple[str, ...]:
+    """Of the effects of a plant that hardly moves, those without which it does; () if none alone.
+
+    Each is left out in turn, and the motion driven without noise.
+    """
+    found = list[str]()
+    for name in plant.effects:
+        others = {other: plant.effects[other] for other in plant.effects if other != name}
+        free = replace(plant, effects=others, covariance=None, covariance_names=())
+        controller = KinematicControl(free.geometry, sample_time=control_step(rate))
+        try:
+            trace = run(free, motion, controller, rate=rate, speed_noise=0.0).trace
+        except InputError:  # it diverges, so it moves
+            found.append(name)
+            continue
+        if share_of_motion(trace) >= MIN_SHARE_OF_MOTION:
+            found.append(name)
+    return tuple(found)
+
+
 @dataclass(frozen=True, eq=False)
 class Recording:
     """One run of the plant, and the log that it left; the torque limit [N m] was the loop's."""
@@ -226,6 +255,11 @@ class Recording:
     run: Run
     log: Log
     torque_limit: float
+
+    @property
+    def share_of_motion(self) -> float:
+        """True speeds over those that were asked for, root mean square; 1 where none were."""
+        return share_of_motion(self.run.trace)
 
     def summary(self) -> dict[str, Any]:
         """Numbers for a table: SI units, shares of time, true peaks (noise left out)."""

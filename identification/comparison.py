@@ -27,6 +27,7 @@ from identification.fitting.errors import (
 )
 from identification.fitting.final_fit import without_noise_bias
 from identification.fitting.kinematic_evidence import doubts_of_kinematics
+from identification.fitting.late_efforts import late_efforts
 from identification.fitting.least_squares import Fit, fit as fit_model
 from identification.fitting.misfit import force_floor_of, misfit, misfit_warning
 from identification.fitting.observability import log_observability, refuse_blind
@@ -302,6 +303,8 @@ def compare(
     kinematics = doubts_of_kinematics(
         mechanism, model.theta, samples, [level.speed for level in noise], settings.fit
     )
+    late = late_efforts(mechanism, model.theta, samples, settings.fit, seed)
+    kinematics += [late.words] if late else []
     where = residual_map(
         *(mechanism, model.theta, samples),
         seed=seed,

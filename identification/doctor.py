@@ -9,6 +9,13 @@ from typing import Any
 
 import numpy as np
 
+from identification.fitting.errors import NoiseLevel
+from identification.fitting.kinematic_evidence import (
+    CURE_OF_SWINGS,
+    slipping_wheels,
+    words_of_swings,
+)
+from identification.fitting.late_efforts import late_efforts
 from identification.fitting.observability import Observability, in_motion, log_observability
 from identification.fitting.regression import regression
 from identification.logs.findings import Finding, LogError
@@ -156,8 +163,25 @@ def examine_log(
         return LogExamination(most_serious_first(error.findings))
     except InputError as error:
         return LogExamination(refusal=str(error))
-    shows = log_shows(log, mechanism_of(start, geometry), start.theta)
-    return LogExamination(most_serious_first(log.findings), "", log, joint_units(start), shows)
+    mechanism = mechanism_of(start, geometry)
+    shows = log_shows(log, mechanism, start.theta)
+    found = most_serious_first([*log.findings, *faults_of_joints(log, mechanism, start.theta)])
+    return LogExamination(found, "", log, joint_units(start), shows)
+
+
+def faults_of_joints(log: Log, mechanism: Mechanism, theta: np.ndarray) -> list[Finding]:
+    """Faults of single joints' columns that only a model of the motion shows.
+
+    ``theta`` (P,): where the columns of the model's parameters are computed.
+    """
+    samples, found = mechanism.samples(log), list[Finding]()
+    late = late_efforts(mechanism, theta, [samples])
+    if late is not None:
+        found.append(Finding("warning", late.brief, cure=late.cure))
+    swings = slipping_wheels(mechanism, theta, [samples], [NoiseLevel.of(samples).speed]).swings
+    if swings:
+        found.append(Finding("warning", words_of_swings(swings), cure=CURE_OF_SWINGS))
+    return found
 
 
 def most_serious_first(findings: Sequence[Finding]) -> tuple[Finding, ...]:

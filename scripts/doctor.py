@@ -77,7 +77,9 @@ def _print(out: Console, path: Path, report: dict[str, Any]) -> None:
         out.print(f"{path}: cannot be used", style="red", soft_wrap=True)
     for finding in report["findings"]:
         place = f"row {finding['row']}: " if finding.get("row") is not None else ""
-        column = f"column {finding['column']}: " if finding.get("column") else ""
+        named = finding.get("column") or ""
+        told = not named or finding["message"].startswith(f"{named} ")
+        column = "" if told else f"column {named}: "
         cure = f"; {finding['cure']}" if finding.get("cure") else ""
         out.print(
             f"  {finding['level']}: {place}{column}{finding['message']}{cure}", soft_wrap=True

@@ -114,7 +114,8 @@ def _agreement(found: Kinematics, nominal: float) -> str | None:
 
 def _line(finding: KinematicFinding) -> str:
     cure = f"; {finding.cure}" if finding.cure else ""
-    place = f"{finding.column}: " if finding.column else ""
+    told = finding.column and finding.message.startswith(f"{finding.column} ")
+    place = f"{finding.column}: " if finding.column and not told else ""
     return f"{finding.level}: {place}{finding.message}{cure}"
 
 

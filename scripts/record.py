@@ -16,6 +16,7 @@ from identification.logs.formats import import_parquet
 from identification.logs.reading import write_log
 from identification.logs.writing import DECIMALS
 from youbot_scripts.cli import run_script
+from youbot_scripts.recording.held_platform import held_platform
 from youbot_scripts.recording.named_motions import DEFAULT_MOTIONS, motions_named
 from youbot_scripts.recording.named_plants import Driven, plant_named
 from youbot_scripts.shared import options as common
@@ -115,10 +116,12 @@ def main(
     if format is Format.PARQUET:
         import_parquet(str(out_dir))  # raises now if pyarrow is missing, not after the simulation
     platform = driven.platform()
+    moved = dict[str, float]()
     common.make_folder(out_dir)
     with common.progress(sum(motion.duration for motion in chosen), "driving") as advance:
         found = recordings(platform, chosen, rate=rate, seed=seed, progress=advance, **noise)
         for recording in found:
+            moved[recording.log.name] = recording.share_of_motion
             path = out_dir / f"{recording.log.name}.{format}"
             write_log(path, recording.log, decimals=decimals)
             # Of the bytes as written: `recorded_motion` compares it with those of the file it
@@ -128,7 +131,10 @@ def main(
             # After each log, so that the record is right if the run is interrupted.
             common.write_result(out_dir / "record.json", how, seed)
     common.write_result(json, how, seed)
-    _show(common.console(json), driven, how["logs"], out_dir)
+    out = common.console(json)
+    for warning in held_platform(driven, chosen, moved, rate):
+        out.print(f"warning: {warning}", style="yellow", soft_wrap=True)
+    _show(out, driven, how["logs"], out_dir)
 
 
 def _show(console: Any, driven: Driven, rows: dict[str, dict[str, Any]], out_dir: Path) -> None:

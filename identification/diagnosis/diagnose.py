@@ -52,6 +52,7 @@ from identification.diagnosis.structures import (
 from identification.fitting.changed_parameters import changed_parameters
 from identification.fitting.final_fit import coarse_speed_warnings, final_fit
 from identification.fitting.kinematic_evidence import kinematic_effects
+from identification.fitting.late_efforts import LateEfforts, late_efforts
 from identification.fitting.least_squares import Fit
 from identification.fitting.regression import acting_share
 from identification.logs.log import Log, in_order_of_time, shared_clock, warnings_of_logs
@@ -111,9 +112,10 @@ def diagnose(
         regime_left(data, steps, explained_share(steps)) if unexplained else (steps, None)
     )
     slip, proposal = telling_slip(steps[-1].fitted, chosen.wheels.slip), None
-    if slip is None:
+    late = late_efforts_of(data, steps)
+    if slip is None and late is None:
         # Also where trees find nothing: a ripple of the floor is too fine for them. Of wheels that
-        # slide no law is sought: one of rolling would imitate them.
+        # slide, or efforts that come late, no law is sought: one of wheels would imitate them.
         steps, proposal = propose(data, steps, unexplained, FITS)
     unexplained = unexplained or proposal is not None
     # What the last step leaves holds the law as well, and trees do not learn all of it.
@@ -133,6 +135,9 @@ def diagnose(
     if slip is not None:
         of_logs.append(slip_warning(slip, chosen.refused))
         words = [slip.words, *words] if unexplained else words
+    if late is not None:
+        of_logs.append(late.words)
+        words = [late.words, *words] if unexplained else words
     return Diagnosis(
         verdict=verdict,
         missing=effects_of(accepted),
@@ -162,7 +167,22 @@ def diagnose(
             public_values(steps[0].fitted.mechanism, steps[0].fitted.theta),
         ),
         slip=slip,
+        late=late,
     )
+
+
+def late_efforts_of(data: LoggedData, steps: Sequence[Step]) -> LateEfforts | None:
+    """Efforts that come later than the others', beside what the last step holds or the first.
+
+    What is missing from the first may hide them; what the last holds may imitate them.
+    """
+    for step in dict.fromkeys((len(steps) - 1, 0)):
+        fitted, share = steps[step].fitted, steps[step].predictable.systematic_share
+        where = fitted.mechanism, fitted.theta, fitted.samples
+        found = late_efforts(*where, data.settings.fit, data.seed, share)
+        if found is not None:
+            return found
+    return None
 
 
 def _told_of(regime: Regime | None, proposal: Proposal | None) -> tuple[str, ...]:

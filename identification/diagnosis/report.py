@@ -13,6 +13,7 @@ from identification.diagnosis.settings import DiagnosisSettings
 from identification.diagnosis.structures import Candidate, Ranking, Step
 from identification.fitting.changed_parameters import ParameterChanges
 from identification.fitting.kinematic_evidence import TellingSlip
+from identification.fitting.late_efforts import LateEfforts
 from identification.fitting.predictability import too_short
 from identification.mechanisms.mechanism import Mechanism
 from identification.mechanisms.samples import Samples
@@ -43,6 +44,7 @@ class Diagnosis(Shown):
     proposal : a law beyond the catalogue for an unknown rest; None if none was found
     changes : the given model's parameters beside the refitted ones
     slip : of the wheels, where it is worth a word
+    late : efforts that come later than the others', where some do
     settings : all numbers that the verdict depends on
     """
 
@@ -68,6 +70,7 @@ class Diagnosis(Shown):
     proposal: Proposal | None = None
     changes: ParameterChanges = field(default_factory=ParameterChanges)
     slip: TellingSlip | None = None
+    late: LateEfforts | None = None
 
     kind: ClassVar[str] = "diagnosis"
 
@@ -75,11 +78,10 @@ class Diagnosis(Shown):
         """The verdict in one sentence, with how far the error falls."""
         names = listed([name.replace("_", " ") for name in self.missing]) if self.missing else ""
         line = HEADLINES[self.verdict].format(missing=names)
-        if self.verdict == "unknown" and (names or self.slip):
-            rest = "something that no effect of the catalogue explains"
-            if self.slip is not None:
-                rest = self.slip.brief
-            line = f"The model lacks {names}, and {rest}" if names else rest[0].upper() + rest[1:]
+        fault = self.late or self.slip
+        if self.verdict == "unknown" and (names or fault):
+            rest = fault.brief if fault else "something that no effect of the catalogue explains"
+            line = f"The model lacks {names}, and {rest}" if names else _as_a_beginning(rest)
         first, last = self.steps[0].force_error, self.steps[-1].force_error
         noise = f"noise {self.noise_floor['force_error']:.2%}"
         if len(self.steps) == 1:
@@ -178,6 +180,7 @@ class Diagnosis(Shown):
             "where": self.where,
             "remaining": self.remaining,
             "slip": None if self.slip is None else self.slip.share,
+            "late": None if self.late is None else self.late.to_dict(),
             "regime": self.regime and self.regime.rule,
             "proposal": self.proposal and self.proposal.to_dict(),
             "next_experiment": self.next_experiment,
@@ -185,6 +188,11 @@ class Diagnosis(Shown):
             "warnings": list(self.warnings),
             "settings": self.settings.to_dict(),
         }
+
+
+def _as_a_beginning(line: str) -> str:
+    """With a capital letter, unless a column's name stands first."""
+    return line if "_" in line.split()[0] else line[0].upper() + line[1:]
 
 
 def effects_of(names: Sequence[str]) -> tuple[str, ...]:

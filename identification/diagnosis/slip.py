@@ -30,7 +30,7 @@ def telling_slip(fitted: FittedStructure, slip: SlippingWheels) -> TellingSlip |
     """
     settings = fitted.settings
     if slip.share > settings.fit.kinematics.min_slip_share:
-        return TellingSlip(slip.share, swings=slip.swings)
+        return TellingSlip(slip.share, swings=slip.swings, late=slip.late)
     bursts, elsewhere, seconds = list[float](), list[Array](), 0.0
     for samples, row, mask in zip(fitted.samples, fitted.rows, slip.bursts, strict=True):
         within = _remembered(samples, row, mask, settings.regime.filter_memory)

@@ -19,7 +19,7 @@ from identification.fitting.misfit import misfit_of
 from identification.fitting.settings import FitSettings
 from identification.mechanisms.mechanism import Mechanism
 from youbot_env.model.model import Model
-from youbot_env.physics.effect import effect_of
+from youbot_env.physics.effect import effect_of, with_unit
 
 Array = NDArray[np.float64]
 
@@ -57,7 +57,8 @@ class Change:
         decimals = max(0, 1 - int(np.floor(np.log10(std))))
         verb = "risen" if self.size > 0 else "fallen"
         return (
-            f"{self.name} has {verb} by {size:.{decimals}f} +- {std:.{decimals}f} {self.unit} "
+            f"{self.name} has {verb} by "
+            f"{with_unit(f'{size:.{decimals}f} +- {std:.{decimals}f}', self.unit)} "
             "since the model was made"
         )
 

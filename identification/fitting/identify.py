@@ -21,6 +21,7 @@ from identification.fitting.estimate_history import EstimateHistory, recursive_c
 from identification.fitting.final_fit import coarse_speed_warnings, without_noise_bias
 from identification.fitting.held_channels import as_they_mean
 from identification.fitting.kinematic_evidence import doubts_of_kinematics
+from identification.fitting.late_efforts import late_efforts
 from identification.fitting.least_squares import Fit, fit
 from identification.fitting.misfit import NEXT_COMMAND, misfit_warning
 from identification.fitting.observability import (
@@ -296,7 +297,11 @@ def identify(
         provenance={**(provenance or {}), "clock": shared_clock(logs)},
     )
     # What is wrong with a log may be why the model does not fit it.
-    doubts = [line for line in (doubt, *warnings_of_logs(logs), misfit) if line]
+    late = late_efforts(
+        mechanism, final.theta, samples, settings, seed, predictable.systematic_share
+    )
+    of_logs = [*warnings_of_logs(logs), late.words if late else ""]
+    doubts = [line for line in (doubt, *of_logs, misfit) if line]
     doubts += [too_short(predictable)] if predictable.is_short and not misfit else []
     doubts += [*held.notes, *coarse_speed_warnings(samples, final)]
     noise = [NoiseLevel.of(item, settings).speed for item in samples]

@@ -18,7 +18,7 @@ from identification.fitting.cross_validation import CrossValidation, cross_valid
 from identification.fitting.gauge import gauge_basis
 from identification.fitting.regression import Indices, Regression, covariance_of
 from identification.fitting.settings import FitSettings
-from identification.fitting.swinging_speeds import swings_of_speeds
+from identification.fitting.swinging_speeds import late_speeds, swings_of_speeds
 from identification.mechanisms.mechanism import HeldDirections, Mechanism
 from identification.mechanisms.samples import Samples, averaged_down, rolled_speeds
 from identification.signals.filters import block_mean, pieces
@@ -316,12 +316,14 @@ class SlippingWheels:
     bursts : per log (N,), whether it slips by more than rollers mostly ripple
     swings : joints whose speeds swing with their own angle, where this is most of it, with the
         amplitude as a share of the speed
+    late : joints whose speeds come after the others', where this is most of it, with the delay [s]
     """
 
     share: float
     slips: tuple[NDArray[np.bool_], ...]
     bursts: tuple[NDArray[np.bool_], ...]
     swings: Mapping[str, float] = field(default_factory=dict)
+    late: Mapping[str, float] = field(default_factory=dict)
 
 
 def slipping_wheels(
@@ -370,10 +372,13 @@ def slipping_wheels(
     excess = float(np.mean(np.concatenate(squares))) if squares else 0.0
     share = float(np.sqrt(max(excess, 0.0))) / max(usual, 1e-300)
     slips, bursts = zip(*masks, strict=True)
+    late: Mapping[str, float] = {}
     swings: Mapping[str, float] = {}
     if share > known.min_slip_share:
-        swings = swings_of_speeds(long, rows, internal, mechanism.joints, known)
-    return SlippingWheels(share, slips, bursts, swings)
+        seen = long, rows, internal, mechanism.joints, known
+        late = late_speeds(*seen)
+        swings = {} if late else swings_of_speeds(*seen)
+    return SlippingWheels(share, slips, bursts, swings, late)
 
 
 class _WayOfWheels:
@@ -490,7 +495,7 @@ def doubts_of_kinematics(
     slip = slipping_wheels(mechanism, theta, logs, speed_noise, settings)
     if slip.share <= settings.kinematics.min_slip_share:
         return []
-    return [TellingSlip(slip.share, swings=slip.swings).words]
+    return [TellingSlip(slip.share, swings=slip.swings, late=slip.late).words]
 
 
 @dataclass(frozen=True)
@@ -500,19 +505,22 @@ class TellingSlip:
     share : of the wheel speeds that is no rigid motion, root mean square
     bursts : how often they slip, where they do so now and then; 0 where slip lasts
     square_ratio : usual mean square of the force residual in a burst, over that elsewhere
-    swings : see `SlippingWheels`; they are what is there then, and no wheel slips
+    swings, late : see `SlippingWheels`; they are what is there then, and no wheel slips
     """
 
     share: float
     bursts: int = 0
     square_ratio: float = 1.0
     swings: Mapping[str, float] = field(default_factory=dict)
+    late: Mapping[str, float] = field(default_factory=dict)
 
     @property
     def brief(self) -> str:
         """In a headline."""
+        if self.late:
+            return _words_of_late(self.late)
         if self.swings:
-            return _words_of_swings(self.swings)
+            return words_of_swings(self.swings)
         if not self.bursts:
             return f"the wheels slip ({self.share:.1%} of their speeds is no rigid motion)"
         return f"the wheels slip now and then ({self.bursts} times)"
@@ -520,12 +528,13 @@ class TellingSlip:
     @property
     def words(self) -> str:
         """With what to do."""
-        if self.swings:
+        if self.late:
             return (
-                f"{_words_of_swings(self.swings)}: the encoder is out of centre, or the wheel is "
-                "out of round; that is no rigid motion, and errs in force as a friction would; "
-                "look how the encoder and the wheel sit on the axle"
+                f"{_words_of_late(self.late)}: it breaks the rigid motion of the wheels as slip "
+                "would; log the four speeds of one instant, filtered alike"
             )
+        if self.swings:
+            return f"{words_of_swings(self.swings)}: {CURE_OF_SWINGS}"
         if not self.bursts:
             return (
                 f"the wheels slip: {self.share:.1%} of the wheel speeds is no rigid motion, beyond "
@@ -539,7 +548,23 @@ class TellingSlip:
         )
 
 
-def _words_of_swings(swings: Mapping[str, float]) -> str:
+def _words_of_late(late: Mapping[str, float]) -> str:
+    """Whose speeds come after or before the others', and by how much."""
+    parts = [
+        f"velocity_{joint} comes {1e3 * abs(delay):.2g} ms {'after' if delay > 0 else 'before'}"
+        for joint, delay in late.items()
+    ]
+    return f"{' and '.join(parts)} the other wheels' speeds"
+
+
+CURE_OF_SWINGS = (
+    "the encoder is out of centre, or the wheel is out of round; that is no rigid motion, and errs "
+    "in force as a friction would; look how the encoder and the wheel sit on the axle"
+)
+"""What swings mean, and what to do."""
+
+
+def words_of_swings(swings: Mapping[str, float]) -> str:
     """Whose speeds swing with their angle, and by how much."""
     parts = [f"{WHEEL_WORDS.get(joint, joint)} by {size:.1%}" for joint, size in swings.items()]
     return f"speeds swing with the wheel's own angle ({', '.join(parts)})"

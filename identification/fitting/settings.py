@@ -530,6 +530,14 @@ class WheelEvidenceSettings(Settings):
             "reason": "of a speed with its wheel's angle: an encoder out of centre, an oval wheel",
         },
     )
+    min_delay_eigenvalue: float = field(
+        default=1e-3,
+        metadata={
+            "unit": "share of the largest",
+            "reason": "of the squares of what wheels break the rigid motion by where their speeds "
+            "come late: the direction that is seen least, of the three that can be",
+        },
+    )
     min_rows_of_swing: int = field(
         default=4,
         metadata={
@@ -541,9 +549,9 @@ class WheelEvidenceSettings(Settings):
         default=0.6,
         metadata={
             "unit": "share of the slip's squares, held out",
-            "reason": "that swings explain, above which they are named in place of slip: 0.98 of "
-            "an encoder 4 % out of centre; 0.06 and less of wheels that slide on a floor with a "
-            "friction of 0.1 and 0.15, and where one wheel is larger",
+            "reason": "that swings, or delays, explain, above which they are named in place of "
+            "slip: 0.98 of an encoder 4 % out of centre; 0.06 and less of wheels that slide on a "
+            "floor with a friction of 0.1 and 0.15, and where one wheel is larger",
         },
     )
     min_share_of_largest_swing: float = field(
@@ -582,6 +590,121 @@ class WheelEvidenceSettings(Settings):
 
 
 @dataclass(frozen=True)
+class LateEffortSettings(Settings):
+    """How it is judged that efforts of some joints were logged later than the others'.
+
+    Each field's ``metadata`` holds its unit and the reason, or the measurement, for its default.
+    """
+
+    max_sample_rate: float = field(
+        default=200.0,
+        metadata={
+            "unit": "Hz",
+            "reason": "faster logs are averaged down to it: a delay that matters is 5 ms and more",
+        },
+    )
+    smooth_share: float = field(
+        default=0.1,
+        metadata={
+            "unit": "share of a joint's usual speed",
+            "reason": "over which dry friction turns its sign, as in the catalogue's frictions",
+        },
+    )
+    min_rows: float = field(
+        default=10.0,
+        metadata={"unit": "numbers for each column", "reason": "with fewer a fit is no evidence"},
+    )
+    max_steps: int = field(
+        default=12,
+        metadata={
+            "unit": "1",
+            "reason": "of Gauss and Newton: from 0 to 80 ms it takes 3; where it takes more, no "
+            "delay is what is there",
+        },
+    )
+    min_eigenvalue: float = field(
+        default=1e-3,
+        metadata={
+            "unit": "share of the largest",
+            "reason": "of the squares that delays explain, along the direction that the motion "
+            "shows least: 0.1 and more where all wheels turn",
+        },
+    )
+    min_power: float = field(
+        default=1e-6,
+        metadata={
+            "unit": "share of the squares of a delay's columns",
+            "reason": "that must be left beyond what the model knows: of a model that has a lag "
+            "nothing is left of a delay that all efforts share",
+        },
+    )
+    max_delay: float = field(
+        default=0.5,
+        metadata={"unit": "s", "reason": "beyond, no logger is so late, and something else acts"},
+    )
+    min_delay: float = field(
+        default=0.01,
+        metadata={
+            "unit": "s",
+            "reason": "a shorter one changes no parameter by more than its interval",
+        },
+    )
+    min_deviations: float = field(
+        default=5.0,
+        metadata={
+            "unit": "standard deviations",
+            "reason": "of the delay between the two groups of efforts, which are chosen for it",
+        },
+    )
+    max_spread: float = field(
+        default=0.5,
+        metadata={
+            "unit": "share of the delay",
+            "reason": "by which efforts of one group may differ: where each comes at another time, "
+            "no logger is the reason",
+        },
+    )
+    min_share_of_rest: float = field(
+        default=0.5,
+        metadata={
+            "unit": "share of the squares beyond noise",
+            "reason": "that the delay must explain of what a common one leaves",
+        },
+    )
+    min_fall: float = field(
+        default=0.01,
+        metadata={
+            "unit": "share of the squares",
+            "reason": "that the delay must explain in any case: what is less is lost in noise, and "
+            "no parameter would be wrong by it",
+        },
+    )
+    max_noise: float = field(
+        default=1.5,
+        metadata={
+            "unit": "share of the squares",
+            "reason": "that white noise may be said to leave: 1.1 where it is white, 6 to 14 of "
+            "counted speeds, which are smoothed",
+        },
+    )
+    noise_draws: int = field(
+        default=4,
+        metadata={"unit": "1", "reason": "of the noise: its squares are known to 2 % a minute"},
+    )
+    max_part_of_sample: float = field(
+        default=0.75,
+        metadata={
+            "unit": "samples",
+            "reason": "that the rates may stand for, the rest are whole samples: above a half, so "
+            "that a delay between two samples does not go to and fro",
+        },
+    )
+
+    def __post_init__(self) -> None:
+        check_settings(self, "settings of late efforts", positive=True)
+
+
+@dataclass(frozen=True)
 class FitSettings(Settings):
     """What a fit, its intervals, the errors of a model and their noise floors depend on.
 
@@ -601,6 +724,7 @@ class FitSettings(Settings):
     changing_law: ChangingLawSettings = field(default_factory=ChangingLawSettings)
     harmonic_scan: HarmonicScanSettings = field(default_factory=HarmonicScanSettings)
     kinematics: WheelEvidenceSettings = field(default_factory=WheelEvidenceSettings)
+    late_efforts: LateEffortSettings = field(default_factory=LateEffortSettings)
 
     # When a log began on the clock of an effect that swings
     clock_harmonics: int = field(

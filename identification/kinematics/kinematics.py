@@ -32,6 +32,7 @@ from identification.kinematics.slip import SlipFound, identity_share, slip_of_po
 from identification.kinematics.units import SpeedUnit, speed_units
 from identification.kinematics.wheels import WheelFit, equalised, fit_wheels
 from youbot_env.errors import InputError
+from youbot_env.physics.effect import with_unit
 from youbot_env.physics.geometry import WHEELS, Geometry
 
 
@@ -50,7 +51,7 @@ class Length:
     def __str__(self) -> str:
         if self.value is None or self.std is None:
             return "not shown"
-        return f"{self.value:.5g} +- {self.std:.2g} {self.unit}"
+        return with_unit(f"{self.value:.5g} +- {self.std:.2g}", self.unit)
 
 
 @dataclass(frozen=True)

@@ -33,9 +33,15 @@ class Finding:
     column: str | None = None
     cure: str = ""
 
+    @property
+    def names_its_column(self) -> bool:
+        """Whether the message begins with the column, so that nobody need say it before."""
+        return bool(self.column) and self.message.startswith(f"{self.column} ")
+
     def __str__(self) -> str:
         place = [f"row {self.row}"] if self.row is not None else []
-        place += [f"column {self.column}"] if self.column is not None else []
+        if self.column is not None and not self.names_its_column:
+            place.append(f"column {self.column}")
         parts = [", ".join(place)] if place else []
         return ": ".join([*parts, self.message]) + (f"; {self.cure}" if self.cure else "")
 

@@ -183,7 +183,7 @@ def warnings_of_logs(logs: Iterable[Log]) -> list[str]:
 
 
 def _sentence(finding: Finding) -> str:
-    column = f"{finding.column} " if finding.column else ""
+    column = f"{finding.column} " if finding.column and not finding.names_its_column else ""
     cure = f"; {finding.cure}" if finding.cure and finding.level == "warning" else ""
     return f"{column}{finding.message}{cure}"
 

@@ -523,6 +523,14 @@ class LogSettings(Settings):
             "and a carpet's nap 0.002 and more in one wheel at least",
         },
     )
+    max_offset_share: float = field(
+        default=1.5,
+        metadata={
+            "unit": "share of the effort's root mean square",
+            "reason": "a real offset makes 1 at most; rough floors, on motions that hardly turn, "
+            "gave offsets of 10 times the efforts",
+        },
+    )
     min_offset_share: float = field(
         default=0.02,
         metadata={"unit": "share of the usual effort", "reason": "a smaller offset hardly matters"},
@@ -585,6 +593,15 @@ class LogSettings(Settings):
             "reason": "at most 0.001 on platforms that lack no effect, in any unit or order; where "
             "more is left, what is missing may set the masses apart: one wheel's friction turned "
             "the sign of one (0.011), a clipped torque made them differ by 4 (0.08)",
+        },
+    )
+    min_nearer_mass: float = field(
+        default=2.0,
+        metadata={
+            "unit": "1",
+            "reason": "factor by which a mass must be nearer to the usual one in another unit of "
+            "the speeds: turns/s make 6.3 of it, and a floor that is rough in places leaves the "
+            "mass by accelerations as it is",
         },
     )
     max_platform_mass: float = field(

@@ -10,7 +10,7 @@ import numpy as np
 from identification.mechanisms.settings import MechanismSettings
 from youbot_env.model.model import Estimate, Model
 from youbot_env.model.model_file import load_model
-from youbot_env.physics.effect import Parameter
+from youbot_env.physics.effect import Parameter, with_unit
 from youbot_env.physics.geometry import Geometry
 
 
@@ -123,10 +123,9 @@ def barely_observable(
             continue
         if _may_be_zero(estimate, declared, settings):
             most = estimate.value + settings.interval_deviations * estimate.std
-            found.append(f"{name} is not shown by these logs (below {most:.2g} {estimate.unit})")
+            bound = with_unit(f"{most:.2g}", estimate.unit)
+            found.append(f"{name} is not shown by these logs (below {bound})")
         else:
-            found.append(
-                f"{name} = {estimate.value:.3g} +- {estimate.std:.2g} {estimate.unit} is barely "
-                "observable in these logs"
-            )
+            size = with_unit(f"{estimate.value:.3g} +- {estimate.std:.2g}", estimate.unit)
+            found.append(f"{name} = {size} is barely observable in these logs")
     return found

@@ -8,6 +8,7 @@ from typing import Any
 
 from identification.residual_map.curves import Curve
 from identification.residual_map.settings import ResidualMapSettings
+from youbot_env.physics.effect import with_unit
 
 
 @dataclass(frozen=True)
@@ -51,7 +52,9 @@ class Share:
     def words(self) -> str:
         """The variable with its share, and its period if it has one."""
         # Three digits: a scan over a room tells a period to a part in a hundred or better.
-        often = "" if self.period is None else f", again every {self.period:.3g} {self.unit}"
+        often = ""
+        if self.period is not None:
+            often = f", again every {with_unit(f'{self.period:.3g}', self.unit)}"
         return f"{self.variable} ({self.share:.0%}{often})"
 
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
+from youbot_env.physics.effect import in_brackets
 from youbot_scripts.blind_bench.effects import CATALOGUE
 from youbot_scripts.blind_bench.promises import KIND_WORDS, WANTED
 from youbot_scripts.blind_bench.scores import (
@@ -164,7 +165,7 @@ def show_sizes(console: Console, table: Mapping[str, Mapping[str, Any]]) -> None
     factors = list(next(iter(table.values()))["ratio_by_factor"])
     rows = [
         (
-            f"{name} [{item['unit']}]",
+            in_brackets(name, item["unit"]),
             f"{item['size']:g}",
             *(f"{item['ratio_by_factor'][factor]:.1f}" for factor in factors),
             number(item["smallest"], 2),

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from typing import TYPE_CHECKING, Any, NamedTuple
 
+from youbot_env.physics.effect import in_brackets
 from youbot_env.physics.mecanum import mecanum_structure
 from youbot_scripts.shared.tables import Table, columns, number, text
 
@@ -112,7 +113,9 @@ def table(items: list[Effect], of: PrintedCatalogue) -> Table:
 def parameters(item: Effect) -> str:
     """One parameter a line, with its unit."""
     return "\n".join(
-        f"{parameter.name}{'_fl .. _br' if parameter.each_wheel else ''} [{parameter.unit}]"
+        in_brackets(
+            f"{parameter.name}{'_fl .. _br' if parameter.each_wheel else ''}", parameter.unit
+        )
         for parameter in item.public_parameters
     )
 

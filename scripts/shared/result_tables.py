@@ -9,6 +9,7 @@ import math
 from collections.abc import Iterable, Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
+from youbot_env.physics.effect import in_brackets, shown_unit
 from youbot_scripts.shared.tables import (
     Column,
     Table,
@@ -65,7 +66,7 @@ def parameters(found: Mapping[str, Found], title: str = "Parameters") -> Table:
     ----------
     found : by name value, std, interval (None where there is none) and unit
     """
-    rows = tuple((name, entry, entry, entry["unit"]) for name, entry in found.items())
+    rows = tuple((name, entry, entry, shown_unit(entry["unit"])) for name, entry in found.items())
     shown = (Column("value", _estimate), Column("95 % interval", _interval), unit())
     return Table(title, (unit("name"), *shown), rows)
 
@@ -123,14 +124,16 @@ def added_parameters(found: Found) -> Table:
     """The parameters of an effect that was added; of a map of the residual its curve."""
     if found.get("curve"):
         return _map_curve(found)
-    rows = tuple((name, entry, entry["unit"]) for name, entry in found["parameters"].items())
+    rows = tuple(
+        (name, entry, shown_unit(entry["unit"])) for name, entry in found["parameters"].items()
+    )
     return Table(found["effect"], columns("parameter", Column("value", _estimate), unit()), rows)
 
 
 def _map_curve(found: Found) -> Table:
     rows, parts = found["curve"], [key for key in found["curve"][0] if key not in ("at", "unit")]
-    shown = [Column(f"{part} [{rows[0][part]['unit']}]", _estimate) for part in parts]
-    first = f"{found['effect'].partition(':')[2].replace('_', ' ')} [{rows[0]['unit']}]"
+    shown = [Column(in_brackets(part, rows[0][part]["unit"]), _estimate) for part in parts]
+    first = in_brackets(found["effect"].partition(":")[2].replace("_", " "), rows[0]["unit"])
     values = tuple((number(row["at"], 3), *(row[part] for part in parts)) for row in rows)
     return Table(found["effect"], columns(first, *shown), values)
 

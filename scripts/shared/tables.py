@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterable
+import re
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
@@ -98,21 +99,86 @@ def show(out: Console, tables: Iterable[Table]) -> None:
 def _print(out: Console, table: Table) -> None:
     from rich import box
     from rich.table import Table as RichTable
-    from rich.text import Text
 
-    # Text, not str: in a str Rich would read brackets, as in units, as markup.
-    title = Text(visible(table.title))
-    drawn = RichTable(title=title, title_justify="left", box=box.SIMPLE_HEAD, pad_edge=False)
-    for column in table.columns:
+    if table.title:
+        # Above the table, not as its own title: that folds at the table's width.
+        out.print(_text(table.title), soft_wrap=True)
+    rows, names = table.cells, [column.header for column in table.columns]
+    is_text = [column.is_text for column in table.columns]
+    widths = text_widths([names, *rows], is_text, out.width)
+    drawn = RichTable(box=box.SIMPLE_HEAD, pad_edge=False)
+    for column, width in zip(table.columns, widths, strict=True):
         drawn.add_column(
-            _text(column.header),
+            _text(folded(column.header, width)),
             justify="left" if column.is_text else "right",
             overflow="fold",
             no_wrap=not column.is_text,
         )
-    for row in table.cells:
-        drawn.add_row(*map(_text, row))
+    for row in rows:
+        drawn.add_row(
+            *(_text(folded(cell, width)) for cell, width in zip(row, widths, strict=True))
+        )
     out.print(drawn)
+
+
+EDGE, BETWEEN = 2, 3
+"""Blanks that the terminal's tables have at both sides together, and between two columns."""
+
+
+def text_widths(
+    rows: Sequence[Sequence[str]], is_text: Sequence[bool], width: int
+) -> list[int | None]:
+    """Characters that each column of words may take in a terminal; None: as many as it has.
+
+    The widest columns of words give way, so that figures and short names stay whole.
+
+    Parameters
+    ----------
+    rows : cells, the heads of the columns among them
+    width : of the terminal [characters]
+    """
+    wanted = [max(map(_longest_line, column)) for column in zip(*rows, strict=True)]
+    left = width - EDGE - BETWEEN * (len(wanted) - 1)
+    left -= sum(size for size, words in zip(wanted, is_text, strict=True) if not words)
+    words = sorted(size for size, words in zip(wanted, is_text, strict=True) if words)
+    most = None
+    for k, size in enumerate(words):
+        share = left // (len(words) - k)
+        if size > share:
+            most = max(share, 1)
+            break
+        left -= size
+    return [most if words else None for words in is_text]
+
+
+def _longest_line(cell: str) -> int:
+    return max(map(len, cell.split("\n")))
+
+
+def folded(cell: str, width: int | None) -> str:
+    """A cell in lines of at most ``width`` characters; long names break after "_" and ".".
+
+    A line is cut elsewhere only where a part of a name is longer than it.
+    """
+    if width is None or _longest_line(cell) <= width:
+        return cell
+    lines = list[str]()
+    for line in cell.split("\n"):
+        # "%" stays with its number.
+        words = re.split(r"(?<=\s)(?=[^\s%])", line)
+        parts = [part for word in words for part in _parts(word, width)]
+        lines.append("")
+        for part in parts:
+            if len((lines[-1] + part).rstrip()) > width and lines[-1]:
+                lines[-1] = lines[-1].rstrip()
+                lines.append("")
+            lines[-1] += part
+    return "\n".join(line.rstrip() for line in lines)
+
+
+def _parts(word: str, width: int) -> list[str]:
+    """A word whole; in parts where it is a name that is longer than a line."""
+    return re.split(r"(?<=[_.])(?=[A-Za-z])", word) if len(word.rstrip()) > width else [word]
 
 
 def _text(cell: str) -> Text:

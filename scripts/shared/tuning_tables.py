@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Any
 
+from youbot_env.physics.effect import shown_unit
 from youbot_scripts.shared.tables import Column, Table, columns, decimals, number, percent, text
 
 AXES = ("VX", "VY", "W")
@@ -49,7 +50,7 @@ def gains(found: Found) -> Table:
     """The gains found under each set of requirements."""
     values = {name: one["gains"] for name, one in found["results"].items()}
     rows = tuple(
-        (key, *(one[key]["value"] for one in values.values()), entry["unit"])
+        (key, *(one[key]["value"] for one in values.values()), shown_unit(entry["unit"]))
         for key, entry in found["gains"].items()
     )
     shown = (*(Column(name, number) for name in values), text("unit"))

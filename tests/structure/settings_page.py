@@ -30,6 +30,7 @@ from identification.fitting.settings import (
     ChangingLawSettings,
     FitSettings,
     HarmonicScanSettings,
+    LateEffortSettings,
     PredictabilitySettings,
     WheelEvidenceSettings,
 )
@@ -59,6 +60,7 @@ AREAS = {
         ChangingLawSettings,
         HarmonicScanSettings,
         WheelEvidenceSettings,
+        LateEffortSettings,
         FitSettings,
         ResidualMapSettings,
         RegimeSettings,

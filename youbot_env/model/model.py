@@ -114,15 +114,36 @@ class Model(Generic[Known]):
             if fault := known.fault(base[name]):
                 raise InputError(f"model {self.name}: {name} = {fault}")
         # Numbers that are each possible may overflow together: an error, not numpy's warning.
-        with np.errstate(over="ignore", invalid="ignore"):
+        with np.errstate(all="ignore"):
             mass = self.mass_matrix()
         if not np.isfinite(mass).all():
-            raise InputError(f"model {self.name}: its numbers overflow together; check their units")
+            raise InputError(f"model {self.name}: {self._why_no_number()}")
         if np.linalg.eigvalsh(mass).min() <= 0:
             raise InputError(
                 f"model {self.name}: the mass matrix is not positive definite "
                 "(a centre of mass that far out needs a larger I0)"
             )
+
+    def _why_no_number(self) -> str:
+        """Why its mass matrix at rest is no number: an effect that has none there, or its sizes."""
+        lost = [name for name in self.effects if not self._is_number_at_rest((name,))]
+        if not lost:
+            return "its numbers overflow together; check their units"
+        names, many = " and ".join(lost), len(lost) > 1
+        return (
+            f"effect{'s' if many else ''} {names} {'are' if many else 'is'} no number where the "
+            "robot rests (a division by a speed that is 0?); write it so that it is one there: "
+            "v / xp.sqrt(v**2 + 1e-6) or xp.tanh(v / 0.001) in the place of v / xp.abs(v)"
+        )
+
+    def _is_number_at_rest(self, effects: tuple[str, ...]) -> bool:
+        """Whether a usual base model with some of its effects alone has finite forces at rest."""
+        structure = ModelStructure(effects, self.mechanism)
+        usual = {name: known.size for name, known in self.base_parameters.items()}
+        theta = to_theta(structure, self.geometry, self.values | usual)
+        with np.errstate(all="ignore"):
+            rows = dynamics.mass_matrix(np, structure, self.geometry, theta, self._at_rest)
+        return bool(np.isfinite(np.array(rows, float)).all())
 
     @cached_property
     def base_parameters(self) -> dict[str, Parameter]:

@@ -297,7 +297,7 @@ class Parameter:
         slack = 1e-9 * self.size
         if isfinite(value) and self.lower - slack <= value <= self.upper + slack:
             return ""
-        return f"{value:g} {self.unit} is outside [{self.lower:g}, {self.upper:g}]"
+        return f"{with_unit(f'{value:g}', self.unit)} is outside [{self.lower:g}, {self.upper:g}]"
 
 
 @dataclass(frozen=True)
@@ -436,9 +436,19 @@ INSTANCE = "@"
 """Between an effect's name and what tells its instances in a model apart: floor_tilt@2."""
 
 
+def shown_unit(unit: str) -> str:
+    """A unit as a table has it: "1" is the unit of a plain number, and nobody reads it."""
+    return "" if unit == "1" else unit
+
+
 def with_unit(number: str, unit: str) -> str:
-    """A number as a sentence has it, with its unit; "1" and "" are no units that anybody reads."""
-    return number if unit in ("", "1") else f"{number} {unit}"
+    """A number as a sentence has it, with its unit; without one that is a plain number."""
+    return f"{number} {shown_unit(unit)}".rstrip()
+
+
+def in_brackets(name: str, unit: str) -> str:
+    """A name as the head of a column, such as "torque [N m]"; alone for plain numbers."""
+    return f"{name} [{unit}]" if shown_unit(unit) else name
 
 
 def effect_of(name: str) -> str:

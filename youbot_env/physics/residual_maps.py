@@ -34,6 +34,7 @@ from youbot_env.physics.effect import (
     Effect,
     Parameter,
     Place,
+    with_unit,
 )
 from youbot_env.physics.namespaces import Namespace, Number
 
@@ -330,9 +331,10 @@ def refuse_unseen(
             values = low - slack + np.mod(values - low + slack, TURN)
         beyond = values[(values < low - slack) | (values > high + slack)]
         if beyond.size:
+            there = with_unit(f"{beyond.flat[0]:.3g}", variable.unit)
             raise InputError(
-                f"{name}: {where} goes to {beyond.flat[0]:.3g} {variable.unit}, and the map has "
-                f"seen {low:.3g} to {high:.3g}: fit it again with logs that go there "
+                f"{name}: {where} goes to {there}, and the map has seen "
+                f"{low:.3g} to {high:.3g}: fit it again with logs that go there "
                 f"(`youbot add MODEL {name} LOG...`), or use a model without it"
             )
 

@@ -10,7 +10,7 @@ import numpy as np
 
 from youbot_env.errors import InputError, finite
 from youbot_env.model.model import Model
-from youbot_env.physics.effect import CATALOGUE
+from youbot_env.physics.effect import CATALOGUE, with_unit
 
 Effects = Mapping[str, Mapping[str, float]]
 Bound = float | str
@@ -146,7 +146,7 @@ def _range(model: Model, name: str, pair: object) -> tuple[float, float]:
         bounds = CATALOGUE[effect].public_parameter(parameter)
         if low < bounds.lower or high > bounds.upper:
             raise InputError(
-                f"randomise: {name}: {low:g} to {high:g} {bounds.unit} leaves "
+                f"randomise: {name}: {low:g} to {with_unit(f'{high:g}', bounds.unit)} leaves "
                 f"[{bounds.lower:g}, {bounds.upper:g}]"
             )
     return low, high

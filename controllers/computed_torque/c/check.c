@@ -9,7 +9,7 @@ static int check_controller(void)
     double error[YOUBOT_AXES] = {0.0}, size[YOUBOT_AXES] = {0.0}, found[YOUBOT_AXES];
     double largest = 0.0;
     clock_t start;
-    int k, row, axis, wheel, failed = 0;
+    int k, row, axis, wheel, limited = 0, failed = 0;
 
     youbot_controller_init(&controller, NULL, NULL);
     youbot_plant_reset(&plant, &youbot_identified, youbot_example_delay);
@@ -38,7 +38,7 @@ static int check_controller(void)
                 wanted.preview_acceleration[row][axis] = at.acceleration[axis];
             }
         }
-        youbot_controller_update(&controller, &seen, &wanted, command);
+        limited += youbot_controller_update(&controller, &seen, &wanted, command) < 1.0 - 1e-9;
         failed |= youbot_plant_step(&plant, command, YOUBOT_PERIOD, YOUBOT_PLANT_STEPS) != 0;
     }
     printf("closed loop, error of VX, VY, W:");
@@ -50,6 +50,7 @@ static int check_controller(void)
     }
     failed |= largest > EXAMPLE_TOLERANCE;
     printf(", by %.1e from Python%s\n", largest, failed ? "  FAILED" : "");
+    youbot_example_tell_limit(limited);
     start = clock();
     for (k = 0; k < REPEATS; k++)
         youbot_controller_update(&controller, &seen, &wanted, command);

@@ -23,6 +23,7 @@ int main()
   Reference reference;
   std::array<double, kWheels> angle{};
   std::array<double, kAxes> error{}, size{};
+  int limited = 0;
 
   controller.reset();
   youbot_plant_reset(&plant, &youbot_identified, youbot_example_delay);
@@ -47,6 +48,7 @@ int main()
       }
     }
     const Efforts efforts = controller.update(state, reference);
+    limited += controller.share() < 1.0 - 1e-9;
     if (youbot_plant_step(&plant, efforts.data(), kPeriod, YOUBOT_PLANT_STEPS) != 0) {
       std::puts("the plant's delay line is too short");
       return 1;
@@ -57,5 +59,6 @@ int main()
     std::printf(" %.6f %%", 100.0 * std::sqrt(error[axis] / size[axis]));
   }
   std::printf("\n");
+  youbot_example_tell_limit(limited);
   return 0;
 }

@@ -3,6 +3,7 @@
 #define YOUBOT_EXAMPLE_H
 
 #include <math.h>
+#include <stdio.h>
 
 #include "youbot_controller.h"
 
@@ -75,6 +76,15 @@ static void youbot_example_speeds(const double state[YOUBOT_STATES], double angl
             speed[wheel] = (turned - angle[wheel]) / d->period;
         angle[wheel] = turned;
     }
+}
+
+/* Says that the limit, not the code, makes the errors, where it cut the force in some periods. */
+static void youbot_example_tell_limit(int limited)
+{
+    if (limited > 0)
+        printf("in %.1f %% of the periods the torque limit of %g N m cuts the force that the "
+               "reference needs: these errors are its work, and a robot has them too\n",
+               100.0 * limited / YOUBOT_EXAMPLE_STEPS, youbot_designed.torque_limit);
 }
 
 #endif

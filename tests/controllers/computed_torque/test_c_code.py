@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import ctypes
 import re
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -215,8 +216,21 @@ def test_driver_and_class_leave_the_errors_that_evaluate_measures(compiler: str,
     driver, example = build(m, FAST, tmp_path, compiler)
     printed = run(driver)
     assert printed.endswith("passed\n")
-    shown = re.findall(r"([\d.]+) %", run(example))
+    shown = re.findall(r"([\d.]+) %", run(example).splitlines()[0])
     np.testing.assert_allclose([float(v) / 100 for v in shown], wanted, atol=1e-8)
+
+
+@pytest.mark.parametrize("limit", [0.5, 2.0])
+def test_that_the_torque_limit_makes_the_errors_is_said_where_it_does(limit: float, tmp_path: Path):
+    loop = replace(FAST, torque_limit=limit)
+    controller = ComputedTorque(load_model("paper"), loop)
+    motion = example_motion(controller.model)
+    reference, twist = example_run(controller, motion, round(motion.duration / loop.sample_time))
+    error = np.sqrt(((twist - reference) ** 2).sum() / (reference**2).sum())
+    driver, example = build(load_model("paper"), loop, tmp_path, "gcc")
+    for printed in map(run, (driver, example)):
+        assert (f"the torque limit of {limit:g} N m cuts the force" in printed) == (error > 0.05)
+    assert (error > 0.05) == (limit < 1.0)
 
 
 @pytest.mark.slow

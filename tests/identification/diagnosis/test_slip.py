@@ -104,7 +104,22 @@ def test_a_speed_that_swings_with_its_wheel_is_no_slip(phases):
     assert "encoder" in found.words and "slip" not in found.words
 
 
+@pytest.mark.parametrize("delay", [0.04, -0.08])
+def test_a_speed_that_comes_late_is_no_slip(delay):
+    samples = driven(0.0)
+    speed = samples.wheel_speed.copy()
+    speed[:, 2] = np.interp(samples.time - delay, samples.time, speed[:, 2])
+    late = BASE.samples(Log("two minutes", BASE.joints, samples.time, speed, 0.0 * speed))
+    slip = slip_of(late)
+    assert list(slip.late) == ["bl"] and slip.late["bl"] == pytest.approx(delay, rel=0.1)
+    found = telling_slip(left(samples, 1.0), slip)
+    assert found is not None and "velocity_bl comes" in found.brief
+    assert f"ms {'after' if delay > 0 else 'before'} the other wheels' speeds" in found.brief
+    assert "the wheels slip" not in found.words
+
+
 def test_wheels_that_slide_do_not_swing():
     samples = driven(3.0)
     slip = slip_of(samples)
     assert slip.share > SETTINGS.fit.kinematics.min_slip_share and not slip.swings
+    assert not slip.late

@@ -20,7 +20,10 @@ from identification.signals.noise import NoiseSettings
 from tests.identification.recordings import recording
 from youbot_env.errors import InputError
 
-NESTED = ("filter", "noise", "mechanism", "predictability", "harmonic_scan", "held", "kinematics")
+NESTED = (
+    *("filter", "noise", "mechanism", "predictability", "harmonic_scan", "held", "kinematics"),
+    "late_efforts",
+)
 
 FIELDS = [item for item in fields(FitSettings) if item.name not in NESTED]
 FIELDS += [*fields(FilterSettings), *fields(NoiseSettings), *fields(PredictabilitySettings)]

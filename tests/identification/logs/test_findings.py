@@ -2,7 +2,10 @@
 
 from __future__ import annotations
 
-from identification.logs.findings import grouped, names_of
+from dataclasses import replace
+
+from identification.logs.findings import Finding, grouped, names_of
+from tests.identification.recordings import recording
 
 
 def test_few_logs_are_named_and_many_are_counted():
@@ -24,3 +27,14 @@ def test_what_is_wrong_with_several_logs_is_told_once_with_the_span_of_its_numbe
 def test_numbers_in_names_are_no_numbers():
     lines = [("a", "imu1 reads 0.0475 m"), ("b", "imu2 reads 0.0475 m"), ("c", "motor_1 is hot")]
     assert len(grouped(lines)) == 3
+
+
+def test_a_column_that_the_message_names_is_said_once():
+    named = Finding("warning", "velocity_* look like turns/s", None, "velocity_*", "convert it")
+    assert str(named) == "velocity_* look like turns/s; convert it"
+    assert (
+        str(Finding("error", "runs backwards", 7, "time")) == "row 7, column time: runs backwards"
+    )
+    for warning in (named, Finding("warning", "is a lot", None, "velocity_fl", "check the unit")):
+        (said,) = replace(recording(), findings=(warning,)).doubts
+        assert said.count("velocity_") == 1

@@ -16,8 +16,11 @@ from tests.identification.creeping_platform import creeping_logs
 from tests.identification.recordings import recording
 from youbot_env.model.model_file import load_model
 from youbot_env.motions.multisine import multisine
+from youbot_env.physics.effect import CATALOGUE
 from youbot_env.physics.hardware import GEAR_RATIO
+from youbot_env.plugins import load_effects
 from youbot_scripts.blind_bench.cases import draw_case, logs_of
+from youbot_scripts.recording.named_motions import motions_named
 
 PAPER = load_model("paper")
 
@@ -117,6 +120,64 @@ def test_a_mass_whose_sign_an_effect_turns_refuses_no_log():
     assert "are exchanged" in str(check(log, limits_for(log, None, None, None, strict)))
     found = check(log, limits_for(log, None, None, None))
     assert "error" not in {finding.level for finding in found}
+
+
+ROUGH = """
+from youbot_env.physics.effect import WHEEL, Parameter, effect
+
+NAMES = [Parameter("torque", "N m", lower=0.0, size=0.5), Parameter("edge", "m", size=0.1)]
+WORDS = {"source": "a test", "recognise": "by the place", "dissipative": True}
+
+def beyond(xp, wheel, place, torque, edge):
+    return torque * xp.tanh(wheel.rate / 0.05) * (1 + xp.tanh((place - edge) / 0.02)) / 2
+
+@effect(acts_at=WHEEL, parameters=NAMES, **WORDS)
+def rough_ahead(xp, wheel, torque, edge):
+    return beyond(xp, wheel, wheel.contact.x, torque, edge)
+
+@effect(acts_at=WHEEL, parameters=NAMES, **WORDS)
+def rough_aside(xp, wheel, torque, edge):
+    return beyond(xp, wheel, wheel.contact.y, torque, edge)
+"""
+
+
+@pytest.mark.parametrize(
+    ("effect", "motion", "seed", "torque", "edge"),
+    [
+        ("rough_aside", "multisine_a", 2, 0.6, -0.2),
+        ("rough_ahead", "multisine_a", 3, 0.8, -0.2),
+        ("rough_ahead", "multisine_a", 3, 2.0, 0.1),
+        ("rough_aside", "multisine_a", 3, 0.4, 0.0),
+        ("rough_ahead", "multisine_a", 7, 2.0, 0.1),
+        ("rough_ahead", "multisine_b", 7, 0.4, 0.0),
+    ],
+)
+def test_a_floor_that_is_rough_in_places_is_no_fault_of_the_columns(
+    tmp_path, monkeypatch, effect: str, motion: str, seed: int, torque: float, edge: float
+):
+    monkeypatch.setattr(CATALOGUE, "_effects", dict(CATALOGUE._effects))
+    monkeypatch.setattr("youbot_env.plugins._loaded", [])
+    (tmp_path / "rough.py").write_text(ROUGH)
+    load_effects(tmp_path / "rough.py")
+    plant = PAPER.with_effect(effect, torque=torque, edge=edge)
+    log = record(plant, motions_named(motion, PAPER.geometry, seed), rate=50.0, seed=seed)[0]
+    found = check(log, limits_for(log, None, None, None))
+    said = " ".join(str(finding) for finding in found if finding.level != "info")
+    assert not [word for word in ("look like", "exchanged", "offsets") if word in said]
+    # As a possibility, after what is more likely.
+    for finding in found:
+        if "turns one of" in finding.message:
+            assert finding.level == "info"
+            assert finding.message.index("something large acts") < finding.message.index("or else")
+
+
+@pytest.mark.parametrize("friction", [0.0, 0.15])
+def test_turns_are_named_though_friction_is_missing(friction: float):
+    effects = (("wheel_coulomb_friction", (("torque", friction),)),) if friction else ()
+    log = replace(recording(effects=effects), pose=None)
+    told = first(replace(log, velocity=log.velocity / (2 * np.pi)))
+    assert "velocity_* look like turns/s" in told
+    assert ("unless something large acts" in told) == bool(friction)
 
 
 @pytest.mark.parametrize(

@@ -8,12 +8,22 @@ import pytest
 from tests.youbot_env.structures import CASES, EFFECTS, catalogue_values, model
 from youbot_env.errors import InputError
 from youbot_env.model.model_file import load_model, save_model
-from youbot_env.physics.effect import BASE, BODY, CATALOGUE, Parameter, Public, effect
+from youbot_env.physics.effect import (
+    BASE,
+    BODY,
+    CATALOGUE,
+    Parameter,
+    Public,
+    effect,
+    in_brackets,
+    with_unit,
+)
 from youbot_env.physics.geometry import Geometry
 from youbot_env.physics.mecanum import mecanum_structure
 from youbot_env.physics.namespaces import floats
 from youbot_env.physics.stated_parameters import jacobian, public_parameters, to_public, to_theta
 from youbot_env.plugins import load_effects
+from youbot_scripts.shared.effect_tables import parameters
 
 FORMED = [name for name in EFFECTS if CATALOGUE[name].public is not None]
 OTHER = Geometry(l=0.2, h=0.3, R=0.06, r=0.011, m1=1.1)
@@ -182,3 +192,14 @@ def test_without_a_form_nothing_is_asked():
     assert plain_force is item.function and item.public is None
     assert item.public_parameters is item.parameters and item.public_names == ("force",)
     assert isinstance(CATALOGUE["tether"].public, Public)
+
+
+@pytest.mark.parametrize("item", list(CATALOGUE), ids=lambda item: item.name)
+def test_a_plain_number_has_no_unit_where_it_is_said_or_listed(item):
+    for known in item.public_parameters:
+        said = known.fault(float("nan"))
+        assert (
+            said == f"{with_unit('nan', known.unit)} is outside [{known.lower:g}, {known.upper:g}]"
+        )
+        assert " 1 " not in said and in_brackets(known.name, known.unit).count("[1]") == 0
+    assert "[1]" not in parameters(item)
