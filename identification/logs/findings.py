@@ -40,8 +40,7 @@ class Finding:
 
     def __str__(self) -> str:
         place = [f"row {self.row}"] if self.row is not None else []
-        if self.column is not None and not self.names_its_column:
-            place.append(f"column {self.column}")
+        place += [f"column {self.column}"] if self.column is not None else []
         parts = [", ".join(place)] if place else []
         return ": ".join([*parts, self.message]) + (f"; {self.cure}" if self.cure else "")
 

@@ -504,15 +504,15 @@ class LogSettings(Settings):
         default=8.0,
         metadata={
             "unit": "standard deviations",
-            "reason": "dry friction alone makes up to 7 of a log without offsets",
+            "reason": "dry friction alone makes up to 7.3 of a log without offsets",
         },
     )
     sure_offset_deviations: float = field(
-        default=6.0,
+        default=7.0,
         metadata={
             "unit": "standard deviations",
-            "reason": "where the regression leaves noise alone nothing but an offset makes more; a "
-            "cable that twists makes 5",
+            "reason": "where the regression leaves noise alone nothing but an offset makes more: a "
+            "lag of the drives and a cable that twists make 6, offsets of 0.02 N m make 10",
         },
     )
     max_left_of_efforts: float = field(

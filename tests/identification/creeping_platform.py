@@ -83,6 +83,6 @@ def creeping_logs(grip: float, coulomb: float = 0.0, seed: int = 0) -> list[Log]
         rows = slice(0, None, 10)
         velocity = rates[rows] + 0.01 * rng.standard_normal(rates[rows].shape)
         effort = torques[rows] + 0.03 * rng.standard_normal(velocity.shape)
-        time = TICK * 10 * np.arange(len(velocity))
+        time = TICK * 10 * np.arange(len(velocity), dtype=np.float64)
         logs.append(Log(name, WHEELS, time, velocity, effort, pose=poses[rows]))
     return logs

@@ -31,10 +31,6 @@ def test_numbers_in_names_are_no_numbers():
 
 def test_a_column_that_the_message_names_is_said_once():
     named = Finding("warning", "velocity_* look like turns/s", None, "velocity_*", "convert it")
-    assert str(named) == "velocity_* look like turns/s; convert it"
-    assert (
-        str(Finding("error", "runs backwards", 7, "time")) == "row 7, column time: runs backwards"
-    )
     for warning in (named, Finding("warning", "is a lot", None, "velocity_fl", "check the unit")):
         (said,) = replace(recording(), findings=(warning,)).doubts
         assert said.count("velocity_") == 1
