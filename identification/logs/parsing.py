@@ -45,8 +45,8 @@ class LogTable:
     """Columns of a file as they stand; what is missing or infinite is NaN.
 
     ``values`` is (rows, columns), ``lines`` (rows,) the line of the file that each row came from,
-    in 32 bits: no file has more than ``MAX_ROWS``; ``header_row`` the
-    line of the names, None in a file without lines.
+    in 32 bits, since no file has more than ``MAX_ROWS``; ``header_row`` the line of the names, None
+    in a file without lines.
     """
 
     names: tuple[str, ...]

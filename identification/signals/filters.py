@@ -159,9 +159,8 @@ def integral_of(rate: Array, dt: float) -> Array:
     return total
 
 
-def pieces(count: int) -> Iterator[slice]:
-    """The first ``count`` samples, so many at a time that what is made of them takes no memory."""
-    size = 1 << 17
+def pieces(count: int, size: int = 1 << 17) -> Iterator[slice]:
+    """The first ``count`` samples, ``size`` at a time: what is made of them takes little memory."""
     for begin in range(0, count, size):
         yield slice(begin, min(begin + size, count))
 
