@@ -159,8 +159,12 @@ def integral_of(rate: Array, dt: float) -> Array:
     return total
 
 
-def pieces(count: int, size: int = 1 << 17) -> Iterator[slice]:
-    """The first ``count`` samples, ``size`` at a time: what is made of them takes little memory."""
+def pieces(count: int, size: int | None = None) -> Iterator[slice]:
+    """The first ``count`` samples, ``size`` at a time: what is made of them takes little memory.
+
+    None: as many as make megabytes of a few channels.
+    """
+    size = size or 1 << 17
     for begin in range(0, count, size):
         yield slice(begin, min(begin + size, count))
 
