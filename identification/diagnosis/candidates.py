@@ -29,6 +29,7 @@ from identification.diagnosis.significance import (
 )
 from identification.diagnosis.structures import (
     Candidate,
+    CandidateRows,
     FittedStructure,
     LoggedData,
     Ranking,
@@ -135,7 +136,14 @@ def try_candidate(
         scores += in_part.all_scores(effect, but=names).values()
     if found:
         found[0] = replace(found[0], tried=tuple(scores))
+    if base.is_in_parts:
+        return [_without_rows(base, item) for item in found]
     return found
+
+
+def _without_rows(base: FittedStructure, item: Candidate) -> Candidate:
+    """The candidate without its rows, and with its scores, which each ranking asks for."""
+    return replace(item.without_rows(), score=_scores(base, item.columns))
 
 
 def _is_inexactness(base: FittedStructure, effect: str, fall: float) -> bool:
@@ -281,7 +289,7 @@ def _evidence(base: FittedStructure, item: Candidate) -> Evidence:
     """
     joint = item.fitted
     if joint is None or item.lost_fall > 0:
-        return Evidence(_scores(base, item.columns))
+        return Evidence(_scores(base, item.columns) if item.score is None else item.score)
     own = np.isin(joint.free, base.free, invert=True)
     columns = [part[..., own] for part in joint.columns]
     ends = np.cumsum([len(part) for part in base.residual])[:-1]
@@ -432,11 +440,12 @@ def _linear_candidate(
     basis = visible_directions(mechanism, free)
     folds = make_folds(base.rows, joined, base.settings.fit)
     judged = cross_validate(residual, joined, folds, basis, base.settings.fit)
-    shapes = {key: value for key, value in shapes.items() if key not in starts}
     found = Candidate(
-        *(name, mechanism, theta, free, columns, judged, shapes),
+        *(name, mechanism, theta, free, CandidateRows(columns, judged.residual), judged),
+        shapes={key: value for key, value in shapes.items() if key not in starts},
         directions=basis.shape[1] - base.basis.shape[1],
         fold_ratio=base.fold_ratio(folds),
+        again=partial(_linear_candidate, base, mechanism, name, shapes),
     )
     found = replace(found, acting_share=_acting_share(mechanism, theta, base))
     lost = _lost_at_bounds(base, found, new, theta[new] + judged.step[len(base.free) :])

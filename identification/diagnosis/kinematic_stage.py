@@ -197,7 +197,7 @@ def _candidate(
     fitted = fit_forces(data, mechanism, seen.theta)
     noise = (one.noise_square(data.noise, data.seed) for one in (fitted, base))
     found = Candidate(
-        *(name, mechanism, fitted.theta, fitted.free, (), fitted.held_out),
+        *(name, mechanism, fitted.theta, fitted.free, None, fitted.held_out),
         fitted=fitted,
         added_noise=next(noise) - next(noise),
         fold_ratio=base.fold_ratio(fitted.held_out.folds),

@@ -11,7 +11,7 @@ from collections.abc import Callable, Iterator, Sequence
 from copy import copy
 from dataclasses import dataclass, field, replace
 from functools import cached_property, partial
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -101,11 +101,16 @@ class FittedStructure:
         basis = visible_directions(mechanism, free)
         return cls(mechanism, theta, tuple(rows), free, basis, tuple(samples), settings)
 
+    @property
+    def is_in_parts(self) -> bool:
+        """Whether rows of a log are made in parts: all that is known of an hour takes gigabytes."""
+        return any(len(item) > self.settings.rows.max_part_samples for item in self.samples)
+
     @cached_property
     def demands(self) -> tuple[DemandedForce | None, ...]:
         """Demanded force of each log, computed once for all candidates on top of the structure.
 
-        None of logs whose rows are made in parts: what is known of an hour would fill gigabytes.
+        None of logs whose rows are made in parts.
         """
         most = self.settings.rows.max_part_samples
         return tuple(
@@ -178,6 +183,17 @@ class FittedStructure:
             yield noisy, again - row.residual
 
 
+class CandidateRows(NamedTuple):
+    """Rows of a candidate's linear step.
+
+    columns : per log (n, A, F) of its own linear parameters
+    left : per fold (n, A) what the step leaves of what was held out
+    """
+
+    columns: tuple[Array, ...]
+    left: tuple[Array, ...]
+
+
 @dataclass(frozen=True, eq=False)
 class Candidate:
     """One effect, at one choice of its shape constants, on top of a fitted structure.
@@ -185,7 +201,7 @@ class Candidate:
     Attributes
     ----------
     free : indices of its own linear parameters and the structure's
-    columns : per log (n, A, F) of its own linear parameters
+    kept : its rows; None where logs are long: those of all candidates would fill half a gigabyte
     held_out : judged by the linear step from the structure, or by its joint fit
     directions : that data can see of its own linear parameters
     fitted : its joint fit, if it was in the lead
@@ -198,13 +214,15 @@ class Candidate:
         let act
     tried : score blocks of what was tried beside it: each choice of its shape constants on their
         grid, and the effect in some logs only
+    again : makes it once more, with its rows
+    score : score blocks of its own columns on top of the structure; None: not made yet
     """
 
     name: str
     mechanism: Mechanism
     theta: Array
     free: Indices
-    columns: tuple[Array, ...]
+    kept: CandidateRows | None
     held_out: CrossValidation
     shapes: dict[str, float] = field(default_factory=dict)
     directions: int = 0
@@ -220,6 +238,30 @@ class Candidate:
     # leaves counts as a share of the force that acts.
     acting_share: float = 1.0
     tried: tuple[Array, ...] = field(default=(), repr=False)
+    again: Callable[[], Candidate] | None = field(default=None, repr=False)
+    score: Array | None = field(default=None, repr=False)
+
+    @property
+    def rows(self) -> CandidateRows:
+        """Its rows, made again where they are not kept."""
+        if self.kept is not None:
+            return self.kept
+        assert self.again is not None  # nothing else lets its rows go
+        return self.again().rows
+
+    @property
+    def columns(self) -> tuple[Array, ...]:
+        """Per log (n, A, F) of its own linear parameters."""
+        return self.rows.columns
+
+    @property
+    def left(self) -> tuple[Array, ...]:
+        """Per fold (n, A) what it leaves of what was held out."""
+        return self.held_out.residual if self.fitted else self.rows.left
+
+    def without_rows(self) -> Candidate:
+        """The same, whose rows are made again each time that they are asked for."""
+        return replace(self, kept=None, held_out=replace(self.held_out, residual=()))
 
     @property
     def in_part(self) -> bool:
@@ -470,8 +512,7 @@ def worse_by(item: Candidate, leader: Candidate, base: FittedStructure) -> float
         return 0.0
     # Their folds may differ, but the rows have the same order and can be compared one by one.
     mine, others = (
-        one.ratio * (np.concatenate(one.held_out.residual) ** 2).sum(axis=1)
-        for one in (item, leader)
+        one.ratio * (np.concatenate(one.left) ** 2).sum(axis=1) for one in (item, leader)
     )
     length = base.settings.residual_map.bootstrap_block_time
     difference = block_sums(mine - others, base.rows[0].step, length)

@@ -90,17 +90,14 @@ class CrossValidation:
     residual : per fold (n, A), held out
     steps : (folds, F) parameter steps from the rows' theta, each without its fold
     step : (F,) with all rows
+    square : sum of the squared held-out residuals
     """
 
     folds: tuple[Fold, ...]
     residual: tuple[Array, ...]
     steps: Array
     step: Array
-
-    @property
-    def square(self) -> float:
-        """Sum of squared held-out residuals."""
-        return float(sum((r**2).sum() for r in self.residual))
+    square: float
 
 
 def cross_validate(
@@ -138,7 +135,8 @@ def cross_validate(
     left = tuple(
         (r - c @ step).reshape(-1, axes) for r, c, step in zip(right, seen, steps, strict=True)
     )
-    return CrossValidation(tuple(folds), left, steps @ basis.T, basis @ everything)
+    square = float(sum((r**2).sum() for r in left))
+    return CrossValidation(tuple(folds), left, steps @ basis.T, basis @ everything, square)
 
 
 def _solve(gram: Array, side: Array, rounding: float) -> Array:

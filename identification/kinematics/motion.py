@@ -35,7 +35,7 @@ class Motion:
     pose: Array | None = None
     gyro_z: Array | None = None
     position: Array | None = None
-    rows: NDArray[np.int64] | None = None
+    rows: NDArray[np.int32] | None = None
 
     @property
     def dt(self) -> float:

@@ -51,7 +51,7 @@ class Draft:
     names: tuple[str, ...]
     time: NDArray[np.float64]
     data: NDArray[np.float64]
-    lines: NDArray[np.int64]
+    lines: NDArray[np.int32]
     valid: NDArray[np.bool_]
     findings: list[Finding]
     required: tuple[str, ...]

@@ -147,7 +147,7 @@ def parse_parquet(source: str, content: bytes) -> LogTable:
     values = np.column_stack(arrays) if arrays else np.empty((0, 0))
     # Infinity means a missing value, as in a CSV file.
     values[~np.isfinite(values)] = np.nan
-    return LogTable(names, values, np.arange(1, len(values) + 1))
+    return LogTable(names, values, np.arange(1, len(values) + 1, dtype=np.int32))
 
 
 def _no_parquet(source: str, error: Exception) -> InputError:

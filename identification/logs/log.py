@@ -62,7 +62,7 @@ class Log:
     sha256: str = ""
     findings: tuple[Finding, ...] = ()
     valid: NDArray[np.bool_] = None  # type: ignore[assignment] - all True
-    rows: NDArray[np.int64] = None  # type: ignore[assignment] - from 2 on
+    rows: NDArray[np.int32] = None  # type: ignore[assignment] - from 2 on
     file_time: NDArray[np.float64] = None  # type: ignore[assignment] - time
     noise_settings: NoiseSettings = NoiseSettings()
 
@@ -79,7 +79,7 @@ class Log:
             raise InputError(f"log {self.name}: time does not increase; sort the samples")
         defaults = {
             "valid": np.ones(n, bool),
-            "rows": np.arange(2, n + 2),
+            "rows": np.arange(2, n + 2, dtype=np.int32),
             "file_time": self.time,
         }
         for name, default in defaults.items():

@@ -45,12 +45,13 @@ class LogTable:
     """Columns of a file as they stand; what is missing or infinite is NaN.
 
     ``values`` is (rows, columns), ``lines`` (rows,) the line of the file that each row came from,
-    ``header_row`` the line of the names, None in a file without lines.
+    in 32 bits, since no file has more than ``MAX_ROWS``; ``header_row`` the line of the names, None
+    in a file without lines.
     """
 
     names: tuple[str, ...]
     values: NDArray[np.float64]
-    lines: NDArray[np.int64]
+    lines: NDArray[np.int32]
     findings: list[Finding] = field(default_factory=list)
     header_row: int | None = None
 
@@ -153,7 +154,7 @@ def _parse_regular(content: bytes) -> LogTable | None:
     as_many = values.shape == (content.count(b"\n", start), len(names))
     if not as_many or not np.isfinite(values).all():
         return None
-    return LogTable(names, values, np.arange(2, len(values) + 2), header_row=1)
+    return LogTable(names, values, np.arange(2, len(values) + 2, dtype=np.int32), header_row=1)
 
 
 def _parse_cells(source: str, text: str) -> LogTable:
@@ -183,7 +184,7 @@ def _parse_cells(source: str, text: str) -> LogTable:
     values = np.array(rows, float).reshape(len(rows), len(names))
     # Infinity means a missing value too.
     values[~np.isfinite(values)] = np.nan
-    lines_used = np.array(used[1:], dtype=np.int64) + 1
+    lines_used = np.array(used[1:], dtype=np.int32) + 1
     return LogTable(names, values, lines_used, findings, header_row=used[0] + 1)
 
 

@@ -7,7 +7,7 @@ evaluated once for each choice of its shape constants, at the logs' own samples.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from typing import Any, NamedTuple
@@ -19,7 +19,7 @@ from identification.mechanisms.mechanism import Mechanism
 from identification.mechanisms.samples import Samples
 from identification.proposal.law import FoundLaw, Law
 from identification.proposal.settings import ProposalSettings
-from identification.signals.filters import block_mean, hold_weights, settled
+from identification.signals.filters import block_mean, hold_weights, pieces, settled
 from youbot_env.physics import inverse_dynamics as dynamics
 from youbot_env.physics.effect import Effect
 from youbot_env.physics.mechanism import EffectPoints, Instant, component_force
@@ -32,7 +32,7 @@ class Scene:
     """One log as laws see it: the points at which they act, and the way from a force to rows.
 
     ``step``: [s] from one row to the next; ``settling``: the filter's time constants until its
-    start is forgotten; ``node_step``: [s] between the samples at which laws are evaluated, at most.
+    start is forgotten.
     """
 
     def __init__(
@@ -42,13 +42,14 @@ class Scene:
         samples: Samples,
         step: float,
         settling: float,
-        node_step: float,
+        settings: ProposalSettings,
     ) -> None:
         self.mechanism = mechanism
         s = samples.for_fit
         self.size = round(step / s.dt)
         self.first = settled(mechanism.filter_rate, s.dt, settling)
-        self.thin = _thin(self.size, s.dt, node_step)
+        self.thin = _thin(self.size, s.dt, settings.node_step)
+        self._most = settings.max_samples_at_once
         demand = mechanism.demand(theta, s)
         # What acts at the samples that laws are evaluated at: each ``thin``-th, so that one of them
         # is that at which the rows begin.
@@ -58,24 +59,31 @@ class Scene:
         torque = tuple(np.concatenate([part[:1], part])[kept] for part in means)
         rolling = dynamics.rolling_geometry(np, mechanism.structure, mechanism.geometry, theta)
         self.torque = np.stack(torque, axis=1)
-        acceleration = np.gradient(s.twist, s.dt, axis=0)
+        acceleration = np.gradient(s.twist, s.dt, axis=0)[kept]
         self.time, self.twist, self.pose = s.time[kept], s.twist[kept], s.pose[kept]
         self.angle, self.wheel_speed = s.wheel_angle[kept], s.wheel_speed[kept]
-        at = Instant(
-            *(tuple(p.T) for p in (self.twist, acceleration[kept], self.pose, self.angle)),
-            torque=torque,
-            time=self.time,
-            start=s.start,
-        )
         structure = mechanism.structure
-        self.points = EffectPoints(np, structure.mechanism, rolling, theta, at, structure.carriers)
+
+        def points_of(some: slice) -> EffectPoints:
+            channels = (self.twist, acceleration, self.pose, self.angle, self.torque)
+            twist, rates, pose, angle, acting = (tuple(part[some].T) for part in channels)
+            at = Instant(twist, rates, pose, angle, acting, time=self.time[some], start=s.start)
+            return EffectPoints(np, structure.mechanism, rolling, theta, at, structure.carriers)
+
+        self.points = [points_of(some) for some in pieces(len(self.time), self._most)]
         self.decay, *self.weights = hold_weights(mechanism.filter_rate, self.thin * s.dt)
         self.moves = None if s.moves is None else s.moves[kept].astype(float)
 
     def force(self, effect: Effect, values: Sequence[float], joint: int | None = None) -> Array:
         """(N, A) force of an effect at the samples, in the units of a fit."""
-        parts = component_force(effect, values, self.points, joint)
-        shape = self.time.shape
+        return np.concatenate([self._force(at, effect, values, joint) for at in self.points])
+
+    def _force(
+        self, at: EffectPoints, effect: Effect, values: Sequence[float], joint: int | None
+    ) -> Array:
+        """The same at some of the samples."""
+        parts = component_force(effect, values, at, joint)
+        shape = np.shape(at.at.time)
         return np.stack(
             [np.broadcast_to(p, shape) * k for p, k in zip(parts, self.scale, strict=True)], axis=1
         )
@@ -85,19 +93,52 @@ class Scene:
         """(A,) factors from a generalised force."""
         return self.mechanism.force_scale
 
+    def columns(self, effect: Effect, units: Sequence[tuple[Sequence[float], int | None]]) -> Array:
+        """(n, A, q) rows of an effect's force with each of q values, at each one's joint.
+
+        Made piece by piece: forces and what the filter makes of them on its way are several times
+        as large as the rows, and those of an hour took 200 MB in each thread.
+        """
+        return self._rows(
+            np.stack([self._force(at, effect, v, joint) for v, joint in units], axis=-1)
+            for at in self.points
+        )
+
     def rows(self, force: Array) -> Array:
         """(n, ...) rows of a force (N, ...) at the samples: filtered, then means."""
+        return self._rows(force[some] for some in pieces(len(force), self._most))
+
+    def _rows(self, forces: Iterable[Array]) -> Array:
+        """The same of a force that comes piece by piece."""
+        filtered = np.concatenate(list(self._filtered(forces)))[self.first // self.thin :]
+        # The mean over each ``thin``-th sample of a row lies this much earlier than that over all.
+        early, size = (self.thin - 1) / (2 * self.thin), self.size // self.thin
+        if not early:
+            return block_mean(filtered, size)
+        count = (len(filtered) - 1) // size
+        found = np.empty((count, *filtered.shape[1:]))
+        for some in pieces(count, max(1, self._most // size)):
+            part = filtered[some.start * size : some.stop * size + 1]
+            found[some] = block_mean((1.0 - early) * part[:-1] + early * part[1:], size)
+        return found
+
+    def _filtered(self, forces: Iterable[Array]) -> Iterator[Array]:
+        """A force behind the filter, piece by piece: each goes on where the last one ended."""
         from scipy.signal import lfilter  # half a second, which a diagnosis may do without
 
-        steps = self.weights[0] * force[:-1] + self.weights[1] * force[1:]
-        found = np.zeros_like(force)
-        found[1:] = lfilter([1.0], [1.0, -self.decay], steps, axis=0)
-        found = found[self.first // self.thin :]
-        # The mean over each ``thin``-th sample of a row lies this much earlier than that over all.
-        early = (self.thin - 1) / (2 * self.thin)
-        if early:
-            found = (1.0 - early) * found[:-1] + early * found[1:]
-        return block_mean(found, self.size // self.thin)
+        last: Array | None = None
+        state: Array | None = None
+        for force in forces:
+            if last is None or state is None:
+                # From zero at the first sample.
+                state = np.zeros((1, *force.shape[1:]))
+                yield state
+            else:
+                force = np.concatenate([last, force])
+            steps = self.weights[0] * force[:-1] + self.weights[1] * force[1:]
+            found, state = lfilter([1.0], [1.0, -self.decay], steps, axis=0, zi=state)
+            last = force[-1:]
+            yield found
 
     def back(self, rows: Array) -> Array:
         """(N, ...) at the samples: the transpose of :meth:`rows`, for scans over periods."""
@@ -188,7 +229,7 @@ class Evidence:
         self.stretch_blocks = stretch_blocks
         self.mechanism, self.theta, self.settings = mechanism, theta, settings
         self.scenes = [
-            Scene(mechanism, theta, item, of_log, settling, settings.node_step)
+            Scene(mechanism, theta, item, of_log, settling, settings)
             for item, of_log in zip(samples, step, strict=True)
         ]
         self.residual = list(residual)
@@ -277,10 +318,9 @@ class Evidence:
         Of a law on a clock of its own each log has its own ones (n, A, logs * q), and those of the
         others are zero there: where in its period a log began is a number of the log.
         """
-        found = []
+        found, units = [], trial.units(values)
         for number, scene in enumerate(self.scenes):
-            parts = [scene.force(trial.effect, v, joint) for v, joint in trial.units(values)]
-            rows = scene.rows(np.stack(parts, axis=-1))
+            rows = scene.columns(trial.effect, units)
             if self.logs_apart(trial.law):
                 alone = np.zeros((*rows.shape[:2], len(self.scenes), rows.shape[2]))
                 alone[:, :, number] = rows

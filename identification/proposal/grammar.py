@@ -156,7 +156,7 @@ class PlatformGrammar:
         """Force (A,) of a unit torque at each joint of a site."""
         mechanism = self.evidence.mechanism
         joints = range(len(mechanism.joints))
-        points = self.evidence.scenes[0].points
+        points = self.evidence.scenes[0].points[0]
         force = mechanism.kind.sites[place].force
         return [np.array(force(points, tuple(float(k == i) for k in joints))) for i in joints]
 

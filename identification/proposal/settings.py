@@ -259,6 +259,14 @@ class ProposalSettings(Settings):
             "filter's time constant. Rows of friction differ by 0.1 % from those of all samples",
         },
     )
+    max_samples_at_once: int = field(
+        default=20_000,
+        metadata={
+            "unit": "samples",
+            "reason": "at which a law is evaluated at once: six minutes at that step. Of four "
+            "columns what is made on the way takes 10 MB; of an hour at once it took 200 MB",
+        },
+    )
     row_rate: float = field(
         default=25.0,
         metadata={

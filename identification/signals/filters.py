@@ -159,9 +159,12 @@ def integral_of(rate: Array, dt: float) -> Array:
     return total
 
 
-def pieces(count: int) -> Iterator[slice]:
-    """The first ``count`` samples, so many at a time that what is made of them takes no memory."""
-    size = 1 << 17
+def pieces(count: int, size: int | None = None) -> Iterator[slice]:
+    """The first ``count`` samples, ``size`` at a time: what is made of them takes little memory.
+
+    None: as many as make megabytes of a few channels.
+    """
+    size = size or 1 << 17
     for begin in range(0, count, size):
         yield slice(begin, min(begin + size, count))
 

@@ -7,11 +7,12 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from identification.diagnosis.candidates import _grid
+from identification.diagnosis.candidates import _grid, fit_base, rank
 from identification.diagnosis.settings import DiagnosisSettings
 from identification.diagnosis.structures import LoggedData, averaged_to_most
 from identification.mechanisms.registry import mechanism_of
 from tests.identification.healthy import healthy_log
+from tests.identification.recordings import recording
 from youbot_env.model.model_file import load_model
 
 MECHANISM = mechanism_of(load_model("paper"))
@@ -52,3 +53,26 @@ def test_instants_of_long_logs_are_spread_over_all_of_it():
     short, long = _grid(instant, 300.0, 72), _grid(instant, 3600.0, 72)
     assert np.diff(short) == pytest.approx(5.0) and len(short) == 59
     assert np.diff(long) == pytest.approx(50.0) and long[-1] > 3500.0
+
+
+def test_a_long_log_is_ranked_as_a_short_one_without_keeping_rows():
+    log = recording("calibration", (("floor_tilt", (("tilt_x", -0.018), ("tilt_y", -0.004))),))
+    names = ["floor_tilt", "torque_delay", "wheel_coulomb_friction", "tether"]
+    theta, rankings = load_model("paper").theta, []
+    short = DiagnosisSettings()
+    long = replace(short, fit=replace(short.fit, max_part_samples=3000, part_samples=2500))
+    for settings in (short, long):
+        data = LoggedData(MECHANISM, [log], settings=settings)
+        base = fit_base(data, MECHANISM, theta)
+        rankings.append(rank(data, base, names, np.random.default_rng(0)))
+    kept, made = rankings
+    assert made.best is not None and made.best.name == "floor_tilt"
+    assert [c.name for c in made.candidates] == [c.name for c in kept.candidates]
+    for one, other in zip(kept.candidates, made.candidates, strict=True):
+        assert one.kept is not None and other.kept is None
+        assert other.square == pytest.approx(one.square, rel=1e-6)
+        assert made.p_values[other.name] == pytest.approx(kept.p_values[one.name], abs=2e-3)
+        for mine, theirs in zip(other.columns, one.columns, strict=True):
+            np.testing.assert_allclose(mine, theirs, atol=1e-6 * np.abs(theirs).max())
+        for mine, theirs in zip(other.left, one.left, strict=True):
+            np.testing.assert_allclose(mine, theirs, atol=1e-6 * np.abs(theirs).max())

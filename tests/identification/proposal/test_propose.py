@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from functools import cache
 from pathlib import Path
 
@@ -37,13 +38,13 @@ def data_of(effects=(), motions=("calibration",)):
     return data, fit_base(data, mechanism, load_model("paper").theta)
 
 
-def evidence_of(data, base, blocks=6):
+def evidence_of(data, base, blocks=6, settings=None):
     rows = [regression(base.mechanism, base.theta, s, base.free, FIT) for s in data.samples]
     basis = gauge_basis(base.mechanism, base.free) / base.mechanism.scale[base.free][:, None]
     return Evidence(
         *(base.mechanism, base.theta, data.samples),
         *([r.residual for r in rows], [r.columns @ basis for r in rows], [r.step for r in rows]),
-        *(FIT.filter.settling_time_constants, 0, ProposalSettings(), blocks),
+        *(FIT.filter.settling_time_constants, 0, settings or ProposalSettings(), blocks),
     ), rows
 
 
@@ -398,6 +399,23 @@ def test_rows_of_a_force_are_those_of_the_regression():
     k = list(base.mechanism.parameter_names).index("mu2")
     theirs = rows[0].columns[: len(mine), :, list(base.free).index(k)]
     assert np.abs(mine - theirs).max() < 3e-3 * np.abs(theirs).max()
+
+
+@pytest.mark.parametrize("at_once", [97, 701])
+def test_rows_of_a_law_are_the_same_in_pieces(at_once):
+    data, base = data_of()
+    pieces = replace(ProposalSettings(), max_samples_at_once=at_once)
+    whole, parts = (evidence_of(data, base, settings=settings)[0] for settings in (None, pieces))
+    count = len(whole.scenes[0].time)
+    assert len(whole.scenes[0].points) == 1 and len(parts.scenes[0].points) == -(-count // at_once)
+    for name in ("saddle", "viscous_nap", "squared_load_wheel_torque"):
+        trial = Trial(law_named(name))
+        shapes = [c.values[0] for c in trial.law.shapes]
+        for mine, theirs in zip(
+            parts.columns(trial, shapes), whole.columns(trial, shapes), strict=True
+        ):
+            assert np.abs(theirs).max() > 0
+            np.testing.assert_allclose(mine, theirs, atol=1e-12 * np.abs(theirs).max())
 
 
 def test_taking_rows_back_is_the_transpose_of_making_them():
