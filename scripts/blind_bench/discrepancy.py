@@ -89,7 +89,7 @@ def _base(model: Model, logs: Sequence[Log]) -> _Base:
     of_logs = [regression(mechanism, found.theta, item, found.free, rows) for item in samples]
     settling = chosen.filter.settling_time_constants
     scenes = [
-        Scene(mechanism, found.theta, item, row.step, settling, proposal.node_step)
+        Scene(mechanism, found.theta, item, row.step, settling, proposal)
         for item, row in zip(samples, of_logs, strict=True)
     ]
     return _Base(
@@ -195,10 +195,16 @@ def _told(weights: Array, parts: Sequence[_Rows]) -> tuple[tuple[str, ...], dict
     return named, law
 
 
+def _at_each_sample(mechanism: Mechanism[Any], theta: Array, samples: Samples) -> Scene:
+    """A log with a row at each of its samples."""
+    settings = replace(ProposalSettings(), node_step=samples.dt)
+    return Scene(mechanism, theta, samples, samples.dt, 0.0, settings)
+
+
 def _sparse_torques(base: _Base, parts: Sequence[_Rows], weights: Array, motion: Log) -> Array:
     mechanism, rows = base.mechanism, _joined(parts)
     (samples,) = mechanism.samples_of([motion])
-    scene = Scene(mechanism, base.theta, samples, samples.dt, 0.0, samples.dt)
+    scene = _at_each_sample(mechanism, base.theta, samples)
     more = np.einsum("naq,q->na", _library(mechanism, scene), weights)
     # The base model as it is beside the library.
     step = np.linalg.lstsq(rows.base, rows.target - rows.library @ weights, rcond=None)[0]
@@ -306,7 +312,7 @@ def boosted_residual(model: Model, logs: Sequence[Log], seed: int) -> Learned:
 
     def torques(motion: Log) -> Array:
         (samples,) = base.mechanism.samples_of([motion])
-        scene = Scene(base.mechanism, base.theta, samples, samples.dt, 0.0, samples.dt)
+        scene = _at_each_sample(base.mechanism, base.theta, samples)
         more = np.zeros((len(samples.time), 3))
         if trees:
             x = _features(scene)
