@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import fields, replace
+from dataclasses import Field, fields, is_dataclass, replace
 
 import numpy as np
 import pytest
@@ -10,24 +10,23 @@ import pytest
 from identification.fitting.identify import identify
 from identification.fitting.settings import (
     FitSettings,
-    HarmonicScanSettings,
-    PredictabilitySettings,
-    WheelEvidenceSettings,
 )
 from identification.signals.filters import FilterSettings
-from identification.signals.held import HeldSettings
-from identification.signals.noise import NoiseSettings
 from tests.identification.recordings import recording
 from youbot_env.errors import InputError
 
-NESTED = (
-    *("filter", "noise", "mechanism", "predictability", "harmonic_scan", "held", "kinematics"),
-    "late_efforts",
-)
 
-FIELDS = [item for item in fields(FitSettings) if item.name not in NESTED]
-FIELDS += [*fields(FilterSettings), *fields(NoiseSettings), *fields(PredictabilitySettings)]
-FIELDS += [*fields(HeldSettings), *fields(WheelEvidenceSettings), *fields(HarmonicScanSettings)]
+def numbers_of(settings: object) -> list[Field]:
+    """All numbers that somebody chose, those of nested settings among them."""
+    assert is_dataclass(settings)
+    found = []
+    for item in fields(settings):
+        value = getattr(settings, item.name)
+        found += numbers_of(value) if is_dataclass(value) else [item]
+    return found
+
+
+FIELDS = numbers_of(FitSettings())
 
 
 @pytest.mark.parametrize("item", FIELDS, ids=lambda item: item.name)

@@ -26,7 +26,8 @@ def proposal_of(name: str, **about) -> Proposal:
     )
     paper = load_model("paper")
     structure = {"mechanism": mechanism_of(paper), "theta": paper.theta}
-    given = {"share": 0.87, "logs": ("a", "b"), **structure, **about}
+    floor = {"force_error": 0.01, "velocity_error": 0.015}
+    given = {"share": 0.87, "logs": ("a", "b"), "noise_floor": floor, **structure, **about}
     return Proposal(found, entries, 0.012, 0.02, verdict=verdict, **given)
 
 
