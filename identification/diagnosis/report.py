@@ -21,7 +21,7 @@ from identification.proposal.proposal import Proposal
 from identification.residual_map.regime import Regime
 from identification.residual_map.shares import ResidualMap
 from identification.showing import Shown
-from youbot_env.physics.effect import effect_of
+from youbot_env.physics.effect import Parameter, effect_of
 
 
 @dataclass(frozen=True, repr=False)
@@ -455,6 +455,16 @@ def _parameters(item: Candidate, model: Any, key: str | None) -> dict[str, Any]:
     own = theta[len(theta) - len(effect.parameter_names) :]
     public = effect.to_public(item.mechanism.geometry, own)
     return {
-        name: {"value": value, "unit": effect.public_parameter(name).unit, "std": None}
+        name: {"value": _at_bound(declared, value), "unit": declared.unit, "std": None}
         for name, value in zip(effect.public_names, public, strict=True)
+        for declared in [effect.public_parameter(name)]
     }
+
+
+def _at_bound(declared: Parameter, value: float) -> float:
+    """A value, or the bound from which rounding alone keeps it: a search inside of bounds ends at
+    1e-30, say, where 0 is the least."""
+    for bound in (declared.lower, declared.upper):
+        if abs(value - bound) < 1e-9 * declared.size:
+            return bound
+    return value

@@ -4,11 +4,11 @@ from __future__ import annotations
 
 import pytest
 
-from identification.diagnosis.report import describe_in
+from identification.diagnosis.report import _at_bound, describe_in
 from identification.diagnosis.sentences import describe
 from identification.mechanisms.registry import mechanism_of
 from youbot_env.model.model_file import load_model
-from youbot_env.physics.effect import CATALOGUE
+from youbot_env.physics.effect import CATALOGUE, Parameter
 
 BASE = {name: entry.value for name, entry in load_model("paper").parameters.items()}
 
@@ -47,3 +47,8 @@ def test_dry_friction_and_its_direction_are_one_law():
     alone = load_model("paper").with_effect("asymmetric_friction", coulomb=0.06, viscous=0.0)
     words = describe_in(alone, mechanism_of(alone).catalogue["asymmetric_friction"])
     assert "0.060 N m more dry friction" in words
+
+
+def test_what_rounding_leaves_beside_a_bound_is_the_bound():
+    drag = Parameter("drag", "N m s", lower=0.0, upper=2.0, size=0.03)
+    assert [_at_bound(drag, value) for value in (1.6e-30, 2.0 - 1e-12, 1e-6)] == [0.0, 2.0, 1e-6]
