@@ -726,6 +726,17 @@ def _of_drives(
     if drive is not None:
         tied = [best.name, *(name for name in tied if name != drive.name)]
         best = drive
+    # How a drive holds its commands is not known to a sample: what that makes of two that are
+    # nearly the same is sure, but tells neither from the other.
+    inexact = base.settings.max_inexact_share_of_drives * (base.held_out.square - best.square)
+    tied += [
+        item.name
+        for item in near
+        if item is not best
+        and item.name in DRIVES
+        and item.name not in tied
+        and item.square - best.square < inexact
+    ]
     for item in near:
         if item.name != DRIVES[-1] or item is best or item.name in tied:
             continue

@@ -7,7 +7,13 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from identification.diagnosis.candidates import _base_sums, fit_base, rank, try_candidate
+from identification.diagnosis.candidates import (
+    _base_sums,
+    _of_drives,
+    fit_base,
+    rank,
+    try_candidate,
+)
 from identification.diagnosis.structures import Candidate, LoggedData, Ranking
 from identification.mechanisms.registry import mechanism_of
 from tests.identification.recordings import recording
@@ -49,6 +55,18 @@ def test_a_resonance_of_which_little_is_seen_is_in_the_set():
     stiff = ("drive_resonance", (("frequency", 28.0), ("damping", 0.45)))
     found = told(ranked(stiff))
     assert "drive_resonance" in found and not {"actuator_lag", "speed_filter"} & set(found)
+
+
+@pytest.mark.parametrize(("share", "twins"), [(0.001, ("torque_delay",)), (0.01, ())])
+def test_a_delay_that_is_worse_by_a_hair_is_told_beside_the_resonance(share: float, twins):
+    """However sure the difference is: how a drive holds its commands makes as much."""
+    log = recording("calibration", (("torque_delay", (("delay", 0.05),)),))
+    base = fit_base(LoggedData(MECHANISM, [log]), MECHANISM, PAPER.theta)
+    names = ("drive_resonance", "torque_delay")
+    best, late = (try_candidate(base, None, name)[0] for name in names)
+    square = best.square + share * (base.held_out.square - best.square)
+    late = replace(late, lost_fall=late.lost_fall + square - late.square)
+    assert _of_drives(best, [], [best, late], base) == (best, twins)
 
 
 def test_without_a_pose_a_drive_that_lags_is_named_before_a_filter_of_the_speeds():
