@@ -249,10 +249,11 @@ def _contradicted(
     shown = [name for name in _names(steps) if name in wheels.settled]
     if not shown:
         return ()
+    base, full = steps[0].fitted, steps[-1].fitted
     others = [name for name in _names(steps) if name not in shown]
-    without = _walk(data, steps[0], others, steps[-1].fitted)
+    without = _refitted(data, full, (*base.mechanism.structure.effects, *others))
     most = 1.0 - data.settings.min_share_of_residual
-    better = _held_out_square(*without) < most * _held_out_square(*steps)
+    better = _held_out_square(base, without) < most * _held_out_square(base, full)
     return tuple(shown) if better else ()
 
 
@@ -294,7 +295,10 @@ def _searched(
         key = frozenset(_names(steps))
         if key in visited:
             # The search goes round in a circle: of what it has been through, the best is taken.
-            steps, rankings = min(visited.values(), key=lambda way: _held_out_square(*way[0]))
+            steps, rankings = min(
+                visited.values(),
+                key=lambda way: _held_out_square(way[0][0].fitted, way[0][-1].fitted),
+            )
             break
         visited[key] = steps, rankings
     first = first or seen
@@ -339,11 +343,10 @@ def _names(steps: Sequence[Step]) -> list[str]:
     return [step.effect for step in steps if step.effect]
 
 
-def _held_out_square(first: Step, *others: Step) -> float:
-    """Held-out squares of the last step, judged with the folds of the first."""
-    last = others[-1] if others else first
-    judged = last.fitted.held_out
-    return first.fitted.fold_ratio(judged.folds) * judged.square / last.fitted.acting_share
+def _held_out_square(first: FittedStructure, last: FittedStructure) -> float:
+    """Held-out squares of the last structure, judged with the folds of the first."""
+    judged = last.held_out
+    return first.fold_ratio(judged.folds) * judged.square / last.acting_share
 
 
 def _with_sound_free_runs(data: LoggedData, steps: Sequence[Step]) -> list[Step]:

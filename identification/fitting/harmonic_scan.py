@@ -355,7 +355,7 @@ def _scores_of_part(
     back = reduce.adjoint(rows, len(item), part, margin)[::thin]
     values = one.values[log][slice(*part)][::thin]
     heading = one.headings[log][slice(*part)][::thin] if one.headings else None
-    weights = np.einsum("nfa,nag->fgn", back, _patterns(heading, *back.shape[::2]))
+    weights = np.einsum("nfa,nag->fgn", back, turned_axes(heading, *back.shape[::2]))
     weights = weights.reshape(-1, len(values)).astype(np.float32)
     score = np.zeros((len(weights), len(numbers)), complex)
     pieces = -(-len(numbers) // chosen.waves_at_once)
@@ -368,7 +368,7 @@ def _scores_of_part(
     return score
 
 
-def _patterns(heading: Array | None, count: int, axes: int) -> Array:
+def turned_axes(heading: Array | None, count: int, axes: int) -> Array:
     """(N, A, A) forces along the axes of the body, or with headings (N,) along those of the world.
 
     The first two axes of these turn.

@@ -32,7 +32,7 @@ from identification.fitting.errors import (
     squares_of,
     velocity_traces,
 )
-from identification.fitting.harmonic_scan import all_of, harmonic_scan
+from identification.fitting.harmonic_scan import all_of, harmonic_scan, turned_axes
 from identification.fitting.regression import Regression, regression, rows_by_parts
 from identification.fitting.repeated_periods import repeated_noise
 from identification.fitting.settings import (
@@ -326,17 +326,10 @@ def _are_alike(
         for row, time, item, heading in zip(
             *(found.residual, found.time, samples, headings), strict=True
         ):
-            turned.append(_along_the_world(row, np.interp(time, item.time, np.unwrap(heading))))
+            then = np.interp(time, item.time, np.unwrap(heading))
+            turned.append(np.einsum("na,nab->nb", row, turned_axes(then, *row.shape)))
         forces.append(turned)
     return any(likeness(force, found.time, chosen).is_shared(chosen) for force in forces)
-
-
-def _along_the_world(force: Array, heading: Array) -> Array:
-    """(n, A) forces whose first two axes are the body's, along the world's; heading (n,)."""
-    found, c, s = force.copy(), np.cos(heading), np.sin(heading)
-    found[:, 0] = c * force[:, 0] - s * force[:, 1]
-    found[:, 1] = s * force[:, 0] + c * force[:, 1]
-    return found
 
 
 def _wander(

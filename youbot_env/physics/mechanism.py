@@ -404,22 +404,24 @@ class ModelStructure(Generic[Geometry]):
     @cached_property
     def filters_speed(self) -> bool:
         """Whether the logged speeds follow the true ones late, so that they are a state."""
-        return any(
-            item.evaluate(floats, SPEED.point(0.3, 0.0, 0.5, 0.7), values)
-            != item.evaluate(floats, SPEED.point(0.3, 1.0, 0.5, 0.7), values)
-            for item, _ in self.at(SPEED)
-            for values in [[0.5] * len(item.parameter_names)]
-        )
+        return bool(self._telling_speeds_apart((0.0, 0.5), (1.0, 0.5)))
 
     @cached_property
     def creeps(self) -> tuple[str, ...]:
         """Effects that make a joint's speed another by the torque that acts."""
+        return self._telling_speeds_apart((0.0, 0.5), (0.0, 0.9))
+
+    def _telling_speeds_apart(
+        self, first: tuple[float, float], second: tuple[float, float]
+    ) -> tuple[str, ...]:
+        """Effects at speed channels that differ between two pairs of the speed's rate and the
+        torque."""
         return tuple(
             item.name
             for item, _ in self.at(SPEED)
             for values in [[0.5] * len(item.parameter_names)]
-            if item.evaluate(floats, SPEED.point(0.3, 0.0, 0.5, 0.7), values)
-            != item.evaluate(floats, SPEED.point(0.3, 0.0, 0.9, 0.7), values)
+            if item.evaluate(floats, SPEED.point(0.3, *first, 0.7), values)
+            != item.evaluate(floats, SPEED.point(0.3, *second, 0.7), values)
         )
 
     @cached_property
