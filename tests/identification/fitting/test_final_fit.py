@@ -10,6 +10,7 @@ import pytest
 from identification.fitting.errors import NoiseLevel
 from identification.fitting.final_fit import coarse_speed_warnings, final_fit, without_noise_bias
 from identification.fitting.least_squares import Fit, fit
+from identification.fitting.noise_bias import extrapolated_fit
 from identification.fitting.observability import combinations
 from identification.fitting.settings import FitSettings
 from identification.mechanisms.mecanum import Mecanum
@@ -122,3 +123,17 @@ def test_sums_are_told_where_their_members_do_not_separate():
     value, std, unit = told["m0 + 4 I1/R^2"]
     assert value == pytest.approx(found.theta[mass] + factor * found.theta[spin])
     assert std < 0.3 and unit == "kg"
+
+
+def test_what_two_fits_differ_by_by_chance_widens_no_interval():
+    """Noise of a true model makes the fits of forces and of the free run differ a little."""
+    mechanism = Mecanum(PAPER.geometry)
+    widened = []
+    for seed in range(3):
+        samples = [mechanism.samples(recording("calibration", seed=seed))]
+        noise = [NoiseLevel.of(item) for item in samples]
+        found = fit(mechanism, samples, PAPER.theta)
+        undone = extrapolated_fit(mechanism, samples, noise, found, 0)
+        widened.append(last(mechanism, samples, PAPER.theta).std / undone.std)
+    # With the whole difference it is 1.11.
+    assert np.mean(widened) < 1.06
