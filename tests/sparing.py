@@ -8,7 +8,13 @@ from typing import Any
 import pytest
 
 
-def mostly_slow(cases: Iterable[Any], fast: Iterable[Any]) -> list[Any]:
-    """The cases of a parametrised test, of which those that are not ``fast`` are marked slow."""
-    kept = list(fast)
-    return [case if case in kept else pytest.param(case, marks=pytest.mark.slow) for case in cases]
+def mostly_slow(cases: Iterable[Any], fast: Iterable[Any], several: bool = False) -> list[Any]:
+    """The cases of a parametrised test, of which those that are not ``fast`` are marked slow.
+
+    ``several``: each case is a tuple of several arguments.
+    """
+    kept, slow = list(fast), pytest.mark.slow
+    return [
+        case if case in kept else pytest.param(*(case if several else [case]), marks=slow)
+        for case in cases
+    ]

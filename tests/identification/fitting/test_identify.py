@@ -78,7 +78,12 @@ def test_contact_simulator_is_explained_and_its_weak_separation_stated():
     assert apart > 5 * together
 
 
-@pytest.mark.parametrize(("rate", "noise"), [(50.0, 2.0), (100.0, 1.0), (250.0, 2.0)])
+@pytest.mark.parametrize(
+    ("rate", "noise"),
+    mostly_slow(
+        [(50.0, 2.0), (100.0, 1.0), (250.0, 2.0)], [(50.0, 2.0), (250.0, 2.0)], several=True
+    ),
+)
 def test_recordings_come_back_at_every_rate_and_noise(rate, noise):
     result = identify([recording(rate=rate, noise=noise, seed=5)])
     check_recovery(result.model, {name: e.value for name, e in PAPER.parameters.items()})

@@ -21,6 +21,7 @@ from identification.logs.log import Log
 from identification.mechanisms.mecanum import Mecanum
 from identification.mechanisms.registry import MECHANISMS
 from tests.identification.recordings import recording
+from tests.sparing import mostly_slow
 from youbot_env.model.model_file import load_model
 from youbot_env.physics import inverse_dynamics as dynamics
 from youbot_env.physics.geometry import Geometry
@@ -44,7 +45,7 @@ def explained(log: Log, name: str) -> float:
 
 
 @pytest.mark.parametrize("pose", [True, False])
-@pytest.mark.parametrize("size", [ODD, WORN])
+@pytest.mark.parametrize("size", mostly_slow([ODD, WORN], [WORN]))
 def test_uneven_radii_come_back_within_their_intervals(size, pose: bool):
     log = recording(effects=(("wheel_radius_error", size),))
     log = log if pose else replace(log, pose=None)

@@ -24,6 +24,7 @@ from identification.proposal.search import Search
 from identification.proposal.settings import ProposalSettings
 from tests.identification.proposal.laws import every_law
 from tests.identification.recordings import recording
+from tests.sparing import mostly_slow
 from youbot_env.model.model_file import load_model
 from youbot_env.physics.effect import CATALOGUE
 from youbot_env.plugins import load_effects
@@ -230,7 +231,12 @@ NEAR = (
 
 
 @pytest.mark.parametrize(
-    ("axis", "share"), [("x", 0.3), ("x", 0.85), ("x", 0.92), ("x", 0.96), ("y", 0.94)]
+    ("axis", "share"),
+    mostly_slow(
+        [("x", 0.3), ("x", 0.85), ("x", 0.92), ("x", 0.96), ("y", 0.94)],
+        [("x", 0.96), ("y", 0.94)],
+        several=True,
+    ),
 )
 def test_what_acts_beyond_an_edge_is_not_taken_for_oblique(axis, share):
     """Also where the platform was beyond the edge for a moment only."""
@@ -242,7 +248,10 @@ def test_what_acts_beyond_an_edge_is_not_taken_for_oblique(axis, share):
     assert found.values["coefficient"] == pytest.approx(100.0, rel=0.1)
 
 
-@pytest.mark.parametrize(("across", "share"), [(0.5, 0.5), (2.4, 0.85), (4.0, 0.94)])
+@pytest.mark.parametrize(
+    ("across", "share"),
+    mostly_slow([(0.5, 0.5), (2.4, 0.85), (4.0, 0.94)], [(4.0, 0.94)], several=True),
+)
 def test_what_acts_beyond_an_oblique_line_is_found_there(across, share):
     ways = data_of()[0].samples[0].pose[:, :2] @ [np.cos(across), np.sin(across)]
     edge = float(np.quantile(ways, share))

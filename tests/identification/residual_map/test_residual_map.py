@@ -131,7 +131,9 @@ def test_nor_at_other_rates_and_noise(rate: float, noise: float):
     assert residual_map(MECHANISM, PAPER.theta, logs).leading == ()
 
 
-@pytest.mark.parametrize(("rate", "lag"), [(50.0, 0.03), (100.0, 0.1)])
+@pytest.mark.parametrize(
+    ("rate", "lag"), mostly_slow([(50.0, 0.03), (100.0, 0.1)], [(50.0, 0.03)], several=True)
+)
 def test_nor_does_a_model_that_knows_its_drives(rate: float, lag: float):
     """The rate of a demand behind a lag needs no filter of its own."""
     planted = (("actuator_lag", (("time_constant", lag),)),)
