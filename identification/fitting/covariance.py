@@ -6,6 +6,7 @@ from collections.abc import Sequence
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.special import chdtri
 
 from identification.fitting.settings import FitSettings
 from identification.signals.filters import accumulate
@@ -29,9 +30,10 @@ def hac_covariance(
     prewhitened: because of the filter's memory, a plain window would make standard deviations a
     tenth too small.
 
-    No variance is less than what the spread of the scores between long stretches says (a sandwich
-    over clusters: Liang and Zeger, Biometrika 73(1), 1986). What a model lacks acts for as long as
-    a motion lasts, and no short memory tells of it.
+    Where the spread of the scores between long stretches (a sandwich over clusters: Liang and
+    Zeger, Biometrika 73(1), 1986) is larger than chance makes it, it is the variance. What a model
+    lacks, and an offset that wanders, acts for as long as a motion lasts, and no short memory tells
+    of it.
 
     Parameters
     ----------
@@ -68,7 +70,9 @@ def hac_covariance(
     found = to_theta @ covariance @ to_theta.T
     if len(stretches) < settings.min_stretches:
         return found
-    return _no_less(found, to_theta @ inverse @ _spread(stretches) @ inverse @ to_theta.T)
+    spread = to_theta @ inverse @ _spread(stretches) @ inverse @ to_theta.T
+    degrees = len(stretches) - 1
+    return _raised(found, spread, chdtri(degrees, settings.stretch_level) / degrees)
 
 
 def sums_of_stretches(residual: Array, columns: Array, step: float, length: float) -> list[Array]:
@@ -84,11 +88,12 @@ def _spread(stretches: Sequence[Array]) -> Array:
     return scores.T @ scores * len(scores) / (len(scores) - 1)
 
 
-def _no_less(covariance: Array, least: Array) -> Array:
-    """The covariance (F, F) with each variance raised to that of ``least``, correlations kept."""
+def _raised(covariance: Array, other: Array, chance: float) -> Array:
+    """The covariance (F, F), with the variances of another that are more than ``chance`` times as
+    large. Correlations are kept."""
     variance = np.diag(covariance)
-    ratio = np.diag(least) / np.where(variance > 0, variance, np.inf)
-    factor = np.sqrt(np.maximum(ratio, 1.0))
+    ratio = np.diag(other) / np.where(variance > 0, variance, np.inf)
+    factor = np.sqrt(np.where(ratio > max(chance, 1.0), ratio, 1.0))
     return covariance * np.outer(factor, factor)
 
 

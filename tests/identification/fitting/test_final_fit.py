@@ -43,12 +43,15 @@ def test_counted_speeds_leave_the_parameters_within_their_deviations(counts, jit
 
 
 def test_a_plain_fit_of_counted_speeds_would_be_off():
-    mechanism = Mecanum(PAPER.geometry)
+    mechanism, short = Mecanum(PAPER.geometry), FitSettings(min_stretches=1000)
     log = counted(recording(), 500, jitter=0.001)
-    raw = mechanism.conventions.samples(log, mechanism.geometry, mechanism.settings)
-    assert np.abs(deviations(fit(mechanism, [raw], PAPER.theta), PAPER.theta)).max() > 3.5
-    smoothed = fit(mechanism, [mechanism.samples(log)], PAPER.theta)
-    assert np.abs(deviations(smoothed, PAPER.theta)).max() < 3.0
+
+    def off(samples) -> float:
+        found = fit(mechanism, [samples], PAPER.theta, settings=short)
+        return float(np.abs(deviations(found, PAPER.theta)).max())
+
+    assert off(mechanism.conventions.samples(log, mechanism.geometry, mechanism.settings)) > 3.5
+    assert off(mechanism.samples(log)) < 3.0
 
 
 def test_dry_friction_comes_back_from_counted_speeds():
@@ -137,3 +140,22 @@ def test_what_two_fits_differ_by_by_chance_widens_no_interval():
         widened.append(last(mechanism, samples, PAPER.theta).std / undone.std)
     # With the whole difference it is 1.11.
     assert np.mean(widened) < 1.06
+
+
+def test_offsets_that_wander_are_in_the_intervals_of_one_calibration_motion():
+    """Two waves in a log: centripetal forces are constant too, and masses take what is left."""
+    mechanism, settings = Mecanum(PAPER.geometry), FitSettings()
+    short = replace(settings, min_stretches=1000)
+    log = recording("calibration")
+    turns = np.arange(len(log.time)) / len(log.time)
+    off: dict[bool, list[float]] = {True: [], False: []}
+    for seed in range(6):
+        phase = np.random.default_rng(seed).uniform(0.0, 2 * np.pi, (2, 4))
+        waves = sum(np.sin(2 * np.pi * k * turns[:, None] + phase[k - 1]) for k in (1, 2))
+        samples = [mechanism.samples(replace(log, effort=log.effort + 0.02 * waves))]
+        for wide in off:
+            found = fit(mechanism, samples, PAPER.theta, settings=settings if wide else short)
+            off[wide].append(float(np.sqrt(np.mean(deviations(found, PAPER.theta) ** 2))))
+    assert np.mean(off[False]) > 2.0
+    # Not 1: a wave of 140 s is longer than a stretch.
+    assert np.mean(off[True]) < 1.5
