@@ -33,6 +33,7 @@ from identification.diagnosis.report import (
     candidate_rows,
     effects_of,
     explained_share,
+    faults_of_logs,
     leaves_something,
     plain_ties,
     sentences_of,
@@ -41,7 +42,7 @@ from identification.diagnosis.report import (
     without_imitators,
 )
 from identification.diagnosis.settings import DiagnosisSettings
-from identification.diagnosis.slip import refuted, slip_warning, telling_slip
+from identification.diagnosis.slip import refuted, telling_slip
 from identification.diagnosis.structures import (
     Candidate,
     FittedStructure,
@@ -111,9 +112,10 @@ def diagnose(
     steps, regime = (
         regime_left(data, steps, explained_share(steps)) if unexplained else (steps, None)
     )
-    slip, proposal = telling_slip(steps[-1].fitted, chosen.wheels.slip), None
+    slip, proposal = telling_slip(steps[-1].fitted, chosen.wheels.slip, chosen.refused), None
     late = late_efforts_of(data, steps)
-    if slip is None and late is None:
+    faults = faults_of_logs(late, slip)
+    if not faults:
         # Also where trees find nothing: a ripple of the floor is too fine for them. Of wheels that
         # slide, or efforts that come late, no law is sought: one of wheels would imitate them.
         steps, proposal = propose(data, steps, unexplained, FITS)
@@ -132,12 +134,9 @@ def diagnose(
     words = sentences_of(fitted_model, steps, verdict, ties, floor, maps[-1], regime, proposal)
     if chosen.contradicted:
         of_logs.append(contradiction_warning(chosen.contradicted))
-    if slip is not None:
-        of_logs.append(slip_warning(slip, chosen.refused))
-        words = [slip.words, *words] if unexplained else words
-    if late is not None:
-        of_logs.append(late.words)
-        words = [late.words, *words] if unexplained else words
+    told = [fault.words for fault in faults]
+    of_logs += told
+    words = [*told, *words] if unexplained else words
     return Diagnosis(
         verdict=verdict,
         missing=effects_of(accepted),

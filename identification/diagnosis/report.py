@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
-from typing import Any, ClassVar
+from typing import Any, ClassVar, Protocol
 
 import numpy as np
 
@@ -22,6 +22,25 @@ from identification.residual_map.regime import Regime
 from identification.residual_map.shares import ResidualMap
 from identification.showing import Shown
 from youbot_env.physics.effect import Parameter, effect_of
+
+
+class FaultOfLogs(Protocol):
+    """What is wrong with the logs, so that no model holds on them and no law is sought.
+
+    brief : in a headline; words : with what to do
+    """
+
+    @property
+    def brief(self) -> str: ...
+
+    @property
+    def words(self) -> str: ...
+
+
+def faults_of_logs(late: LateEfforts | None, slip: TellingSlip | None) -> list[FaultOfLogs]:
+    """Those that there are, in the order in which they are told."""
+    found: tuple[FaultOfLogs | None, ...] = (late, slip)
+    return [fault for fault in found if fault is not None]
 
 
 @dataclass(frozen=True, repr=False)
@@ -78,7 +97,7 @@ class Diagnosis(Shown):
         """The verdict in one sentence, with how far the error falls."""
         names = listed([name.replace("_", " ") for name in self.missing]) if self.missing else ""
         line = HEADLINES[self.verdict].format(missing=names)
-        fault = self.late or self.slip
+        fault = next(iter(faults_of_logs(self.late, self.slip)), None)
         if self.verdict == "unknown" and (names or fault):
             rest = fault.brief if fault else "something that no effect of the catalogue explains"
             line = f"The model lacks {names}, and {rest}" if names else _as_a_beginning(rest)

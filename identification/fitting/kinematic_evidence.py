@@ -505,6 +505,7 @@ class TellingSlip:
     bursts : how often they slip, where they do so now and then; 0 where slip lasts
     square_ratio : usual mean square of the force residual in a burst, over that elsewhere
     swings, late : see `SlippingWheels`; they are what is there then, and no wheel slips
+    imitators : effects that would act like it, but not where no wheel slips
     """
 
     share: float
@@ -512,6 +513,7 @@ class TellingSlip:
     square_ratio: float = 1.0
     swings: Mapping[str, float] = field(default_factory=dict)
     late: Mapping[str, float] = field(default_factory=dict)
+    imitators: tuple[str, ...] = ()
 
     @property
     def brief(self) -> str:
@@ -526,7 +528,15 @@ class TellingSlip:
 
     @property
     def words(self) -> str:
-        """With what to do."""
+        """With what to do, and with what would act like it."""
+        if not self.imitators:
+            return self._cure
+        names = " and ".join(name.replace("_", " ") for name in self.imitators)
+        return f"{self._cure} ({names} would act like it, but not where no wheel slips)"
+
+    @property
+    def _cure(self) -> str:
+        """What it is, and what to do."""
         if self.late:
             return (
                 f"{_words_of_late(self.late)}: it breaks the rigid motion of the wheels as slip "
