@@ -171,8 +171,11 @@ def _errors_by_axis(found: Found, kind: str, title: str) -> Table:
 
 
 def steps(found: Found) -> Table:
-    """The errors of a diagnosis, from the refitted model to the last effect that was accepted."""
+    """The errors of a diagnosis, from the refitted model to the last effect that was accepted, and
+    to the law that is proposed beside them."""
     rows = [(step["effect"] or "the model, refitted", step) for step in found["steps"]]
+    if found.get("proposal"):
+        rows.append((f"{found['proposal']['name']} (proposed)", found["proposal"]))
     return errors("The error as it falls", [*rows, ("noise floor", found["noise_floor"])])
 
 
