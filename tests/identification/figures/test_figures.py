@@ -8,6 +8,7 @@ import os
 import subprocess
 import sys
 from pathlib import Path
+from typing import Any
 from xml.etree import ElementTree
 
 import numpy as np
@@ -346,7 +347,8 @@ def test_a_proposed_law_is_the_last_bar_and_marked():
     assert last == "with dry_nap\n(proposed)"
     figure.canvas.draw()
     chart = single_charts.errors_chart(steps, floor, law)
-    for bars, widths in zip(chart.figure.data, ([14.0, 1.5], [18.0, 2.0]), strict=True):
+    panels: Any = chart.figure.data
+    for bars, widths in zip(panels, ([14.0, 1.5], [18.0, 2.0]), strict=True):
         assert list(bars.x) == pytest.approx(widths)
         assert bars.y[-1] == "+ dry_nap<br>(proposed)"
         assert list(bars.marker.pattern.shape) == ["", "/"]
