@@ -132,7 +132,8 @@ def main(
         out.print(f"report written to {report}", soft_wrap=True)
     if output:
         held = f", with {', '.join(result.missing)} in it" if result.missing else ""
-        out.print(f"model written to {output}{held}", soft_wrap=True)
+        lacks = ", without the proposed law" if result.proposal else ""
+        out.print(f"model written to {output}{held}{lacks}", soft_wrap=True)
     platform = result.model.mechanism.name == "mecanum"
     for line in next_lines(found, model, output, next_motion) if platform else ():
         out.print(f"next: {line}", soft_wrap=True, highlight=False)

@@ -33,6 +33,7 @@ from identification.diagnosis.report import (
     candidate_rows,
     effects_of,
     explained_share,
+    faults_of_logs,
     leaves_something,
     plain_ties,
     sentences_of,
@@ -41,7 +42,7 @@ from identification.diagnosis.report import (
     without_imitators,
 )
 from identification.diagnosis.settings import DiagnosisSettings
-from identification.diagnosis.slip import refuted, slip_warning, telling_slip
+from identification.diagnosis.slip import refuted, telling_slip
 from identification.diagnosis.structures import (
     Candidate,
     FittedStructure,
@@ -111,33 +112,31 @@ def diagnose(
     steps, regime = (
         regime_left(data, steps, explained_share(steps)) if unexplained else (steps, None)
     )
-    slip, proposal = telling_slip(steps[-1].fitted, chosen.wheels.slip), None
+    slip, proposal = telling_slip(steps[-1].fitted, chosen.wheels.slip, chosen.refused), None
     late = late_efforts_of(data, steps)
-    if slip is None and late is None:
+    faults = faults_of_logs(late, slip)
+    fits = FITS._replace(final=partial(_final_fit, chosen.wheels))
+    if not faults:
         # Also where trees find nothing: a ripple of the floor is too fine for them. Of wheels that
         # slide, or efforts that come late, no law is sought: one of wheels would imitate them.
-        steps, proposal = propose(data, steps, unexplained, FITS)
+        steps, proposal = propose(data, steps, unexplained, fits)
     unexplained = unexplained or proposal is not None
     # What the last step leaves holds the law as well, and trees do not learn all of it.
     floor = proposal.noise_floor if proposal else data.floor(steps[-1].fitted).to_dict()
     accepted = _names(steps)
     ties = _ties(chosen.rankings, accepted)
     verdict = verdict_of(unexplained, bool(ties), bool(accepted))
-    final, maps = _final_fit_and_maps(data, steps)
+    final, maps = _final_fit_and_maps(data, steps, fits)
     maps = [item.led_by(_told_of(regime, proposal)) for item in maps]
-    final = chosen.wheels.widened(steps[-1].fitted.mechanism, final)
     given = data.given_errors(mechanism, model.theta)
     fitted_model = _model(steps[-1], final, model, logs, floor)
     of_logs = warnings_of_logs(logs) + [*data.notes, *coarse_speed_warnings(data.samples, final)]
     words = sentences_of(fitted_model, steps, verdict, ties, floor, maps[-1], regime, proposal)
     if chosen.contradicted:
         of_logs.append(contradiction_warning(chosen.contradicted))
-    if slip is not None:
-        of_logs.append(slip_warning(slip, chosen.refused))
-        words = [slip.words, *words] if unexplained else words
-    if late is not None:
-        of_logs.append(late.words)
-        words = [late.words, *words] if unexplained else words
+    told = [fault.words for fault in faults]
+    of_logs += told
+    words = [*told, *words] if unexplained else words
     return Diagnosis(
         verdict=verdict,
         missing=effects_of(accepted),
@@ -351,7 +350,7 @@ def _held_out_square(first: FittedStructure, last: FittedStructure) -> float:
 
 def _with_sound_free_runs(data: LoggedData, steps: Sequence[Step]) -> list[Step]:
     """The steps, without effects that make the free run worse."""
-    steps = _judged_alike(data, steps)
+    steps = data.judged_alike(steps, steps[-1].fitted.held_out.folds)
     for index, (before, after) in enumerate(zip(steps, steps[1:], strict=False)):
         if not _free_run_holds(data, before, after):
             names = [name for k, name in enumerate(_names(steps)) if k != index]
@@ -469,9 +468,7 @@ def _share_in(item: Candidate, base: FittedStructure, log: Samples) -> float:
 
 def _free_run_holds(data: LoggedData, before: Step, after: Step) -> bool:
     """Whether the held-out free run is no worse with an effect than without it."""
-    folds = after.fitted.held_out.folds
-    if before.fitted.held_out.folds != folds:
-        before = data.step(before.fitted, before.effect, folds)
+    (before,) = data.judged_alike([before], after.folds)
     most = data.settings.max_velocity_error_ratio * before.velocity_error
     # A free run that diverges without the effect says nothing against it.
     if after.velocity_error <= most or not np.isfinite(before.velocity_error):
@@ -522,15 +519,6 @@ def _accepted_pair(
 
 def _others(names: Sequence[str], name: str) -> list[str]:
     return [other for other in names if effect_of(other) != effect_of(name)]
-
-
-def _judged_alike(data: LoggedData, steps: Sequence[Step]) -> list[Step]:
-    """The steps with the last one's folds, so that their errors can be compared."""
-    folds = steps[-1].fitted.held_out.folds
-    return [
-        step if step.fitted.held_out.folds == folds else data.step(step.fitted, step.effect, folds)
-        for step in steps
-    ]
 
 
 def _revised(
@@ -607,7 +595,14 @@ FITS = Fits(fit_structure, final_fit, _refitted, _walk)
 """How a diagnosis fits what is missing from the catalogue."""
 
 
-def _final_fit_and_maps(data: LoggedData, steps: Sequence[Step]) -> tuple[Fit, list[ResidualMap]]:
+def _final_fit(wheels: WheelEvidence, mechanism: Mechanism, *args: Any) -> Fit:
+    """A final fit, with the uncertainty of what wheels and pose have settled."""
+    return wheels.widened(mechanism, final_fit(mechanism, *args))
+
+
+def _final_fit_and_maps(
+    data: LoggedData, steps: Sequence[Step], fits: Fits
+) -> tuple[Fit, list[ResidualMap]]:
     """The last structure's fit; maps of the base's residual and, with effects, of the last one's.
 
     Side by side, in threads; of long logs one after another, for each of them takes memory.
@@ -624,11 +619,11 @@ def _final_fit_and_maps(data: LoggedData, steps: Sequence[Step]) -> tuple[Fit, l
 
     shown = [steps[0].fitted] if len(steps) == 1 else [steps[0].fitted, last]
     args = (last.mechanism, data.samples, data.noise, last.theta, data.seed, settings.fit)
-    tasks = [partial(final_fit, *args), *(partial(mapped, f) for f in shown)]
+    tasks = [partial(fits.final, *args), *(partial(mapped, f) for f in shown)]
     if not data.is_long:
         final, *maps = side_by_side(lambda task: task(), tasks, data.progress)
         return final, maps
-    final = final_fit(*args)
+    final = fits.final(*args)
     give_back()
     return final, [mapped(fitted) for fitted in shown]
 

@@ -12,7 +12,10 @@ from numpy.typing import NDArray
 from identification.diagnosis.structures import FittedStructure, LoggedData, Step
 from identification.fitting.clocks import has_own_clock, words_of_clock
 from identification.fitting.least_squares import Fit
+from identification.fitting.misfit import misfit_of
+from identification.fitting.settings import FitSettings
 from identification.mechanisms.mechanism import Mechanism
+from identification.mechanisms.physical_parameters import StatedParameters, stated_parameters
 from identification.proposal.law import FoundLaw, Verdict
 from identification.proposal.proposal import Proposal
 from identification.proposal.propose import Left, find_law, with_law
@@ -46,16 +49,14 @@ def propose(
     if found is None:
         return steps, None
     kept, verdict, fitted, of_law = found
-    base = kept[-1]
     try:
         step = of_law.step(fitted, verdict.found.law.name)
     except NoTorqueError:  # as fitted without one of the folds
         return steps, None
-    # Judged with the same folds, or the errors could not be compared.
-    before = data.step(base.fitted, base.effect, fitted.held_out.folds)
-    if _worsens_free_run(data, before, step):
+    kept = tuple(data.judged_alike(kept, step.folds))
+    if _worsens_free_run(data, kept[-1], step):
         return steps, None
-    return kept, _proposal(of_law, kept, before, step, verdict, fits)
+    return kept, _proposal(of_law, kept, step, verdict, fits)
 
 
 def _worsens_free_run(data: LoggedData, before: Step, after: Step) -> bool:
@@ -187,7 +188,6 @@ def _with_law(base: FittedStructure, found: FoundLaw) -> tuple[Mechanism[Any], A
 def _proposal(
     data: LoggedData,
     kept: Sequence[Step],
-    before: Step,
     step: Step,
     verdict: Verdict,
     fits: Fits,
@@ -195,14 +195,16 @@ def _proposal(
     fitted, settings = step.fitted, data.settings
     args = (fitted.mechanism, data.samples, data.noise, fitted.theta, data.seed, settings.fit)
     final = fits.final(*args)
-    parameters = _parameters(fitted, final, verdict.found, settings.fit.interval_deviations)
-    values = {name: entry["value"] for name, entry in parameters.items()}
-    base = kept[-1]
-    systematic = base.predictable.systematic_share
     floor, share = data.floor(fitted).to_dict(), None
+    errors = {**step.errors, "held_out": True, "noise_floor": floor}
+    joint = stated_parameters(fitted.mechanism, final, errors)
+    parameters = _parameters(fitted, final, verdict.found, joint, settings.fit)
+    values = {name: entry["value"] for name, entry in parameters.items()}
+    before = kept[-1]
+    systematic = before.predictable.systematic_share
     if systematic > 0:
         # Trees do not learn all that is there: what is beyond the noise floor was missing too.
-        noise = min(floor["force_error"] / base.force_error, 1.0)
+        noise = min(floor["force_error"] / before.force_error, 1.0)
         systematic = max(systematic, 1.0 - noise**2)
         share = min((1.0 - (step.force_error / before.force_error) ** 2) / systematic, 1.0)
     return Proposal(
@@ -214,6 +216,7 @@ def _proposal(
         verdict,
         fitted.mechanism,
         final.theta,
+        joint,
         (before.force_error, before.velocity_error),
         tuple(item.effect for item in kept if item.effect),
         tuple(item.name for item in data.samples),
@@ -231,9 +234,17 @@ def _starts(data: LoggedData, fitted: FittedStructure) -> dict[str, float]:
 
 
 def _parameters(
-    fitted: FittedStructure, final: Fit, found: FoundLaw, deviations: float
+    fitted: FittedStructure,
+    final: Fit,
+    found: FoundLaw,
+    joint: StatedParameters,
+    settings: FitSettings,
 ) -> dict[str, dict[str, Any]]:
-    """Value, unit, std and interval of each parameter of the law; None where it was not fitted."""
+    """Value, unit, std and interval of each parameter of the law; None where it was not fitted.
+
+    No interval either where that fit, which is ``joint`` too, does not fit the logs.
+    """
+    holds, deviations = misfit_of(joint, settings) is None, settings.interval_deviations
     names = fitted.mechanism.parameter_names
     free = {int(k): n for n, k in enumerate(final.free)}
     entries: dict[str, dict[str, Any]] = {}
@@ -243,7 +254,7 @@ def _parameters(
         value = float(final.theta[index])
         std = float(final.std[free[index]]) if index in free else None
         interval = None
-        if std is not None:
+        if std is not None and holds:
             interval = [value - deviations * std, value + deviations * std]
         entries[label.name] = {
             "value": value,

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
-from typing import Any, ClassVar
+from typing import Any, ClassVar, Protocol
 
 import numpy as np
 
@@ -14,14 +14,36 @@ from identification.diagnosis.structures import Candidate, Ranking, Step
 from identification.fitting.changed_parameters import ParameterChanges
 from identification.fitting.kinematic_evidence import TellingSlip
 from identification.fitting.late_efforts import LateEfforts
+from identification.fitting.misfit import stated_estimates
 from identification.fitting.predictability import too_short
 from identification.mechanisms.mechanism import Mechanism
+from identification.mechanisms.physical_parameters import StatedParameters
 from identification.mechanisms.samples import Samples
-from identification.proposal.proposal import Proposal
+from identification.proposal.proposal import Proposal, sizes_in_words
 from identification.residual_map.regime import Regime
 from identification.residual_map.shares import ResidualMap
 from identification.showing import Shown
+from youbot_env.model.model import Model
 from youbot_env.physics.effect import Parameter, effect_of
+
+
+class FaultOfLogs(Protocol):
+    """What is wrong with the logs, so that no model holds on them and no law is sought.
+
+    brief : in a headline; words : with what to do
+    """
+
+    @property
+    def brief(self) -> str: ...
+
+    @property
+    def words(self) -> str: ...
+
+
+def faults_of_logs(late: LateEfforts | None, slip: TellingSlip | None) -> list[FaultOfLogs]:
+    """Those that there are, in the order in which they are told."""
+    found: tuple[FaultOfLogs | None, ...] = (late, slip)
+    return [fault for fault in found if fault is not None]
 
 
 @dataclass(frozen=True, repr=False)
@@ -37,7 +59,7 @@ class Diagnosis(Shown):
     steps : held-out errors as they fall; the first is the refitted base. Names of effects in
         steps and rankings tell instances apart: floor_tilt@2 acts in the second log alone
     rankings : all candidates, on top of each step
-    model : refitted, with the accepted effects
+    model : refitted, with the accepted effects, and without a proposed law; see ``told``
     maps : what the residual depends on, before and after the accepted effects
     sentences : the verdict in words
     regime : where what remains lives, of an unknown rest; None if no rule says so
@@ -78,7 +100,7 @@ class Diagnosis(Shown):
         """The verdict in one sentence, with how far the error falls."""
         names = listed([name.replace("_", " ") for name in self.missing]) if self.missing else ""
         line = HEADLINES[self.verdict].format(missing=names)
-        fault = self.late or self.slip
+        fault = next(iter(faults_of_logs(self.late, self.slip)), None)
         if self.verdict == "unknown" and (names or fault):
             rest = fault.brief if fault else "something that no effect of the catalogue explains"
             line = f"The model lacks {names}, and {rest}" if names else _as_a_beginning(rest)
@@ -94,15 +116,23 @@ class Diagnosis(Shown):
         return f"{line}: the force error falls from {first:.2%} to {last:.2%} ({noise})"
 
     def rows(self) -> list[dict[str, Any]]:
-        """The error as it falls, held out."""
-        return [
-            {
-                "with": effect_of(step.effect) if step.effect else "the model, refitted",
-                "force error": step.force_error,
-                "velocity error": step.velocity_error,
-            }
+        """The error as it falls, held out; the last row is that with a proposed law."""
+        rows: list[tuple[str, Step | Proposal]] = [
+            (effect_of(step.effect) if step.effect else "the model, refitted", step)
             for step in self.steps
         ]
+        if self.proposal is not None:
+            rows.append((f"{self.proposal.name} (proposed)", self.proposal))
+        return [
+            {"with": name, "force error": of.force_error, "velocity error": of.velocity_error}
+            for name, of in rows
+        ]
+
+    @property
+    def told(self) -> Model[Any] | StatedParameters:
+        """The parameters that are told: of the fit with the proposed law, if there is one; else of
+        ``model``. Without the law, those of effects and base hold a part of it."""
+        return self.model if self.proposal is None else self.proposal.joint
 
     @property
     def first_warnings(self) -> tuple[str, ...]:
@@ -282,16 +312,19 @@ def sentences_of(
     regime: Regime | None = None,
     proposal: Proposal | None = None,
 ) -> list[str]:
-    """The verdict in words; the effects have the sizes that they have in ``model``.
+    """The verdict in words; the effects have the sizes that they have in ``model``, or beside a
+    proposed law those that were fitted with it: without it they hold a part of the law.
 
     ``remaining``: what the last step's residual depends on; ``regime``: where it lives;
     ``proposal``: a law for it.
     """
     found, mechanism = [], steps[-1].fitted.mechanism
+    told = model if proposal is None else proposal.joint
+    in_part = "in part" if proposal is None else "in part, fitted with the proposed law"
     for step in steps[1:]:
         assert step.effect is not None
         key = mechanism.plain_names[step.effect]
-        sentence = describe_in(model, mechanism.catalogue[key])
+        sentence = describe_in(told, mechanism.catalogue[key])
         if step.logs:
             where = f"{listed(step.logs)} alone" if len(step.logs) == 1 else listed(step.logs)
             sentence = f"{effect_of(key)}, in {where}: {sentence}"
@@ -300,7 +333,9 @@ def sentences_of(
             sentence = f"{sentence.rstrip('.')}; these logs cannot tell it from "
             sentence += " or ".join(others)
         # Beside an unknown rest an effect may only imitate what is missing.
-        found.append(f"in part: {sentence}" if verdict == "unknown" else sentence)
+        found.append(f"{in_part}: {sentence}" if verdict == "unknown" else sentence)
+        if proposal is not None:
+            found.append(_with_and_without_law(key, proposal.joint, model))
     last, level = steps[-1].force_error, floor["force_error"]
     if verdict == "adequate":
         found.append(
@@ -312,6 +347,19 @@ def sentences_of(
         found += [regime.sentence] if regime else []
         found += proposal.sentences if proposal else []
     return found
+
+
+def _with_and_without_law(effect: str, joint: StatedParameters, written: Model[Any]) -> str:
+    """The sizes of an effect in a fit with a proposed law, and in the model that is written."""
+    both = []
+    for model in (joint, written):
+        entries = stated_estimates(model)
+        names = {f"{effect}.{name}": name for name in model.effects[effect]}
+        both.append(sizes_in_words({name: entries[key] for key, name in names.items()}))
+    return (
+        f"{effect_of(effect)} with the proposed law: {both[0]}; without it, as in the model that "
+        f"`-o` writes: {both[1]}"
+    )
 
 
 def _of_the_unknown(

@@ -22,15 +22,21 @@ from identification.mechanisms.samples import Samples
 Array = NDArray[np.float64]
 
 
-def telling_slip(fitted: FittedStructure, slip: SlippingWheels) -> TellingSlip | None:
+def telling_slip(
+    fitted: FittedStructure, slip: SlippingWheels, imitators: Sequence[str] = ()
+) -> TellingSlip | None:
     """The slip of wheels, if it is worth a word: lasting, or bursts in which the structure fails.
 
     A wheel that slides loses its pull, so the forces fail as the speeds do. Rollers that ripple
     break the speeds' identity too, and no force fails then.
+
+    ``imitators``: names of effects that act as the slip does, see :func:`refuted`
     """
     settings = fitted.settings
     if slip.share > settings.fit.kinematics.min_slip_share:
-        return TellingSlip(slip.share, swings=slip.swings, late=slip.late)
+        return TellingSlip(
+            slip.share, swings=slip.swings, late=slip.late, imitators=tuple(imitators)
+        )
     bursts, elsewhere, seconds = list[float](), list[Array](), 0.0
     for samples, row, mask in zip(fitted.samples, fitted.rows, slip.bursts, strict=True):
         within = _remembered(samples, row, mask, settings.regime.filter_memory)
@@ -47,7 +53,7 @@ def telling_slip(fitted: FittedStructure, slip: SlippingWheels) -> TellingSlip |
     # Most of them: where something else is missing, some bursts meet it by chance.
     if failing < enough or np.median(ratios) <= settings.min_burst_square_ratio:
         return None
-    return TellingSlip(slip.share, failing, float(np.median(ratios)))
+    return TellingSlip(slip.share, failing, float(np.median(ratios)), imitators=tuple(imitators))
 
 
 def _remembered(
@@ -103,11 +109,3 @@ def _share(fitted: FittedStructure, name: str, samples: Sequence[Samples] | None
     without = joint_fit(base, samples, start, settings).square
     square = joint_fit(fitted.mechanism, samples, fitted.theta, settings).square
     return 1.0 - square / without
-
-
-def slip_warning(slip: TellingSlip, refused: Sequence[str]) -> str:
-    """What a reader must know of logs whose wheels slip."""
-    if not refused:
-        return slip.words
-    names = " and ".join(name.replace("_", " ") for name in refused)
-    return f"{slip.words} ({names} would act like it, but not where no wheel slips)"

@@ -7,7 +7,7 @@ force residual on what it was not fitted on.
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from copy import copy
 from dataclasses import dataclass, field, replace
 from functools import cached_property, partial
@@ -323,7 +323,7 @@ class Ranking:
 class Step:
     """One structure on the way: the effect accepted last, and held-out errors.
 
-    fold_thetas : (folds, P) parameters that were fitted without each fold
+    folds : on which it was judged; fold_thetas : (folds, P) parameters fitted without each
     predict : computes ``predictable``: only the last steps need it
     """
 
@@ -331,6 +331,7 @@ class Step:
     force_error: float
     velocity_error: float
     fitted: FittedStructure
+    folds: tuple[Fold, ...]
     fold_thetas: Array
     predict: Callable[[], Predictability] = field(repr=False, compare=False)
 
@@ -436,7 +437,15 @@ class LoggedData:
             velocity.append(SumsOfSquares.of(_free_run(fitted.mechanism, theta, part)))
             self.progress()
         errors = add_up(force).ratio, add_up(velocity).ratio
-        return Step(effect, *errors, fitted, thetas, partial(self.predictability, fitted))
+        predict = partial(self.predictability, fitted)
+        return Step(effect, *errors, fitted, tuple(folds), thetas, predict)
+
+    def judged_alike(self, steps: Iterable[Step], folds: Sequence[Fold]) -> list[Step]:
+        """The steps with errors on these folds: on others they cannot be compared."""
+        return [
+            step if step.folds == tuple(folds) else self.step(step.fitted, step.effect, folds)
+            for step in steps
+        ]
 
     def predictability(self, fitted: FittedStructure) -> Predictability:
         """What of a structure's residual the motion predicts."""

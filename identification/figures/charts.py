@@ -84,15 +84,14 @@ def charts_of_comparison(result: Comparison) -> Charts:
 def charts_of_diagnosis(result: Diagnosis) -> Charts:
     """Of a diagnosis.
 
-    errors: held out, as they fall; residual: of the refitted model over its strongest variables,
-    with what the accepted effects explain of it; forces_K, free_run_K: measured and predicted of
-    log K, before and after; plan_before_K, plan_after_K: the way on the floor, coloured by the
-    force residual; next: the motion proposed.
+    errors: held out, as they fall, with a proposed law at the end; residual: of the refitted model
+    over its strongest variables, with what the accepted effects explain of it; forces_K,
+    free_run_K: measured and predicted of log K, before and after; plan_before_K, plan_after_K: the
+    way on the floor, coloured by the force residual; next: the motion proposed.
     """
     shown, steps = quantities_of(result.model), list(result.steps)
-    yield errors_chart(
-        [(step.effect, step.force_error, step.velocity_error) for step in steps], result.noise_floor
-    )
+    rows = [(step.effect, step.force_error, step.velocity_error) for step in steps]
+    yield errors_chart(rows, result.noise_floor, result.proposal and result.proposal.step)
     if result.next_experiment:
         yield motion_chart(result.next_experiment)
     titles = ("refitted model", "with " + ", ".join(result.missing))

@@ -88,7 +88,9 @@ def residual_figure(
 
 @styled
 def fall_figure(
-    steps: Sequence[tuple[str | None, float, float]], floor: Mapping[str, float]
+    steps: Sequence[tuple[str | None, float, float]],
+    floor: Mapping[str, float],
+    proposed: tuple[str, float, float] | None = None,
 ) -> Figure:
     """Held-out force and velocity error of each step of a diagnosis, beside the noise floor.
 
@@ -96,14 +98,20 @@ def fall_figure(
     ----------
     steps : effect (None: the refitted model), force error and velocity error
     floor : both errors by name
+    proposed : name of a law that is proposed beside the effects, and both errors with it
     """
+    names = ["the model, refitted", *(f"with {effect}" for effect, _, _ in steps[1:])]
+    if proposed is not None:
+        names.append(f"with {proposed[0]}\n(proposed)")
+        steps = [*steps, proposed]
     figure = look.new_figure(1.4 + 0.55 * len(steps))
     panels = list(figure.subplots(1, 2, sharey=True, squeeze=False).flat)
-    names = ["the model, refitted", *(f"with {effect}" for effect, _, _ in steps[1:])]
     errors = {"force_error": [s[1] for s in steps], "velocity_error": [s[2] for s in steps]}
     for axes, (kind, values) in zip(panels, errors.items(), strict=True):
         widths = 100 * np.nan_to_num(values, posinf=0.0)  # "-" for a free run that diverged
         bars = axes.barh(names, widths, height=0.6, color=look.BAR)
+        if proposed is not None:
+            bars[-1].set(hatch="////", edgecolor="white")
         axes.bar_label(bars, [percent(value) for value in values], padding=4, fontsize=9)
         if np.isfinite(floor[kind]):
             label = f"noise floor, {percent(floor[kind])}"

@@ -229,15 +229,17 @@ def figures_of_comparison(result: Comparison, geometry: Geometry | None = None) 
 def figures_of_diagnosis(result: Diagnosis, model: AnyModel) -> Named:
     """Names and figures of a diagnosis.
 
-    errors: held out, as they fall; residual, remaining: what is left of the forces before and after
-    the accepted effects, over the variables that it depends on most.
+    errors: held out, as they fall, with a proposed law at the end; residual, remaining: what is
+    left of the forces before and after the accepted effects, over the variables that it depends on
+    most.
 
     Parameters
     ----------
     model : that was given, or found: their axes are the same
     """
     steps = [(step.effect, step.force_error, step.velocity_error) for step in result.steps]
-    yield "errors", failure_figures.fall_figure(steps, result.noise_floor)
+    proposed = result.proposal and result.proposal.step
+    yield "errors", failure_figures.fall_figure(steps, result.noise_floor, proposed)
     for name, found in zip(("residual", "remaining"), result.maps, strict=False):
         yield from figures_of_residual(found, model, name)
 

@@ -36,7 +36,9 @@ class Line(NamedTuple):
 
 
 def errors_chart(
-    steps: Sequence[tuple[str | None, float, float]], floor: Mapping[str, float]
+    steps: Sequence[tuple[str | None, float, float]],
+    floor: Mapping[str, float],
+    proposed: tuple[str, float, float] | None = None,
 ) -> Chart:
     """Held-out force and velocity error of each step of a diagnosis, beside the noise floor.
 
@@ -44,9 +46,17 @@ def errors_chart(
     ----------
     steps : effect (None: the refitted model), force error and velocity error
     floor : both errors by name
+    proposed : name of a law that is proposed beside the effects, and both errors with it
     """
     names = ["the model, refitted", *(f"+ {look.safe(effect or '')}" for effect, _, _ in steps[1:])]
-    height = 150 + 70 * len(steps)
+    patterns, title = [""] * len(steps), "The error as it falls, held out"
+    if proposed is not None:
+        # In two lines: on a phone a name takes the room of its bar.
+        names.append(f"+ {look.safe(proposed[0])}<br>(proposed)")
+        patterns, steps = [*patterns, "/"], [*steps, proposed]
+        title += "; hatched: with the proposed law, which is not confirmed"
+    # Bars stand further apart where a name has two lines.
+    height = 150 + (70 if proposed is None else 95) * len(steps)
     floors = (floor["force_error"], floor["velocity_error"])
     titles = [
         f"{name}{f'; dotted: noise {percent(level)}' if np.isfinite(level) else ''}"
@@ -60,7 +70,11 @@ def errors_chart(
         values = 100 * np.nan_to_num(errors, posinf=0.0)
         figure.add_trace(
             look.plotly().Bar(
-                y=names, x=values, orientation="h", marker_color=look.BAR, showlegend=False,
+                y=names, x=values, orientation="h", showlegend=False,
+                marker={
+                    "color": look.BAR, "pattern": {"shape": patterns, "size": 5},
+                    "line": {"color": look.BAR, "width": 1.5},
+                },
                 text=[percent(error) for error in errors], textposition="outside", cliponaxis=False,
                 hovertemplate="%{y}: %{x:.3g} %<extra></extra>",
             ),
@@ -73,7 +87,7 @@ def errors_chart(
             look.add_vertical(figure, row, 100 * level)
     figure.update_yaxes(autorange="reversed")
     figure.update_xaxes(ticksuffix=" %", rangemode="tozero", matches=None, showticklabels=True)
-    return Chart("errors", "The error as it falls, held out", figure, height)
+    return Chart("errors", title, figure, height)
 
 
 def residual_charts(

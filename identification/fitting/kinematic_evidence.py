@@ -171,8 +171,9 @@ class KinematicEvidence:
     @cached_property
     def _ways(self) -> list[_MeasuredWay | None]:
         """Per log what its pose says; None without a measured one."""
+        size_of = self.settings.kinematics.row_size
         return [
-            _MeasuredWay.of(item.pose, self._row_size(item)) if item.pose_measured else None
+            _MeasuredWay.of(item.pose, size_of(item.dt)) if item.pose_measured else None
             for item in self.logs
         ]
 
@@ -219,18 +220,16 @@ class KinematicEvidence:
             ahead, behind = (self._rows(mechanism, there, log)[0] for there in moved)
             # What the parameter explains is taken from the residual.
             columns.append((behind - ahead)[..., None] / (2 * step))
-        step = self._row_size(samples) * samples.dt
+        step = self.settings.kinematics.row_size(samples.dt) * samples.dt
         time = samples.time[0] + step * np.arange(1, len(residual) + 1)
         scaled = np.concatenate(columns, axis=-1) / noise[:, None]
         return Regression(time, step, residual / noise, scaled)
 
-    def _row_size(self, samples: Samples) -> int:
-        return max(1, round(self.settings.kinematics.row_time / samples.dt))
-
     def _rows(self, mechanism: Mechanism, theta: Array, log: int) -> tuple[Array, Array]:
         """What kinematics leaves (n, E) [rad/s and, of a pose, m, m, rad]; nuisances (n, E, K)."""
         samples, way = self.logs[log], self._ways[log]
-        size, slips, places = self._row_size(samples), list[Array](), list[Array]()
+        size = self.settings.kinematics.row_size(samples.dt)
+        slips, places = list[Array](), list[Array]()
         integral = _WayOfWheels(samples.dt)
         for begin, twist, speed in _rolled_pieces(mechanism, theta, samples, size, self.settings):
             slips.append(block_mean(slip_of_joints(mechanism, theta, twist, speed), size))
@@ -353,7 +352,7 @@ def slipping_wheels(
     usual = np.sqrt(square / sum(item.wheel_speed.size for item in logs))
     usual = float(usual * np.linalg.norm(internal))
     for item, level in zip(logs, speed_noise, strict=True):
-        size = max(1, round(known.row_time / item.dt))
+        size = known.row_size(item.dt)
         if len(item) < size:
             masks.append([np.zeros(len(item), bool)] * 2)
             continue
@@ -506,6 +505,7 @@ class TellingSlip:
     bursts : how often they slip, where they do so now and then; 0 where slip lasts
     square_ratio : usual mean square of the force residual in a burst, over that elsewhere
     swings, late : see `SlippingWheels`; they are what is there then, and no wheel slips
+    imitators : effects that would act like it, but not where no wheel slips
     """
 
     share: float
@@ -513,6 +513,7 @@ class TellingSlip:
     square_ratio: float = 1.0
     swings: Mapping[str, float] = field(default_factory=dict)
     late: Mapping[str, float] = field(default_factory=dict)
+    imitators: tuple[str, ...] = ()
 
     @property
     def brief(self) -> str:
@@ -527,7 +528,15 @@ class TellingSlip:
 
     @property
     def words(self) -> str:
-        """With what to do."""
+        """With what to do, and with what would act like it."""
+        if not self.imitators:
+            return self._cure
+        names = " and ".join(name.replace("_", " ") for name in self.imitators)
+        return f"{self._cure} ({names} would act like it, but not where no wheel slips)"
+
+    @property
+    def _cure(self) -> str:
+        """What it is, and what to do."""
         if self.late:
             return (
                 f"{_words_of_late(self.late)}: it breaks the rigid motion of the wheels as slip "

@@ -588,6 +588,13 @@ class WheelEvidenceSettings(Settings):
     def __post_init__(self) -> None:
         check_settings(self, "kinematic settings", positive=True)
 
+    def row_size(self, dt: float) -> int:
+        """Samples of a row, where one comes every ``dt`` [s]: as many as come nearest to its time.
+
+        What a row lasts is that many times ``dt``, and that is ``row_time`` only where it divides.
+        """
+        return max(1, round(self.row_time / dt))
+
 
 @dataclass(frozen=True)
 class LateEffortSettings(Settings):

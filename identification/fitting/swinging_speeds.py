@@ -66,7 +66,7 @@ def late_speeds(
     does not tell the joints apart.
     """
     columns = [
-        -internal * np.gradient(_row_means(samples, slip, settings), settings.row_time, axis=0)
+        -internal * _row_rates(samples, len(slip), settings)
         for samples, slip in zip(logs, slips, strict=True)
     ]
     if _explained(columns, slips, settings) < settings.min_share_of_swings:
@@ -100,15 +100,18 @@ def _explained(
     return 1.0 - left / total if total > 0.0 else 0.0
 
 
-def _row_means(samples: Samples, slip: Array, settings: WheelEvidenceSettings) -> Array:
-    """(n, J) speeds in the rows of the slip (n,)."""
-    size = max(1, round(settings.row_time / samples.dt))
-    return block_mean(samples.wheel_speed, size)[: len(slip)]
+def _row_rates(samples: Samples, rows: int, settings: WheelEvidenceSettings) -> Array:
+    """(n, J) rates of the speeds in the first rows."""
+    size = settings.row_size(samples.dt)
+    means = block_mean(samples.wheel_speed, size)[:rows]
+    if rows < 2:  # one row has no rate
+        return np.zeros_like(means)
+    return np.gradient(means, size * samples.dt, axis=0)
 
 
 def _swings(samples: Samples, rows: int, internal: Array, settings: WheelEvidenceSettings) -> Array:
     """(n, orders * 2 * J) what each speed adds where it swings so many times a turn."""
-    size = max(1, round(settings.row_time / samples.dt))
+    size = settings.row_size(samples.dt)
     most = max(1, settings.max_samples_at_once // size)
     parts = []
     for begin in range(0, rows, most):

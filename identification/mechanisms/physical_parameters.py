@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -105,6 +106,43 @@ def public_values(mechanism: Mechanism[Any], theta: Array) -> dict[str, float]:
     return dict(to_public(mechanism.structure, mechanism.geometry, settled))
 
 
+@dataclass(frozen=True)
+class StatedParameters:
+    """Parameters of a fit as people state them, in SI units; a model holds these and more.
+
+    parameters : of the base, by name
+    effects : by an effect's name its parameters, by theirs
+    errors : of the fit, see :class:`~youbot_env.model.model.Model`
+    """
+
+    parameters: Mapping[str, Estimate]
+    effects: Mapping[str, Mapping[str, Estimate]]
+    errors: Mapping[str, Any]
+
+
+def stated_parameters(
+    mechanism: Mechanism[Any], fit: FitResult, errors: Mapping[str, Any] | None = None
+) -> StatedParameters:
+    """Values and standard deviations (None of what was not fitted) of a fit."""
+    mechanism = mechanism.plainly_named()
+    theta, _ = settle_gauge(mechanism, fit.theta)
+    names, covariance = physical_covariance(mechanism, fit)
+    std = dict(zip(names, np.sqrt(np.maximum(np.diag(covariance), 0.0)), strict=True))
+    declared = public_parameters(mechanism.structure, mechanism.geometry)
+    values = to_public(mechanism.structure, mechanism.geometry, theta)
+
+    def entry(key: str) -> Estimate:
+        return Estimate(values[key], declared[key].unit, float(std[key]) if key in std else None)
+
+    effects: dict[str, dict[str, Estimate]] = {name: {} for name in mechanism.structure.effects}
+    for key in declared:
+        effect, dot, parameter = key.partition(".")
+        if dot:
+            effects[effect][parameter] = entry(key)
+    base = {key: entry(key) for key in mechanism.kind.base_parameters(mechanism.geometry)}
+    return StatedParameters(base, effects, errors or {})
+
+
 def fitted_model(
     mechanism: Mechanism[Any],
     fit: FitResult,
@@ -121,30 +159,18 @@ def fitted_model(
     InputError
         If it is not: nothing has that mass, say.
     """
+    stated = stated_parameters(mechanism, fit, errors)
     mechanism = mechanism.plainly_named()
-    theta, _ = settle_gauge(mechanism, fit.theta)
     names, covariance = physical_covariance(mechanism, fit)
-    std = dict(zip(names, np.sqrt(np.maximum(np.diag(covariance), 0.0)), strict=True))
-    declared = public_parameters(mechanism.structure, mechanism.geometry)
-    values = to_public(mechanism.structure, mechanism.geometry, theta)
-
-    def entry(key: str) -> Estimate:
-        return Estimate(values[key], declared[key].unit, float(std[key]) if key in std else None)
-
-    effects: dict[str, dict[str, Estimate]] = {name: {} for name in mechanism.structure.effects}
-    for key in declared:
-        effect, dot, parameter = key.partition(".")
-        if dot:
-            effects[effect][parameter] = entry(key)
     return Model(
         geometry=mechanism.geometry,
-        parameters={key: entry(key) for key in mechanism.kind.base_parameters(mechanism.geometry)},
-        effects=effects,
+        parameters=stated.parameters,
+        effects=stated.effects,
         effect_logs={key: tuple(sorted(logs)) for key, logs in mechanism.acts_in.items()},
         covariance=covariance,
         covariance_names=names,
         logs=logs,
-        errors=errors or {},
+        errors=stated.errors,
         name=name,
         provenance=provenance or {},
         mechanism=mechanism.kind,

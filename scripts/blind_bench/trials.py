@@ -21,6 +21,7 @@ from identification.fitting.errors import SumsOfSquares, add_up, velocity_traces
 from identification.logs.log import Log
 from identification.logs.reading import read_logs
 from identification.mechanisms.mecanum import Mecanum
+from identification.mechanisms.physical_parameters import StatedParameters
 from youbot_env.files import write_json
 from youbot_env.model.model import Model
 from youbot_env.model.model_file import load_model
@@ -124,12 +125,14 @@ def unseen_errors(case: Case, found: Any) -> dict[str, float] | None:
 
 
 def stated_sizes(found: Any, report: dict[str, Any]) -> dict[str, dict[str, float]]:
-    """Value and std of the accepted effects' parameters, by ``effect.parameter``."""
-    model = getattr(found, "model", None)
-    if isinstance(model, Model):
+    """Value and std of the accepted effects' parameters as they are told, by
+    ``effect.parameter``: beside a proposed law those that are fitted with it."""
+    told = getattr(found, "told", None)
+    if isinstance(told, Model | StatedParameters):
         effects = {
             name: {key: (estimate.value, estimate.std) for key, estimate in values.items()}
-            for name, values in model.effects.items()
+            for name, values in told.effects.items()
+            if name in found.model.effects
         }
     else:
         effects = {
@@ -158,8 +161,8 @@ def experiment(case: Case, proposed: Mapping[str, Any]) -> Log:
 
 
 def stated_base(model: Any) -> dict[str, dict[str, float | None]]:
-    """Value and std (None: withdrawn) of the base parameters of a fitted model; {} of no model."""
-    if not isinstance(model, Model):
+    """Value and std (None: withdrawn) of the base parameters of a fit; {} of none."""
+    if not isinstance(model, Model | StatedParameters):
         return {}
     return {
         name: {"value": estimate.value, "std": estimate.std}
@@ -258,7 +261,7 @@ def _diagnosed(
     finally:
         record["seconds"] = time.perf_counter() - before
     record["found"] = found.to_dict()
-    record["base"] = stated_base(getattr(found, "model", None))
+    record["base"] = stated_base(getattr(found, "told", None))
     record["sizes"] = stated_sizes(found, record["found"])
     record["unseen"] = unseen_errors(case, found)
     truth = true_model(case)

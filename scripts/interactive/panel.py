@@ -255,14 +255,17 @@ def _card(item: Mapping[str, Any], found: Mapping[str, Any], there: set[str]) ->
     from dash import html
 
     name = item["effect"]
+    joint = found["proposal"]["joint_fit"]["effects"] if found.get("proposal") else {}
+    told = joint[name]["parameters"] if name in joint else item["parameters"]
     sizes = [
         f"{key} = {with_unit(format(entry['value'], '.4g'), entry['unit'])}"
-        for key, entry in item["parameters"].items()
+        for key, entry in told.items()
     ]
     if len(sizes) > SHOWN_SIZES:
         sizes[SHOWN_SIZES:] = [f"and {len(sizes) - SHOWN_SIZES} more"]
     marks = [
         *(["named by the diagnosis"] if name in found["missing"] else []),
+        *(["sizes as fitted with the proposed law"] if name in joint else []),
         *(["in the model"] if name in there else []),
         *(f"cannot be told from {other}" for other in found["ambiguous_with"].get(name, [])),
     ]

@@ -174,6 +174,7 @@ def _of_identification(result: Identification, logs: Sequence[Log], seed: int) -
 
 def _of_comparison(result: Comparison, found: Found) -> Iterator[Part]:
     """The parts of the web page: the verdict first, then its reasons."""
+    from identification.fitting.misfit import stated_estimates
 
     error, floor = found["total"], found["noise_floor"]
     line = result_tables.verdict(error["force_error"], floor["force_error"])
@@ -192,7 +193,7 @@ def _of_comparison(result: Comparison, found: Found) -> Iterator[Part]:
     yield result_tables.residual("What the force residual depends on", found["where"])
     yield result_tables.stretches(found)
     yield from result_tables.slip(found["logs"])
-    model = result_tables.of_model(result.model)
+    model = stated_estimates(result.model)
     yield result_tables.parameters(model, "The model's parameters")
     yield result_tables.logs(item.log for item in result.logs)
 
@@ -212,6 +213,7 @@ def _warnings(result: Comparison) -> Iterator[str]:
 
 def _of_diagnosis(result: Diagnosis, found: Found, logs: Sequence[Log]) -> Iterator[Part]:
     """The parts of the web page: the verdict first, then its reasons."""
+    from identification.fitting.misfit import stated_estimates
 
     lines = [found["headline"], *found["words"], *found["changes"]["words"]]
     yield Words([*lines, *next_experiment(found)], "verdict")
@@ -229,8 +231,12 @@ def _of_diagnosis(result: Diagnosis, found: Found, logs: Sequence[Log]) -> Itera
         yield result_tables.laws(found["proposal"])
     effects = result.mechanism.structure.effects
     yield equations_with(result.model.mechanism.name, effects, found["missing"])
-    model = result_tables.of_model(result.model)
-    yield result_tables.parameters(model, "Refitted parameters")
+    model = stated_estimates(result.model)
+    if result.proposal is None:
+        yield result_tables.parameters(model, "Refitted parameters")
+    else:
+        joint = stated_estimates(result.proposal.joint)
+        yield result_tables.parameters_with_law(joint, model)
     titles = (
         "What the residual of the refitted model depends on",
         "What remains after the effects",
@@ -245,7 +251,7 @@ def _of_diagnosis(result: Diagnosis, found: Found, logs: Sequence[Log]) -> Itera
 
 def _of_addition(result: Addition, found: Found, logs: Sequence[Log]) -> Iterator[Part]:
     """The parts of the web page: the verdict first, then its reasons."""
-    from identification.fitting.misfit import misfit_warning
+    from identification.fitting.misfit import misfit_warning, stated_estimates
 
     sizes = (found["after"]["force_error"], found["noise_floor"]["force_error"])
     misfit = found.get("misfit") or misfit_warning(*sizes)
@@ -257,7 +263,7 @@ def _of_addition(result: Addition, found: Found, logs: Sequence[Log]) -> Iterato
     yield Charts([charts.pop("forces_0")])
     yield from _symbols(result.model)
     yield from groups_of(charts)
-    model = result_tables.of_model(result.model, fits=not misfit)
+    model = stated_estimates(result.model, fits=not misfit)
     yield result_tables.parameters(model, "Refitted parameters")
     effects = tuple(result.model.effects)
     yield equations_with(result.model.mechanism.name, effects, [result.effect])

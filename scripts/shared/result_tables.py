@@ -71,6 +71,33 @@ def parameters(found: Mapping[str, Found], title: str = "Parameters") -> Table:
     return Table(title, (unit("name"), *shown), rows)
 
 
+def parameters_with_law(joint: Mapping[str, Found], written: Mapping[str, Found]) -> Table:
+    """Values as fitted with a proposed law, and as the model that a diagnosis writes has them.
+
+    Parameters
+    ----------
+    joint, written : as :func:`parameters` takes them; the written model lacks the law's own
+    """
+    rows = tuple(
+        (name, entry, entry, written.get(name, NOTHING), shown_unit(entry["unit"]))
+        for name, entry in joint.items()
+    )
+    shown = (
+        Column("with the\nproposed law", _estimate),
+        Column("95 % interval", _interval),
+        Column("without it", _estimate),
+        unit(),
+    )
+    notes = (
+        "Without it: as in the model that `-o` writes. A part of what the law explains is in these "
+        "numbers.",
+    )
+    return Table("Refitted parameters", (unit("name"), *shown), rows, notes)
+
+
+NOTHING: Found = {"value": None, "std": None}
+
+
 def _estimate(entry: Found) -> str:
     if not _is_estimated(entry):
         return number(entry["value"])
@@ -88,36 +115,6 @@ def _interval(entry: Found) -> str:
 
 def _is_estimated(entry: Found) -> bool:
     return entry["std"] is not None and 0 < entry["std"] < math.inf
-
-
-def of_model(model: Any, *, fits: bool | None = None) -> dict[str, dict[str, Any]]:
-    """A model's parameters and those of its effects, as :func:`parameters` takes them.
-
-    Without intervals where the model did not fit the logs that it was fitted on.
-
-    Parameters
-    ----------
-    fits : whether it did, where that is known; else judged by the errors that it holds
-    """
-    from identification.fitting.misfit import misfit_of
-    from identification.fitting.settings import FitSettings
-
-    holds = misfit_of(model) is None if fits is None else fits
-    entries = dict(model.parameters) | {
-        f"{effect}.{name}": entry
-        for effect, inner in model.effects.items()
-        for name, entry in inner.items()
-    }
-    found = {}
-    for name, entry in entries.items():
-        reach = None
-        if holds and entry.std is not None:
-            reach = FitSettings.interval_deviations * entry.std
-        bounds = None if reach is None else [entry.value - reach, entry.value + reach]
-        found[name] = {
-            "value": entry.value, "std": entry.std, "interval": bounds, "unit": entry.unit
-        }  # fmt: skip
-    return found
 
 
 def added_parameters(found: Found) -> Table:
@@ -174,8 +171,11 @@ def _errors_by_axis(found: Found, kind: str, title: str) -> Table:
 
 
 def steps(found: Found) -> Table:
-    """The errors of a diagnosis, from the refitted model to the last effect that was accepted."""
+    """The errors of a diagnosis, from the refitted model to the last effect that was accepted, and
+    to the law that is proposed beside them."""
     rows = [(step["effect"] or "the model, refitted", step) for step in found["steps"]]
+    if found.get("proposal"):
+        rows.append((f"{found['proposal']['name']} (proposed)", found["proposal"]))
     return errors("The error as it falls", [*rows, ("noise floor", found["noise_floor"])])
 
 
@@ -243,7 +243,11 @@ def candidates(found: Found, most: int | None = None) -> Table:
         Column("p", lambda p: number(p, 2)),
         Column("sizes", _sizes, is_text=True),
     )
-    return Table("Candidates, best first", columns("effect", *shown), rows)
+    notes = (WITHOUT_LAW,) if found.get("proposal") and found["missing"] else ()
+    return Table("Candidates, best first", columns("effect", *shown), rows, notes)
+
+
+WITHOUT_LAW = "Sizes are fitted without the proposed law; the verdict tells those with it."
 
 
 def _sizes(found: Mapping[str, Found]) -> str:

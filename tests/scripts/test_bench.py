@@ -17,9 +17,11 @@ import pytest
 
 from identification.logs.reading import read_logs
 from identification.mechanisms.mecanum import Mecanum
+from tests.identification.proposal.test_proposal import fitted_with
 from tests.identification.shared_data import DATA, needs_data
 from youbot_env.errors import InputError
 from youbot_env.model.model import Model
+from youbot_env.model.model_file import load_model
 from youbot_env.motions.calibration import motion_iii
 from youbot_env.physics.effect import CATALOGUE as REGISTERED
 from youbot_env.simulation.free_run import initial_state, simulate
@@ -464,6 +466,19 @@ def test_a_verdict_without_a_model_has_the_sizes_of_its_report():
     assert trials.stated_sizes(Found(), report) == {
         "floor_tilt.tilt_x": {"value": 0.02, "std": 0.001}
     }
+
+
+def test_sizes_beside_a_law_are_those_that_are_told():
+    """Those of the fit with the law, and none of the law itself."""
+
+    class Found:
+        model = load_model("paper").with_effect("cable_drag", force=5.0)
+        told = fitted_with("dry_nap", "cable_drag", force=3.0)
+
+    sizes = trials.stated_sizes(Found(), {})
+    assert sizes["cable_drag.force"] == {"value": 3.0, "std": 0.001}
+    assert not any(name.startswith("dry_nap") for name in sizes)
+    assert set(trials.stated_base(Found.told)) == set(Found.model.parameters)
 
 
 @pytest.mark.skipif(not Path("/proc").is_dir(), reason="reads /proc")

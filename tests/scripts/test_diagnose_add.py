@@ -10,7 +10,7 @@ import pytest
 
 from identification.diagnosis.diagnose import diagnose
 from identification.logs.reading import write_log
-from tests.identification.proposal.test_proposal import proposal_of
+from tests.identification.proposal.test_proposal import fitted_with, proposal_of
 from tests.identification.recordings import recording
 from youbot_env.model.model_file import load_model
 from youbot_env.physics.effect import CATALOGUE
@@ -170,13 +170,29 @@ def test_where_no_law_is_proposed_no_file_is_written(tmp_path, capsys, monkeypat
 
 def test_a_proposed_law_is_told_and_written(tmp_path, capsys, monkeypatch):
     module = import_module("identification.diagnosis.diagnose")
-    found = proposal_of("dry_nap")
+    # As fitted with the law; without it, the slope holds a part of that.
+    joint = fitted_with("dry_nap", "floor_tilt", tilt_x=-0.011, tilt_y=-0.002)
+    found = proposal_of("dry_nap", joint=joint)
     monkeypatch.setattr(module, "propose", lambda data, steps, unexplained, fits: (steps, found))
-    path, result = tmp_path / "law.py", tmp_path / "d.json"
+    path, result, base = tmp_path / "law.py", tmp_path / "d.json", tmp_path / "base.json"
     arguments = ["diagnose", "paper", *LOGS, "--proposal", str(path), "--json", str(result)]
-    assert cli.main(arguments) == 0
-    out, said = capsys.readouterr().out, json.loads(result.read_text())
-    assert "Laws beyond the catalogue" in out and "youbot add paper dry_nap" in out
+    assert cli.main([*arguments, "-o", str(base)]) == 0
+    out, said = capsys.readouterr(), json.loads(result.read_text())
+    out = out.err if "Verdict" in out.err else out.out
+    assert "Laws beyond the catalogue" in out and f"youbot add {base} dry_nap" in out
+    assert "dry_nap (proposed)" in out and "fitted without the proposed law" in out
+    in_part, both = said["words"][:2]
+    assert in_part.startswith("in part, fitted with the proposed law: the floor falls by 0.64 ")
+    assert both.startswith("floor_tilt with the proposed law: tilt_x -0.011 rad (")
+    assert "without it, as in the model that `-o` writes: tilt_x -0.018" in both
+    joint = said["proposal"]["joint_fit"]["effects"]["floor_tilt"]["parameters"]
+    assert joint["tilt_x"]["value"] == -0.011
+    # The contract: the written model and the candidates' sizes are fitted without the law.
+    written = load_model(str(base)).effects["floor_tilt"]["tilt_x"].value
+    assert written == pytest.approx(TRUTH["tilt_x"], abs=2e-3)
+    assert said["candidates"][0]["parameters"]["tilt_x"]["value"] == written
+    assert "with floor_tilt in it, without the proposed law" in out.replace("\n", " ")
+    assert [step["effect"] for step in said["steps"]] == [None, "floor_tilt"]
     # With a proposal the verdict stays, or becomes, unknown.
     assert said["verdict"] == "unknown" and said["proposal"]["file"] == str(path)
     assert path.read_text() == found.file_text == said["proposal"]["source"]

@@ -74,6 +74,7 @@ def test_anybody_can_read_it(dark: bool, tmp_path: Path):
     errors = single_charts.errors_chart(
         [(None, 0.2, 0.3), ("floor_tilt", 0.01, 0.02)],
         {"force_error": 0.01, "velocity_error": 0.02},
+        ("uneven_forward_dry_wheel_friction", 0.01, 0.02),
     )
     headers = columns("a", *(text(f"a column with a long name {k}") for k in range(6)))
     parts = [

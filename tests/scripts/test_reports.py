@@ -17,6 +17,7 @@ import pytest
 from identification.diagnosis.diagnose import diagnose
 from identification.logs.reading import write_log
 from tests.identification.mechanisms.test_axis import STAGE, log_of, planted
+from tests.identification.proposal.test_proposal import fitted_with, proposal_of
 from tests.identification.recordings import recording
 from youbot_scripts import cli
 
@@ -130,6 +131,28 @@ def test_diagnose(folder: Path, tmp_path: Path):
     known = np.isfinite(before)
     assert lines[name + "residual", panel]["mode"] == "markers" and known.sum() > 5
     assert np.abs(before - taken)[known].max() < 0.2 * np.abs(before[known]).max()
+
+
+@pytest.mark.usefixtures("few_candidates")
+def test_a_proposed_law_is_a_step_of_its_own(folder: Path, tmp_path: Path, monkeypatch):
+    """Marked as proposed in chart and table; and sizes with it and without it are told apart."""
+    joint = fitted_with("dry_nap", "floor_tilt", tilt_x=0.0111, tilt_y=0.0)
+    found = proposal_of("dry_nap", joint=joint)
+    module = sys.modules[diagnose.__module__]
+    monkeypatch.setattr(module, "propose", lambda data, steps, unexplained, fits: (steps, found))
+    page, _ = run(tmp_path, "diagnose", "paper", folder / f"{NAME}.csv")
+    text = re.sub(r"\s+", " ", visible(page))
+    start = text.index("not confirmed")
+    table = text[start : text.index("Filtered forces")]
+    assert re.search(r"floor_tilt [\d.]+ % [\d.]+ % dry_nap \(proposed\) 1.20 % 2.00 %", table)
+    drawn = json.loads(re.findall(r'data-for="errors">(.*?)</script>', page, re.S)[0])["data"]
+    assert drawn[0]["y"][-1] == "+ dry_nap<br>(proposed)"
+    assert drawn[0]["marker"]["pattern"]["shape"] == ["", "", "/"]
+    sizes = text[text.index("Refitted parameters") :]
+    assert re.search(
+        r"floor_tilt.tilt_x 0.0111 ± 0.0010 0.0091 ... 0.0131 0.01[78]\d* [^a-z]*rad", sizes
+    )
+    assert re.search(r"dry_nap.force 1.00 ± 0.10 0.80 ... 1.20 - N", sizes)
 
 
 def test_an_axis_has_reports_and_plots_too(folder: Path, tmp_path: Path, monkeypatch):

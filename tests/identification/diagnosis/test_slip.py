@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from identification.diagnosis.settings import DiagnosisSettings
-from identification.diagnosis.slip import slip_warning, telling_slip
+from identification.diagnosis.slip import telling_slip
 from identification.diagnosis.structures import FittedStructure
 from identification.fitting.errors import NoiseLevel
 from identification.fitting.kinematic_evidence import (
@@ -15,9 +15,11 @@ from identification.fitting.kinematic_evidence import (
     slipping_wheels,
 )
 from identification.fitting.regression import Regression
+from identification.fitting.swinging_speeds import late_speeds
 from identification.logs.log import Log
 from identification.mechanisms.mecanum import Mecanum
 from identification.mechanisms.samples import Samples
+from identification.signals.filters import block_mean
 from youbot_env.model.model_file import load_model
 from youbot_env.physics import inverse_dynamics as dynamics
 from youbot_env.physics.geometry import Geometry
@@ -59,7 +61,9 @@ def test_bursts_in_which_forces_fail_are_slip():
     assert found is not None and found.bursts == 6
     assert 5.0 < found.square_ratio < 13.0
     assert "now and then (6 times)" in found.brief and "6 times their speeds" in found.words
-    assert "yaw scrub would act like it" in slip_warning(found, ["yaw_scrub"])
+    with_scrub = telling_slip(left(samples, 3.0), brief, ["yaw_scrub"])
+    assert with_scrub is not None and "yaw scrub would act like it" in with_scrub.words
+    assert "would act like it" not in found.words
 
 
 def test_one_bump_is_no_slip():
@@ -116,6 +120,28 @@ def test_a_speed_that_comes_late_is_no_slip(delay):
     assert found is not None and "velocity_bl comes" in found.brief
     assert f"ms {'after' if delay > 0 else 'before'} the other wheels' speeds" in found.brief
     assert "the wheels slip" not in found.words
+
+
+@pytest.mark.parametrize("dt", [0.02, 0.045, 0.055])
+def test_the_delay_of_a_speed_does_not_depend_on_the_rate_of_the_log(dt):
+    """Rows last 0.2 s where the rate divides that, and else as many samples as come nearest."""
+    time, pace = np.arange(0, 120, dt), np.array([0.3, 0.23, 0.37, 0.29])
+    speed, rate = np.sin(np.outer(time, pace)), pace * np.cos(np.outer(time, pace))
+    internal, delay = np.array([1.0, 1.0, -1.0, -1.0]), 0.05
+    size = round(0.2 / dt)
+    slip = block_mean(-internal[2] * delay * rate[:, 2], size)
+    log = BASE.samples(Log("slow", BASE.joints, time, speed, 0.0 * speed))
+    found = late_speeds([log], [slip], internal, BASE.joints, SETTINGS.fit.kinematics)
+    assert list(found) == ["bl"] and found["bl"] == pytest.approx(delay, rel=0.04)
+
+
+def test_a_log_of_one_row_beside_a_long_one_has_no_delay():
+    logs = [driven(0.0)]
+    rows = slice(0, 12)
+    time, speed = logs[0].time[rows], logs[0].wheel_speed[rows]
+    logs.append(BASE.samples(Log("short", BASE.joints, time, speed, 0.0 * speed)))
+    slips = [0.1 * np.random.default_rng(0).standard_normal(len(log) // 10) for log in logs]
+    assert not late_speeds(logs, slips, np.ones(4), BASE.joints, SETTINGS.fit.kinematics)
 
 
 def test_wheels_that_slide_do_not_swing():

@@ -8,6 +8,7 @@ import os
 import subprocess
 import sys
 from pathlib import Path
+from typing import Any
 from xml.etree import ElementTree
 
 import numpy as np
@@ -23,6 +24,7 @@ from identification.comparison import Comparison, compare
 from identification.figures import (
     failures,
     figures,
+    single_charts,
     style,
     time_series,
 )
@@ -332,6 +334,26 @@ def test_the_error_falls_in_the_figure_as_in_the_steps():
     names = [label.get_text() for label in force.get_yticklabels()]
     assert names == ["the model, refitted", "with floor_tilt"]
     figure.canvas.draw()
+
+
+def test_a_proposed_law_is_the_last_bar_and_marked():
+    steps, floor = [(None, 0.14, 0.18)], {"force_error": 0.0145, "velocity_error": 0.012}
+    law = ("dry_nap", 0.015, 0.02)
+    figure = failures.fall_figure(steps, floor, law)
+    bars = [bar for bar in figure.axes[0].patches if isinstance(bar, Rectangle)]
+    assert [bar.get_width() for bar in bars] == pytest.approx([14.0, 1.5])
+    assert bars[0].get_hatch() is None and bars[1].get_hatch()
+    last = figure.axes[0].get_yticklabels()[-1].get_text()
+    assert last == "with dry_nap\n(proposed)"
+    figure.canvas.draw()
+    chart = single_charts.errors_chart(steps, floor, law)
+    panels: Any = chart.figure.data
+    for bars, widths in zip(panels, ([14.0, 1.5], [18.0, 2.0]), strict=True):
+        assert list(bars.x) == pytest.approx(widths)
+        assert bars.y[-1] == "+ dry_nap<br>(proposed)"
+        assert list(bars.marker.pattern.shape) == ["", "/"]
+    assert "not confirmed" in chart.title
+    assert "not confirmed" not in single_charts.errors_chart(steps, floor).title
 
 
 def test_a_name_with_dollars_is_no_formula():

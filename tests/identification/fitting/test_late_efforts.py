@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from importlib import import_module
 
 import numpy as np
 import pytest
@@ -10,6 +11,7 @@ import pytest
 from identification.diagnosis.diagnose import diagnose
 from identification.doctor import faults_of_joints
 from identification.fitting.identify import identify
+from identification.fitting.kinematic_evidence import TellingSlip
 from identification.fitting.late_efforts import late_efforts
 from identification.logs.log import Log
 from identification.mechanisms.mecanum import Mecanum
@@ -160,3 +162,20 @@ def test_diagnose_says_it_first_and_proposes_no_law():
     if found.verdict == "unknown":
         assert found.summary().startswith("effort_fl comes")
     assert found.to_dict()["late"]["early"] == ["effort_fr", "effort_bl", "effort_br"]
+
+
+def test_late_efforts_and_slip_are_told_in_one_order(monkeypatch):
+    """In the headline, in words and in warnings alike; and no law is sought."""
+    late = found_in(later(recording(), "fl", 0.08))
+    slip = TellingSlip(0.04, imitators=("yaw_scrub",))
+    module = import_module("identification.diagnosis.diagnose")
+    monkeypatch.setattr(module, "telling_slip", lambda *_: slip)
+    monkeypatch.setattr(module, "late_efforts_of", lambda *_: late)
+    monkeypatch.setattr(module, "propose", None)
+    tilted = recording(effects=(("floor_tilt", (("tilt_x", 0.02),)),))
+    found = diagnose(PAPER, [tilted], effects=["roller_inertia"])
+    assert late is not None and found.verdict == "unknown" and not found.missing
+    told = [late.words, slip.words]
+    assert "yaw scrub would act like it" in slip.words
+    assert list(found.first_warnings[-2:]) == told and list(found.sentences[:2]) == told
+    assert found.summary().startswith("effort_fl comes")

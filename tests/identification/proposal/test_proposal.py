@@ -4,13 +4,16 @@ from __future__ import annotations
 
 import ast
 import json
+from dataclasses import replace
 
 import pytest
 
+from identification.mechanisms.physical_parameters import StatedParameters
 from identification.mechanisms.registry import mechanism_of
 from identification.proposal.law import Verdict
-from identification.proposal.proposal import Proposal
+from identification.proposal.proposal import Proposal, sizes_in_words
 from tests.identification.proposal.laws import at_some_size, every_law
+from youbot_env.model.model import Estimate
 from youbot_env.model.model_file import load_model
 
 
@@ -26,9 +29,20 @@ def proposal_of(name: str, **about) -> Proposal:
     )
     paper = load_model("paper")
     structure = {"mechanism": mechanism_of(paper), "theta": paper.theta}
+    joint = StatedParameters(paper.parameters, {}, {})
     floor = {"force_error": 0.01, "velocity_error": 0.015}
-    given = {"share": 0.87, "logs": ("a", "b"), "noise_floor": floor, **structure, **about}
+    given = {"share": 0.87, "logs": ("a", "b"), "noise_floor": floor, "joint": joint}
+    given |= {**structure, **about}
     return Proposal(found, entries, 0.012, 0.02, verdict=verdict, **given)
+
+
+def fitted_with(law: str, effect: str, error: float = 0.012, **values: float) -> StatedParameters:
+    """Parameters of a fit of the paper's model with an effect and a law that no catalogue has."""
+    model = load_model("paper").with_effect(effect, **values)
+    entries = {name: replace(entry, std=0.001) for name, entry in model.effects[effect].items()}
+    effects = {effect: entries, law: {"force": Estimate(1.0, "N", 0.1)}}
+    errors = {"force_error": error, "noise_floor": {"force_error": 0.0119}}
+    return StatedParameters(model.parameters, effects, errors)
 
 
 def test_its_json_holds_what_is_promised():
@@ -41,6 +55,21 @@ def test_its_json_holds_what_is_promised():
     assert found["pareto"][0]["left"] == 0.1 and found["tried"] == {"laws": 170, "choices": 900}
     assert found["alternatives"][0]["left"] == 0.11
     ast.parse(found["source"])
+
+
+def test_its_json_holds_all_else_that_is_fitted_with_it():
+    joint = fitted_with("dry_nap", "uneven_wheel_friction", extra_bl=0.03)
+    found = proposal_of("dry_nap", joint=joint).to_dict()["joint_fit"]
+    assert set(found) == {"parameters", "effects"}
+    assert set(found["parameters"]) == set(joint.parameters)
+    assert set(found["effects"]) == {"uneven_wheel_friction"}, "the law's own stand beside it"
+    wheel = found["effects"]["uneven_wheel_friction"]["parameters"]["extra_bl"]
+    assert wheel["value"] == 0.03 and wheel["std"] == 0.001 and wheel["unit"] == "N m s"
+    assert wheel["interval"] == pytest.approx([0.03 - 0.00196, 0.03 + 0.00196], rel=1e-4)
+    # Where something is missing all the same, no interval holds.
+    lacking = fitted_with("dry_nap", "uneven_wheel_friction", 0.02, extra_bl=0.03)
+    found = proposal_of("dry_nap", joint=lacking).to_dict()["joint_fit"]["effects"]
+    assert found["uneven_wheel_friction"]["parameters"]["extra_bl"]["interval"] is None
 
 
 @pytest.mark.parametrize(
@@ -70,6 +99,13 @@ def test_its_words_say_what_where_how_large_how_sure_and_what_next():
     assert "to confirm, drive along that direction" in third
     worse = proposal_of("dry_nap", share=None, before=(0.08, 0.01)).sentences[0]
     assert "(site world): the force error falls" in worse and "velocity error is 2.00%" in worse
+
+
+def test_an_interval_has_as_many_digits_as_tell_its_ends_apart():
+    entry = {"value": 0.12, "unit": "N m s", "std": 2e-4, "interval": [0.1196, 0.1204]}
+    wide, none = {**entry, "interval": [-0.2, 0.4]}, {**entry, "interval": None}
+    told = sizes_in_words({"a": entry, "b": wide, "c": none})
+    assert told == "a 0.12 N m s (0.1196 to 0.1204), b 0.12 N m s (-0.2 to 0.4), c 0.12 N m s"
 
 
 def test_of_what_swings_it_says_when_each_log_began():

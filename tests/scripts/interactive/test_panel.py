@@ -145,3 +145,24 @@ def test_a_mark_that_nobody_sees_shows_the_whole_log(
     marked: list[list[float]], span: list[float] | None, out: bool
 ):
     assert is_out_of_sight(marked, span) is out
+
+
+def test_a_card_has_the_sizes_that_were_fitted_with_the_proposed_law():
+    def sizes(value: float) -> dict[str, Any]:
+        return {"torque": {"value": value, "unit": "N m"}}
+
+    item = {"effect": "yaw_scrub", "p_value": 0.001, "force_error": 0.1, "parameters": sizes(0.45)}
+    other = {**item, "effect": "cable_drag"}
+    joint = {"effects": {"yaw_scrub": {"parameters": sizes(0.3)}}}
+    found = {
+        "missing": ["yaw_scrub"],
+        "ambiguous_with": {},
+        "explained": [],
+        "steps": [{"force_error": 0.2}],
+        "proposal": {"joint_fit": joint},
+    }
+    told, of_other = (text(panel._card(one, found, set())) for one in (item, other))
+    assert "torque = 0.3 N m" in told and "fitted with the proposed law" in told
+    assert "torque = 0.45 N m" in of_other and "proposed law" not in of_other
+    alone = text(panel._card(item, {**found, "proposal": None}, set()))
+    assert "torque = 0.45 N m" in alone

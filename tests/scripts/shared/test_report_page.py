@@ -8,6 +8,7 @@ from html.parser import HTMLParser
 
 import pytest
 
+from identification.fitting.misfit import stated_estimates
 from youbot_env.equations import formula
 from youbot_env.model.model_file import load_model
 from youbot_env.physics.effect import CATALOGUE
@@ -111,7 +112,8 @@ def test_no_interval_is_stated_of_a_model_that_does_not_fit():
     known = {name: replace(entry, std=0.1) for name, entry in paper.parameters.items()}
     model = replace(paper, parameters=known)
     for fits in (True, False):
-        rows = result_tables.of_model(model, fits=fits).values()
+        found = stated_estimates(model, fits=fits)
+        rows = found.values()
         assert all((row["interval"] is not None) == fits for row in rows)
-        shown = result_tables.parameters(result_tables.of_model(model, fits=fits)).cells
+        shown = result_tables.parameters(found).cells
         assert all((cells[2] != "-") == fits and ("±" in cells[1]) == fits for cells in shown)
