@@ -107,7 +107,7 @@ def diagnose(
     data = data.on_clock_of(mechanism, model.theta)
     names = list(effects) if effects is not None else list(mechanism.catalogue.names())
     chosen = select(data, mechanism, model.theta, names, np.random.default_rng(seed))
-    steps = without_imitators(chosen.steps, settings)
+    steps = without_imitators(chosen.steps, settings, chosen.wheels.settled)
     unexplained = leaves_something(steps, settings)
     steps, regime = (
         regime_left(data, steps, explained_share(steps)) if unexplained else (steps, None)
@@ -115,7 +115,7 @@ def diagnose(
     slip, proposal = telling_slip(steps[-1].fitted, chosen.wheels.slip, chosen.refused), None
     late = late_efforts_of(data, steps)
     faults = faults_of_logs(late, slip)
-    fits = FITS._replace(final=partial(_final_fit, chosen.wheels))
+    fits = FITS._replace(final=partial(_final_fit, chosen.wheels), settled=chosen.wheels.settled)
     if not faults:
         # Also where trees find nothing: a ripple of the floor is too fine for them. Of wheels that
         # slide, or efforts that come late, no law is sought: one of wheels would imitate them.

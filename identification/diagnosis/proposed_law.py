@@ -9,7 +9,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from identification.diagnosis.structures import FittedStructure, LoggedData, Step
+from identification.diagnosis.structures import FittedStructure, LoggedData, Step, count_settled
 from identification.fitting.clocks import has_own_clock, words_of_clock
 from identification.fitting.least_squares import Fit
 from identification.fitting.misfit import misfit_of
@@ -27,12 +27,15 @@ Array = NDArray[np.float64]
 class Fits(NamedTuple):
     """How structures are fitted: structure(data, mechanism, theta) jointly on all logs, final(...)
     with intervals, see `final_fit`; fewer(data, full, names) with some effects of a fitted
-    structure, and walk(data, base, names, full) likewise, effect by effect from a step on."""
+    structure, and walk(data, base, names, full) likewise, effect by effect from a step on.
+
+    settled: names of the effects that wheels and pose show, which are no matter of forces."""
 
     structure: Callable[[LoggedData, Mechanism[Any], Array], FittedStructure]
     final: Callable[..., Fit]
     fewer: Callable[[LoggedData, FittedStructure, tuple[str, ...]], FittedStructure]
     walk: Callable[[LoggedData, Step, Sequence[str], FittedStructure], list[Step]]
+    settled: frozenset[str] = frozenset()
 
 
 def propose(
@@ -81,7 +84,8 @@ class Found(NamedTuple):
 
 def _found(data: LoggedData, steps: Sequence[Step], unexplained: bool, fits: Fits) -> Found | None:
     """The law without the accepted effects, if it makes them needless; else that beside them."""
-    counts = [len(steps)] if len(steps) == 1 or not unexplained else [1, len(steps)]
+    least = count_settled(steps, fits.settled)
+    counts = [len(steps)] if len(steps) == least or not unexplained else [least, len(steps)]
     for count in counts:
         base = steps[count - 1]
         left = Left(
@@ -123,8 +127,7 @@ def _without_needless(data: LoggedData, found: Found, fits: Fits) -> Found:
     names = [step.effect for step in found.kept if step.effect]
     needed, fitted = list(names), found.fitted
     for name in reversed(names):
-        # What wheels and pose show is no matter of forces.
-        if fitted.mechanism.with_effects([name]).structure.changes_kinematics:
+        if name in fits.settled:
             continue
         others = [other for other in needed if other != name]
         fewer = fits.fewer(found.data, fitted, (*own, *others, law.law.name))

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any, ClassVar, Protocol
 
@@ -10,7 +10,7 @@ import numpy as np
 
 from identification.diagnosis.sentences import describe
 from identification.diagnosis.settings import DiagnosisSettings
-from identification.diagnosis.structures import Candidate, Ranking, Step
+from identification.diagnosis.structures import Candidate, Ranking, Step, count_settled
 from identification.fitting.changed_parameters import ParameterChanges
 from identification.fitting.kinematic_evidence import TellingSlip
 from identification.fitting.late_efforts import LateEfforts
@@ -276,15 +276,20 @@ def leaves_something(steps: Sequence[Step], settings: DiagnosisSettings) -> bool
     return not (small and last.predictable.systematic_share <= settings.max_small_rest_share)
 
 
-def without_imitators(steps: tuple[Step, ...], settings: DiagnosisSettings) -> tuple[Step, ...]:
-    """The steps; the first alone where more is left than effects explain by far.
+def without_imitators(
+    steps: tuple[Step, ...], settings: DiagnosisSettings, settled: Collection[str] = ()
+) -> tuple[Step, ...]:
+    """The steps; the base and what is ``settled`` alone where more is left than effects explain by
+    far.
 
-    Then what is missing is something else, and effects of the catalogue imitate it in part.
+    Then what is missing is something else, and effects of the catalogue imitate it in part. Not
+    those that wheels and pose show.
     """
     share = explained_share(steps)
     if not leaves_something(steps, settings) or share is None:
         return steps
-    return steps if share >= settings.min_explained_share else steps[:1]
+    enough = share >= settings.min_explained_share
+    return steps if enough else steps[: count_settled(steps, settled)]
 
 
 def verdict_of(unexplained: bool, tied: bool, accepted: bool) -> str:
@@ -378,9 +383,10 @@ def _of_the_unknown(
         effects = effects_of([step.effect for step in steps[1:] if step.effect])
         names = listed([name.replace("_", " ") for name in effects])
         verb = "take" if len(steps) > 2 else "takes"
+        # Wheels and pose may show an effect that forces hardly know.
+        part = f"{share:.0%}" if share >= 0.005 else "nothing"
         found = [
-            f"{names} {verb} {share:.0%} of what could be explained; something more is missing: "
-            f"{left}"
+            f"{names} {verb} {part} of what could be explained; something more is missing: {left}"
         ]
     else:
         found = [

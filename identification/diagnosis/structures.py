@@ -7,10 +7,11 @@ force residual on what it was not fitted on.
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Callable, Collection, Iterable, Iterator, Sequence
 from copy import copy
 from dataclasses import dataclass, field, replace
 from functools import cached_property, partial
+from itertools import takewhile
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -355,6 +356,14 @@ class Step:
         """JSON form."""
         where = {"logs": list(self.logs)} if self.logs else {}
         return {"effect": self.effect and effect_of(self.effect), **where, **self.errors}
+
+
+def count_settled(steps: Sequence[Step], settled: Collection[str]) -> int:
+    """How many of the first steps are the base, and effects that are settled.
+
+    Those are effects that wheels and pose show: what forces are left says nothing against them.
+    """
+    return 1 + sum(1 for _ in takewhile(lambda step: step.effect in settled, steps[1:]))
 
 
 class LoggedData:

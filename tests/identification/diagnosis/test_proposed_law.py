@@ -14,7 +14,8 @@ from identification.diagnosis.add_effect import add_effect
 from identification.diagnosis.candidates import fit_base, fit_structure, try_candidate
 from identification.diagnosis.diagnose import FITS, diagnose
 from identification.diagnosis.proposed_law import _fitted, _worsens_free_run, propose
-from identification.diagnosis.structures import LoggedData
+from identification.diagnosis.settings import DiagnosisSettings
+from identification.diagnosis.structures import LoggedData, count_settled
 from identification.fitting.errors import SumsOfSquares
 from identification.fitting.identify import identify
 from identification.logs.log import Log
@@ -109,6 +110,34 @@ def test_an_effect_beside_a_law_has_the_size_that_was_fitted_with_it(tmp_path: P
     assert f"extra_bl {written.value:.3g} N m s" in without.splitlines()[0]
     said = found.to_dict()["proposal"]["joint_fit"]["effects"][name]["parameters"]["extra_bl"]
     assert said["value"] == told.value and said["interval"][0] < planted < said["interval"][1]
+
+
+@pytest.mark.slow
+def test_what_wheels_show_stays_beside_a_law_that_explains_most_of_the_forces(tmp_path: Path):
+    """A wheel that is larger takes next to nothing of what a carpet's nap does to the forces."""
+    name = "wheel_radius_error"
+    larger = {"error_fl": 0.0223, "error_fr": -0.0075, "error_bl": -0.0074, "error_br": -0.0074}
+    logs = logs_with_a_nap(tmp_path, (name, tuple(larger.items())))
+    found = diagnose(load_model("paper"), logs, effects=[name])
+    assert found.verdict == "unknown" and found.missing == (name,)
+    assert found.proposal is not None and found.proposal.name == "dry_nap"
+    assert found.proposal.beside == (name,) and found.explained_share is not None
+    assert found.explained_share < DiagnosisSettings().min_explained_share
+    assert found.proposal.force_error < 1.1 * found.noise_floor["force_error"]
+    error = found.told.effects[name]["error_fl"]
+    assert error.std is not None and error.value == pytest.approx(0.0223, abs=5e-4)
+    assert "front left wheel is 3.0% larger" in found.sentences[0]
+    assert not any("takes -" in line for line in found.sentences)
+
+
+def test_of_the_first_steps_those_that_are_settled_are_counted():
+    data = data_with(())
+    base = fit_base(data, mechanism_of(load_model("paper")), load_model("paper").theta)
+    step = data.step(base, None)
+    steps = [step, *(replace(step, effect=name) for name in ("creep", "tilt", "radius"))]
+    assert count_settled(steps, ()) == 1
+    assert count_settled(steps, {"creep", "radius"}) == 2
+    assert count_settled(steps, {"creep", "tilt", "radius"}) == 4
 
 
 def test_steps_are_judged_on_the_folds_of_a_law():

@@ -8,10 +8,12 @@ import numpy as np
 import pytest
 
 from identification.diagnosis.candidates import fit_base
+from identification.diagnosis.diagnose import diagnose
 from identification.diagnosis.structures import LoggedData
 from identification.fitting.settings import FitSettings
 from identification.mechanisms.axis import Axis
 from identification.mechanisms.axis_effects import AXIS_CATALOGUE, UNITS, Scales, fitted_to
+from identification.mechanisms.axis_model import base_axis_model
 from identification.proposal.axis_laws import Travel, axis_laws
 from identification.proposal.law import FoundLaw, Law
 from identification.proposal.propose import Left, find_law, with_law
@@ -74,6 +76,27 @@ def test_a_tight_spot_is_found_with_its_place_and_size():
     base = fit_base(nothing, bare, theta)
     left = Left(base.mechanism, base.theta, base.free, 0.5)
     assert find_law(left, nothing.samples, 0, SETTINGS, FitSettings()) is None
+
+
+def test_a_spring_beside_a_tight_spot_has_the_size_that_was_fitted_with_it():
+    law = next(law for law in LAWS if law.name == "tight_spot")
+    axis, theta = planted(STAGE, "spring")
+    values = {"force": 12.0, "centre": 0.03, "width": 0.03, "smoothing": theta[3]}
+    more = with_law(axis, found(law, **values).effect())
+    full = np.concatenate([theta, [values[c.name] for c in law.constants]])
+    log = log_of(more, full, rate=200.0, noise=0.01)  # type: ignore[arg-type]
+    said = diagnose(base_axis_model([log], unit="m"), [log])
+    assert said.missing == ("spring",) and said.proposal is not None
+    assert said.proposal.name == "tight_spot" and said.proposal.beside == ("spring",)
+    planted_size = theta[axis.parameter_names.index("spring.stiffness")]
+    told, written = (m.effects["spring"]["stiffness"] for m in (said.told, said.model))
+    assert told.std is not None and written.std is not None
+    assert abs(told.value - planted_size) < 2 * told.std < 0.2 * written.std
+    assert abs(written.value - planted_size) > 4 * abs(told.value - planted_size)
+    assert f"(stiffness = {told.value:.3g} N/m)" in said.sentences[0]
+    assert "in part, fitted with the proposed law" in said.sentences[0]
+    assert said.sentences[1].endswith(f"writes: stiffness {written.value:.3g} N/m")
+    assert [row["with"] for row in said.rows()][-2:] == ["spring", "tight_spot (proposed)"]
 
 
 def test_a_users_file_of_an_axis_is_tried_out(tmp_path: Path, kept_catalogue):
