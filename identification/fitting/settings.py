@@ -1128,6 +1128,37 @@ class FitSettings(Settings):
             "resonance had p = 0.01 or less by white noise alone, and in one by their own",
         },
     )
+    noise_band_width: float = field(
+        default=0.5,
+        metadata={
+            "unit": "Hz",
+            "reason": "of a band of frequencies in which the power of torque noise is sought, at "
+            "most: a hum lies in one, and what a drive makes of it hardly changes within it",
+        },
+    )
+    noise_band_share: float = field(
+        default=0.25,
+        metadata={
+            "unit": "share of its frequency",
+            "reason": "of a band's width at low frequencies, where slow noise changes most",
+        },
+    )
+    noise_band_frequencies: int = field(
+        default=8,
+        metadata={
+            "unit": "1",
+            "reason": "least number of frequencies in a band: on three axes their power is known "
+            "to 20 %",
+        },
+    )
+    noise_band_deviations: float = field(
+        default=3.0,
+        metadata={
+            "unit": "standard deviations of a band's power",
+            "reason": "by which it must differ from that of white noise: of 70 bands one differs "
+            "more by chance in one of five logs of white noise",
+        },
+    )
     min_held_out_share: float = field(
         default=1e-10,
         metadata={
