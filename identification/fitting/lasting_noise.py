@@ -36,11 +36,15 @@ def lasting_noise(
         return None
     left = _beside_motion(mechanism, samples)
     white = float(np.sqrt(np.mean(level.speed**2)))
-    if left is None or np.sqrt(np.mean(left**2)) < settings.min_lasting_noise_ratio * white:
+    if left is None:
         return None
-    size = np.abs(np.fft.rfft(left))
-    phases = rng.uniform(0.0, 2 * np.pi, (len(size), len(level.speed)))
-    spectrum = size[:, None] * np.exp(1j * phases)
+    size, ratio = float(np.sqrt(np.mean(left**2))), settings.min_lasting_noise_ratio
+    # Much smaller where a hum near half the sampling rate makes the white noise seem too large.
+    if white / ratio < size < white * ratio:
+        return None
+    spectrum = np.abs(np.fft.rfft(left))[:, None]
+    phases = rng.uniform(0.0, 2 * np.pi, (len(spectrum), len(level.speed)))
+    spectrum = spectrum * np.exp(1j * phases)
     extra = np.fft.irfft(spectrum, len(left), axis=0) * level.speed / max(white, 1e-300)
     return mechanism.added_noise(samples, extra)
 

@@ -1123,9 +1123,10 @@ class FitSettings(Settings):
         default=1.05,
         metadata={
             "unit": "what the speeds hold beside any motion, over their white noise",
-            "reason": "from here on noise of the speeds is taken to last: 0.985 to 1.008 of white "
-            "noise in 30 logs; 1.14 to 7.8 of a first-order noise in 34, in all of which a "
-            "resonance had p = 0.01 or less by white noise alone, and in one by their own",
+            "reason": "from here on, and below its inverse, noise of the speeds is not white: "
+            "0.985 to 1.008 of white noise in 30 logs; 1.14 to 7.8 of a first-order noise in 34, "
+            "in all of which a resonance had p = 0.01 or less by white noise alone, and in one by "
+            "their own; 0.6 of a hum near half the sampling rate",
         },
     )
     noise_band_width: float = field(

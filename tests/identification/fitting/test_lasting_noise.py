@@ -38,6 +38,22 @@ def test_noise_has_the_spectrum_of_what_the_speeds_hold_beside_motion(uneven):
     assert np.abs(np.corrcoef(found.speed.T) - np.eye(4)).max() < 0.2
 
 
+def test_a_hum_near_half_the_sampling_rate_is_no_white_noise():
+    """White noise is measured by differences, in which such a hum is 40 times as large."""
+    mechanism, rng = mechanism_of(PAPER), np.random.default_rng(6)
+    log = recording(noise=0.0)
+    # In these phases as much of it is in the four wheels' difference as in each wheel.
+    hum = 0.03 * np.sin(np.pi * (96.0 * log.time[:, None] + np.array([0.0, 0.5, 0.5, 1.0])))
+    white = 0.01 * rng.standard_normal((len(log), 4))
+    samples = mechanism.samples(replace(log, velocity=log.velocity + hum + white))
+    level = NoiseLevel.of(samples)
+    assert level.speed.min() > 0.04
+    found = lasting_noise(mechanism, samples, level, rng)
+    assert found is not None
+    assert found.speed.std(axis=0) == pytest.approx([np.hypot(0.01, 0.03 / 2**0.5)] * 4, rel=0.1)
+    assert slow_part(found.speed, samples.dt, 40.0) == pytest.approx([0.01 * 0.8**0.5] * 4, rel=0.2)
+
+
 def test_white_noise_and_a_single_joint_have_none():
     rng = np.random.default_rng(0)
     mechanism, log = mechanism_of(PAPER), recording("III")
