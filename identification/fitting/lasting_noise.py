@@ -17,6 +17,7 @@ from identification.fitting.regression import filtered_residual
 from identification.fitting.settings import FitSettings
 from identification.mechanisms.mechanism import Mechanism
 from identification.mechanisms.samples import AddedNoise, Samples
+from identification.signals.noise import white_noise
 
 Array = NDArray[np.float64]
 
@@ -39,8 +40,10 @@ def lasting_noise(
     if left is None:
         return None
     size, ratio = float(np.sqrt(np.mean(left**2))), settings.min_lasting_noise_ratio
-    # Much smaller where a hum near half the sampling rate makes the white noise seem too large.
-    if white / ratio < size < white * ratio:
+    # A hum near half the sampling rate makes the white noise seem too large: here too, or the
+    # speeds were made of a twist, and hold nothing beside it.
+    own = float(white_noise(left[:, None], settings=settings.noise)[0])
+    if size < ratio * white and own < ratio * size:
         return None
     spectrum = np.abs(np.fft.rfft(left))[:, None]
     phases = rng.uniform(0.0, 2 * np.pi, (len(spectrum), len(level.speed)))

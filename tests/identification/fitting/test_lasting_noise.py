@@ -54,6 +54,15 @@ def test_a_hum_near_half_the_sampling_rate_is_no_white_noise():
     assert slow_part(found.speed, samples.dt, 40.0) == pytest.approx([0.01 * 0.8**0.5] * 4, rel=0.2)
 
 
+def test_speeds_that_were_made_of_a_twist_tell_nothing_of_their_noise():
+    mechanism, rng = mechanism_of(PAPER), np.random.default_rng(7)
+    log = recording("III")
+    samples = mechanism.samples(log)
+    made = mechanism.joint_speed(samples.twist).round(4)
+    samples = replace(samples, wheel_speed=made)
+    assert lasting_noise(mechanism, samples, NoiseLevel.of(samples), rng) is None
+
+
 def test_white_noise_and_a_single_joint_have_none():
     rng = np.random.default_rng(0)
     mechanism, log = mechanism_of(PAPER), recording("III")
