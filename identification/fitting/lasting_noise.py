@@ -130,7 +130,8 @@ class _Bands:
         """(bands,) power of signals (n, k), ``dt`` [s] apart, without their means."""
         power = (np.abs(np.fft.rfft(signal, axis=0)) ** 2).sum(axis=1)
         power[0] = 0.0
-        return np.bincount(self.places(len(signal), dt), power, len(self.edges) + 1)
+        places = self.places(len(signal), dt)
+        return np.asarray(np.bincount(places, power, len(self.edges) + 1), float)
 
 
 def _beside_motion(mechanism: Mechanism, samples: Samples) -> Array | None:
