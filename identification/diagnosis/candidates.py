@@ -317,7 +317,7 @@ class _Noise(NamedTuple):
 
     @classmethod
     def on(cls, data: LoggedData, base: FittedStructure, lasting: bool = True) -> _Noise:
-        """The logs' own noise; ``lasting``: with the spectrum that their speeds show."""
+        """The logs' own noise; ``lasting``: with the spectrum that speeds and residual show."""
         added = list(base.with_noise(data.noise, data.seed, True, lasting))
         samples, residual = zip(*added, strict=True)
         joined = np.concatenate([part.ravel() for part in residual])

@@ -42,7 +42,7 @@ from identification.fitting.errors import (
 )
 from identification.fitting.gauge import gauge_basis
 from identification.fitting.held_channels import as_they_mean
-from identification.fitting.lasting_noise import lasting_noise
+from identification.fitting.lasting_noise import lasting_noise, torque_noise
 from identification.fitting.predictability import (
     NoiseFloor,
     Predictability,
@@ -169,7 +169,7 @@ class FittedStructure:
     ) -> Iterator[tuple[Samples, Array]]:
         """Per log, its samples with noise put on once more, and what that adds to the residual.
 
-        ``lasting``: noise on the speeds with their own spectrum, where they show one.
+        ``lasting``: noise with the spectrum that the speeds, and the residual, show.
         """
         rng, fit = np.random.default_rng(seed), self.settings.fit
         for item, level, row in zip(self.samples, noise, self.rows, strict=True):
@@ -180,6 +180,10 @@ class FittedStructure:
             slow = lasting_noise(self.mechanism, item, level, rng, fit) if lasting else None
             if slow is not None:
                 noisy = replace(slow.on(item, 0), torque=noisy.torque)
+            if lasting and with_torques:
+                quiet = replace(noisy, torque=item.torque)
+                args = self.mechanism, self.theta, item, quiet, level, rng, fit
+                noisy = replace(noisy, torque=item.torque + torque_noise(*args))
             again = filtered_residual(self.mechanism, self.theta, noisy, self.settings.rows)
             yield noisy, again - row.residual
 

@@ -1139,9 +1139,41 @@ class FitSettings(Settings):
         default=1.05,
         metadata={
             "unit": "what the speeds hold beside any motion, over their white noise",
-            "reason": "from here on noise of the speeds is taken to last: 0.985 to 1.008 of white "
-            "noise in 30 logs; 1.14 to 7.8 of a first-order noise in 34, in all of which a "
-            "resonance had p = 0.01 or less by white noise alone, and in one by their own",
+            "reason": "from here on, and below its inverse, noise of the speeds is not white: "
+            "0.985 to 1.008 of white noise in 30 logs; 1.14 to 7.8 of a first-order noise in 34, "
+            "in all of which a resonance had p = 0.01 or less by white noise alone, and in one by "
+            "their own; 0.6 of a hum near half the sampling rate",
+        },
+    )
+    noise_band_width: float = field(
+        default=0.5,
+        metadata={
+            "unit": "Hz",
+            "reason": "of a band of frequencies in which the power of torque noise is sought, at "
+            "most: a hum lies in one, and what a drive makes of it hardly changes within it",
+        },
+    )
+    noise_band_share: float = field(
+        default=0.25,
+        metadata={
+            "unit": "share of its frequency",
+            "reason": "of a band's width at low frequencies, where slow noise changes most",
+        },
+    )
+    noise_band_frequencies: int = field(
+        default=8,
+        metadata={
+            "unit": "1",
+            "reason": "least number of frequencies in a band: on three axes their power is known "
+            "to 20 %",
+        },
+    )
+    noise_band_deviations: float = field(
+        default=3.0,
+        metadata={
+            "unit": "standard deviations of a band's power",
+            "reason": "by which it must differ from that of white noise: of 70 bands one differs "
+            "more by chance in one of five logs of white noise",
         },
     )
     min_held_out_share: float = field(

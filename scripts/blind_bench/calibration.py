@@ -107,14 +107,28 @@ def _intervals(trials: dict[str, list[Record]], null: dict[str, list[Record]]) -
 
 
 def _p_values(ranked: dict[str, list[Record]]) -> list[Row | None]:
+    other = ranked["noise"]
+    groups = {
+        "white noise": ranked["none"],
+        "other noise": [r for r in other if _noise_of(r) not in OFFSETS],
+        "noise that leaves an offset": [r for r in other if _noise_of(r) in OFFSETS],
+    }
     found = []
     for key, what in (("p_value", "candidates"), ("map_p_value", "the map's variables")):
-        for kind, rows in ranked.items():
+        for noise, rows in groups.items():
             for level in LEVELS:
-                below = partial(_is_below, key, level)
-                name = f"least p-value of all {what} is {level:g} or less, {NOISE[kind]}"
-                found.append(row_of(name, f"{level:.0%}", map(below, rows), 0.0, level))
+                below = map(partial(_is_below, key, level), rows)
+                name = f"least p-value of all {what} is {level:g} or less, {noise}"
+                there = noise not in NOISE.values()
+                promised = "that is there" if there else f"{level:.0%}"
+                found.append(row_of(name, promised, below, 0.0, 1.0 if there else level))
     return found
+
+
+def _noise_of(record: Record) -> str | None:
+    """Kind of a replicate's noise; None if it is white."""
+    sensing = record["case"]["sensing"]
+    return sensing and sensing["name"]
 
 
 def _p_values_by_noise(rows: Sequence[Record]) -> list[Row | None]:
@@ -124,7 +138,7 @@ def _p_values_by_noise(rows: Sequence[Record]) -> list[Row | None]:
         row_of(
             f"least p-value of all candidates is {level:g} or less, {name.replace('_', ' ')}",
             "that is there" if name in OFFSETS else f"{level:.0%}",
-            (below(record) for record in rows if record["case"]["sensing"]["name"] == name),
+            (below(record) for record in rows if _noise_of(record) == name),
             0.0,
             1.0 if name in OFFSETS else level,
         )
@@ -133,8 +147,8 @@ def _p_values_by_noise(rows: Sequence[Record]) -> list[Row | None]:
 
 
 OFFSETS = ("torque_wander", "offset_wander", "outliers")
-"""Noises that leave an offset of a torque channel in a log: they wander more slowly than a log
-lasts, or are outliers to one side. A small p-value of an offset is no false alarm there."""
+"""Noises that leave an offset of a torque channel in a log, or in a part of it: they wander for
+seconds to minutes, or are outliers to one side. A small p-value is no false alarm there."""
 
 
 def _is_below(key: str, level: float, record: Record) -> list[bool]:

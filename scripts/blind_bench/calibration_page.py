@@ -42,15 +42,19 @@ Commit {commit}. {fits} fits, p-values of {ranked}, {trials} diagnoses:
 NOTES = {
     "p-values by kind of noise": """\
 Random signs of blocks of 2 s tell chance from a cause where noise is forgotten within a block.
-An offset that wanders more slowly than a log lasts, and outliers that are all to one side, leave
-an offset of the channel in the log: a small p-value of `torque_offset` is right there.
-Noise of speeds that lasts (AR(1), hum, coarse steps) is in the acceleration, and so in the
-residual and in the columns of effects of the drives, of `drive_resonance` most. It is taken off
-with the spectrum that the speeds of a platform show beside any rigid motion; steps of coarse
-speeds are no such noise. It is in the model's own columns too and makes its masses too small, which
-the columns of a lag or a delay show: that is taken off as well. No verdict rests on a p-value
-alone: an effect must take away a share of what can be predicted on held-out stretches, and of noise
-nothing can.
+Torques that wander for longer, and outliers that are all to one side, leave an offset of the
+channel in the log, or in a part of it. A small p-value is right there, of `torque_offset` and of
+others that a constant torque looks like: a slope, a spring, a friction that is larger forwards.
+The table above tells of these three kinds of noise in rows of their own.
+Noise of speeds that is not white (AR(1), hum) is in the acceleration, and so in the residual and in
+the columns of effects of the drives, of `drive_resonance` most. It is taken off with the spectrum
+that the speeds of a platform show beside any rigid motion. It is in the model's own columns too and
+makes its masses too small, which the columns of a lag or a delay show: that is taken off as well.
+Steps of coarse speeds are no such noise: `drive_resonance` may have a small p-value there.
+Noise of torques that is not white is in the columns of effects that bend the torque, of `dead_zone`
+most. It is taken off with the spectrum that the residual holds beside the speeds' noise.
+No verdict rests on a p-value alone: an effect must take away a share of what can be predicted on
+held-out stretches, and of noise nothing can.
 
 """
 }

@@ -81,6 +81,11 @@ def test_p_values_by_kind_of_noise_tell_what_is_there_from_what_is_chance():
         record["case"]["sensing"] = {"name": name, "values": {}}
         fits.append(record)
     tables = rows_of([], [], fits)
+    where = "least p-value of all candidates is 0.05 or less, "
+    both = {row.what: row for row in tables["p-values where nothing is missing"]}
+    other, offset = both[f"{where}other noise"], both[f"{where}noise that leaves an offset"]
+    assert other.hits == (1, 0) and other.most == 0.05
+    assert offset.hits == (1,) and not offset.falls_short
     rows = {row.what.rpartition(", ")[2]: row for row in tables["p-values by kind of noise"]}
     assert set(rows) == {"hum", "torque wander"}
     assert rows["hum"].hits == (1, 0) and rows["hum"].most == 0.05
