@@ -313,6 +313,7 @@ class DemandedForce(Generic[Geometry]):
         self.samples = rolled(structure, geometry, theta, samples, settings)
         self.rolling = dynamics.rolling_geometry(np, structure, geometry, theta)
         self.instant = like.instant if like else self._instant()
+        self._like = like
         known = like is not None and like.structure.depends_on_load
         if structure.depends_on_load and not known:
             self.instant = replace(self.instant, torque=self._loads())
@@ -664,7 +665,7 @@ class DemandedForce(Generic[Geometry]):
             where = next(place for item, place in structure.slices if item is owner)
             return self._component(owner, theta[where], self._points)
         changed = {owner.name, *structure.base_readers}
-        points = dynamics.effect_points(np, structure, self.geometry, theta, self.instant)
+        points = self._points.at_theta(theta)
         return sum(
             (
                 self._component(item, theta[where], points)
@@ -676,5 +677,7 @@ class DemandedForce(Generic[Geometry]):
 
     @cached_property
     def _points(self) -> EffectPoints[Geometry, Array]:
-        structure, geometry = self.structure, self.geometry
-        return dynamics.effect_points(np, structure, geometry, self.theta, self.instant)
+        found = dynamics.effect_points(np, self.structure, self.geometry, self.theta, self.instant)
+        like = self._like
+        same = like and like.instant is self.instant and like.rolling is self.rolling
+        return found.sharing(like._points) if same else found

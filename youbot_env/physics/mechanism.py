@@ -41,6 +41,7 @@ Geometry = TypeVar("Geometry")
 """Known lengths: any object that has the names in `MechanismKind.lengths`; symbols for codes."""
 
 Lengths = TypeVar("Lengths", contravariant=True)
+Found = TypeVar("Found")
 N_co = TypeVar("N_co", bound=Number, covariant=True)
 
 
@@ -108,6 +109,23 @@ class EffectPoints(Generic[Geometry, N_co]):
         self.xp, self.mechanism, self.geometry = xp, mechanism, geometry
         self.theta, self.at, self.carriers = theta, at, carriers
         self._made: dict[Place, Sequence[object]] = {}
+        self._of_motion: dict[object, object] = {}
+
+    def at_theta(self, theta: Values[Number]) -> EffectPoints[Geometry, N_co]:
+        """The points of the same motion at other parameters."""
+        args = self.xp, self.mechanism, self.geometry, theta, self.at, self.carriers
+        return EffectPoints(*args).sharing(self)
+
+    def sharing(self, other: EffectPoints[Geometry, N_co]) -> EffectPoints[Geometry, N_co]:
+        """Itself, with what others of the same motion and geometry have worked out of these."""
+        self._of_motion = other._of_motion
+        return self
+
+    def once(self, of_motion: Callable[[EffectPoints[Geometry, N_co]], Found]) -> Found:
+        """What a function makes of the motion and the geometry alone; computed once."""
+        if of_motion not in self._of_motion:
+            self._of_motion[of_motion] = of_motion(self)
+        return cast("Found", self._of_motion[of_motion])
 
     @cached_property
     def base(self) -> BaseParameters:
