@@ -23,7 +23,7 @@ Array = NDArray[np.float64]
 
 def score_blocks(
     residual: Sequence[Array],
-    base: Sequence[Array],
+    base: Span,
     columns: Sequence[Array],
     step: float,
     settings: DiagnosisSettings = DiagnosisSettings(),
@@ -32,11 +32,11 @@ def score_blocks(
 
     Parameters
     ----------
-    residual : per log (n, A); base : (n, A, B); columns : (n, A, F)
+    residual : per log (n, A); base : of its columns; columns : per log (n, A, F)
     step : from one row to the next [s]
     """
     # Frisch, Waugh and Lovell: what the base model's parameters can absorb is no evidence.
-    cleared = remainder(stacked(columns), stacked(base), settings.min_seen_share)
+    cleared = base.remainder(stacked(columns))
     sums, start = [], 0
     for log in residual:
         stop = start + log.size
@@ -52,22 +52,30 @@ def stacked(columns: Sequence[Array]) -> Array:
     return np.concatenate([part.reshape(-1, part.shape[-1]) for part in columns])
 
 
-def remainder(target: Array, columns: Array, min_seen_share: float) -> Array:
-    """What no combination of columns (N, F) explains of targets (N, T): see `coefficients`."""
-    return target - columns @ coefficients(target, columns, min_seen_share)
-
-
-def coefficients(target: Array, columns: Array, min_seen_share: float) -> Array:
-    """(F, T) of the combinations of columns (N, F) that explain most of targets (N, T).
+class Span:
+    """Combinations of columns (N, F): what they explain of one target after the other.
 
     ``min_seen_share``: of the largest eigenvalue, under which a direction of columns is not seen.
     """
-    # Unit columns, so that the cut-off does not depend on units; a column of zeros stays zero.
-    norm = np.sqrt((columns**2).sum(axis=0))
-    norm = np.where(norm > 0, norm, 1.0)
-    unit = columns / norm
-    inverse = np.linalg.pinv(unit.T @ unit, rcond=min_seen_share)
-    return inverse @ (unit.T @ target) / norm[:, None]
+
+    def __init__(self, columns: Array, min_seen_share: float) -> None:
+        # Unit columns, so that the cut-off does not depend on units; a column of zeros stays zero.
+        norm = np.sqrt((columns**2).sum(axis=0))
+        self._norm = np.where(norm > 0, norm, 1.0)
+        self.columns, self._unit = columns, columns / self._norm
+        self._inverse = np.linalg.pinv(self._unit.T @ self._unit, rcond=min_seen_share)
+
+    def coefficients(self, target: Array) -> Array:
+        """(F, T) of the combinations of columns that explain most of targets (N, T)."""
+        return self._inverse @ (self._unit.T @ target) / self._norm[:, None]
+
+    def remainder(self, target: Array) -> Array:
+        """(N, T) what no combination explains of targets (N, T)."""
+        return target - self.columns @ self.coefficients(target)
+
+    def unexplained(self, target: Array) -> Array:
+        """(T,) its squares."""
+        return (self.remainder(target) ** 2).sum(axis=0)
 
 
 @dataclass(frozen=True)
