@@ -11,11 +11,10 @@ from functools import cached_property, partial
 from typing import Generic, NamedTuple, cast
 
 import numpy as np
-from numpy.lib.stride_tricks import sliding_window_view
 from numpy.typing import NDArray
 
 from identification.mechanisms.settings import MechanismSettings
-from identification.signals.filters import block_mean, integral_of, slope_ends
+from identification.signals.filters import at_both_ends, block_mean, integral_of, slope_ends
 from identification.signals.resampling import low_passed, moved, smoothed
 from youbot_env.physics import inverse_dynamics as dynamics
 from youbot_env.physics.effect import CHANNEL, CONTACT, SPEED, Effect, Parameter
@@ -406,9 +405,8 @@ class DemandedForce(Generic[Geometry]):
         force = component_force(item, values, points, joint)
         if not smooth:
             return self._scaled(force)
-        # The same at the end of an interval and at the start of the next: no copy, but a view.
-        windows = sliding_window_view(self._scaled(force, len(self.samples)), 2, axis=0)
-        return np.moveaxis(windows, -1, 0)
+        # The same at the end of an interval and at the start of the next.
+        return np.stack(at_both_ends(self._scaled(force, len(self.samples))))
 
     @property
     def _no_force(self) -> Array:
