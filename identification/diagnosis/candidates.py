@@ -21,10 +21,8 @@ from identification.diagnosis.restricted import (
 from identification.diagnosis.settings import DiagnosisSettings
 from identification.diagnosis.significance import (
     Evidence,
-    Span,
     candidate_p_values,
     score_blocks,
-    stacked,
 )
 from identification.diagnosis.structures import (
     Candidate,
@@ -48,6 +46,7 @@ from identification.fitting.regression import (
     residual_and_columns,
     rows_by_parts,
 )
+from identification.fitting.span import Span, stacked
 from identification.mechanisms.mechanism import Mechanism
 from identification.mechanisms.samples import DemandedForce, Samples
 from identification.residual_map.bootstrap import random_signs

@@ -17,7 +17,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from identification.diagnosis.settings import DiagnosisSettings
-from identification.diagnosis.significance import Span, stacked
 from identification.fitting.clocks import (
     first_placed_on_clock,
     has_own_clock,
@@ -57,6 +56,7 @@ from identification.fitting.regression import (
     regression,
     regressions,
 )
+from identification.fitting.span import Span, stacked
 from identification.logs.findings import names_of
 from identification.logs.log import Log
 from identification.mechanisms.mechanism import Mechanism

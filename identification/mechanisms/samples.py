@@ -7,7 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, fields, replace
-from functools import cached_property, partial
+from functools import partial
 from typing import Generic, NamedTuple, cast
 
 import numpy as np
@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 from identification.mechanisms.settings import MechanismSettings
 from identification.signals.filters import at_both_ends, block_mean, integral_of, slope_ends
 from identification.signals.resampling import low_passed, moved, smoothed
+from identification.threads import cached_property
 from youbot_env.physics import inverse_dynamics as dynamics
 from youbot_env.physics.effect import CHANNEL, CONTACT, SPEED, Effect, Parameter
 from youbot_env.physics.mechanism import (
@@ -700,7 +701,7 @@ class DemandedForce(Generic[Geometry]):
             return self._points_at(known.at, known)
         parts = (tuple(part.T.copy()) for part in (s.twist, s.pose, s.wheel_angle))
         twist, pose, angle = parts
-        none = (0.0,) * len(twist)
+        none = (np.nan,) * len(twist)  # nobody reads it: who did would see
         return self._points_at(Instant(twist, none, pose, angle, time=s.time, start=s.start))
 
     def _points_at(

@@ -13,14 +13,13 @@ from identification.diagnosis.candidates import (
 from identification.diagnosis.settings import DiagnosisSettings
 from identification.diagnosis.significance import (
     Evidence,
-    Span,
     candidate_p_values,
     score_blocks,
-    stacked,
 )
 from identification.diagnosis.structures import LoggedData
 from identification.fitting.cross_validation import cross_validate, make_folds
 from identification.fitting.regression import Regression
+from identification.fitting.span import Span, stacked
 from identification.mechanisms.registry import mechanism_of
 from identification.residual_map.bootstrap import random_signs
 from tests.identification.recordings import recording
