@@ -709,5 +709,6 @@ class DemandedForce(Generic[Geometry]):
     ) -> EffectPoints[Geometry, Array]:
         """Where effects act; ``known``: those of the structure that this one extends."""
         found = dynamics.effect_points(np, self.structure, self.geometry, self.theta, at)
-        same = known and known.at is at and known.geometry is found.geometry
-        return found.sharing(known) if same else found
+        if known is None or known.at is not at or known.geometry is not found.geometry:
+            return found
+        return found.sharing(known)

@@ -5,12 +5,13 @@ from __future__ import annotations
 import pickle
 import sys
 from dataclasses import replace
+from typing import cast
 
 import pytest
 
 from identification.mechanisms.axis import AXIS
 from youbot_env.errors import InputError
-from youbot_env.physics.effect import CATALOGUE, WORLD
+from youbot_env.physics.effect import BODY, CATALOGUE, WORLD, Body, World
 from youbot_env.physics.mecanum import MECANUM, mecanum_structure
 from youbot_env.physics.mechanism import EffectPoints, Instant, MechanismKind, ModelStructure
 from youbot_env.physics.namespaces import floats
@@ -93,9 +94,8 @@ def test_a_mass_that_acts_beyond_a_place_alone_is_not_smooth(monkeypatch: pytest
 
 
 def test_points_of_one_motion_share_what_the_motion_decides():
-    structure, geometry = mecanum_structure(), MECANUM.geometry
     at = Instant((0.3, 0.1, 0.2), (0.5, 0.4, 0.7), (0.0, 1.0, 0.6))
-    points = EffectPoints(floats, MECANUM, geometry, [1.0] * 7, at)
+    points = EffectPoints(floats, MECANUM, MECANUM.geometry, [1.0] * 7, at)
     moved = points.at_theta([2.0] * 7)
     asked = list[object]()
 
@@ -105,9 +105,10 @@ def test_points_of_one_motion_share_what_the_motion_decides():
 
     assert points.once(of_motion) == moved.once(of_motion) == 0.3 and len(asked) == 1
     # The base parameters are no part of it.
-    first, second = (one.of(structure.components[0].acts_at)[0] for one in (points, moved))
+    first, second = (cast(Body, one.of(BODY)[0]) for one in (points, moved))
     assert first.base.m0 == 1.0 and second.base.m0 == 2.0
-    assert moved.of(WORLD)[0].velocity_x == points.of(WORLD)[0].velocity_x
+    here, there = (cast(World, one.of(WORLD)[0]) for one in (points, moved))
+    assert here.velocity_x == there.velocity_x
 
 
 @pytest.mark.parametrize("kind", [MECANUM, AXIS])
