@@ -6,11 +6,12 @@ Threads need no copies of the data, and numpy releases the interpreter lock in i
 from __future__ import annotations
 
 import ctypes
+import functools
 import os
 from collections.abc import Callable, Iterable
 from concurrent.futures import ThreadPoolExecutor
 from functools import cache, wraps
-from typing import ParamSpec, TypeVar
+from typing import TYPE_CHECKING, ParamSpec, TypeVar
 
 from threadpoolctl import threadpool_limits
 
@@ -19,6 +20,25 @@ from youbot_env.threads import threads
 Item = TypeVar("Item")
 Result = TypeVar("Result")
 Given = ParamSpec("Given")
+
+
+if TYPE_CHECKING:
+    from functools import cached_property
+else:
+
+    class cached_property(functools.cached_property):  # noqa: N801 - it stands for that of functools
+        """That of functools as it is from Python 3.12 on, without a lock.
+
+        Python 3.11 holds one lock for a property of all objects, so that threads which work out
+        that of different objects wait for each other. Without it two threads that ask for that of
+        one object at the same time may both work it out: it is for what each thread makes.
+        """
+
+        def __get__(self, instance, owner=None):
+            if instance is None:
+                return self
+            found = instance.__dict__[self.attrname] = self.func(instance)
+            return found
 
 
 def in_one_blas_thread(function: Callable[Given, Result]) -> Callable[Given, Result]:

@@ -22,10 +22,7 @@ from identification.diagnosis.settings import DiagnosisSettings
 from identification.diagnosis.significance import (
     Evidence,
     candidate_p_values,
-    coefficients,
-    remainder,
     score_blocks,
-    stacked,
 )
 from identification.diagnosis.structures import (
     Candidate,
@@ -49,6 +46,7 @@ from identification.fitting.regression import (
     residual_and_columns,
     rows_by_parts,
 )
+from identification.fitting.span import Span, stacked
 from identification.mechanisms.mechanism import Mechanism
 from identification.mechanisms.samples import DemandedForce, Samples
 from identification.residual_map.bootstrap import random_signs
@@ -276,7 +274,7 @@ def _p_values(
 def _scores(base: FittedStructure, columns: Sequence[Array]) -> Array:
     """Score blocks (blocks, F) of columns on top of a structure."""
     step = base.rows[0].step
-    return score_blocks(base.residual, base.columns, columns, step, base.settings)
+    return score_blocks(base.residual, base.span, columns, step, base.settings)
 
 
 def _evidence(base: FittedStructure, item: Candidate) -> Evidence:
@@ -295,7 +293,7 @@ def _evidence(base: FittedStructure, item: Candidate) -> Evidence:
     ends = np.cumsum([len(part) for part in base.residual])[:-1]
     left = np.split(np.concatenate(item.held_out.residual), ends)
     step = base.rows[0].step
-    chance = score_blocks(left, base.columns, columns, step, base.settings)
+    chance = score_blocks(left, base.span, columns, step, base.settings)
     return Evidence(_scores(base, columns), chance)
 
 
@@ -332,14 +330,13 @@ class _Noise(NamedTuple):
         in the structure's own columns makes its parameters too small; what these columns explain
         of the effect's then shows the error that they leave.
         """
-        base, least = self.base, self.base.settings.min_seen_share
+        base, known = self.base, self.base.span
         free = item.fitted.free if item.fitted else item.free
         own = free[np.isin(free, base.free, invert=True)]
         args = base, item.mechanism, item.theta
         clean, noisy = (_columns_of(*args, logs, own) for logs in (base.samples, self.samples))
-        known = stacked(base.columns)
-        added = noisy - clean - self.columns @ coefficients(clean, known, least)
-        score = remainder(added, known, least).T @ self.residual
+        added = noisy - clean - self.columns @ known.coefficients(clean)
+        score = known.remainder(added).T @ self.residual
         observed = evidence.observed - score / len(evidence.observed)
         return replace(evidence, observed=observed)
 
@@ -477,7 +474,7 @@ def _lost_at_bounds(base: FittedStructure, item: Candidate, which: Indices, valu
     if not beyond.any():
         return 0.0
     back = (stacked(item.columns) @ beyond)[:, None]
-    return float(_unexplained(stacked(base.columns), back, base.settings)[0])
+    return float(base.span.unexplained(back)[0])
 
 
 def rank(
@@ -496,7 +493,7 @@ def rank(
     names = [name for name in names if base.mechanism.structure.can_hold(name)]
     if not names:
         return Ranking((), {}, (), None, base.held_out.square, needed)
-    _ = base.demands  # a cached property: computed here once, or each thread would compute it
+    _ = base.demands, base.span  # kept: worked out here once, or each thread would do it
     effects = list(dict.fromkeys(effect_of(name) for name in names))
     of_each = side_by_side(partial(try_candidate, base, _base_sums(base)), effects, data.progress)
     found = sorted(itertools.chain(*of_each), key=_square)
@@ -801,7 +798,7 @@ def _adds_nothing(
         ]
         for row, samples in zip(smaller.rows, data.samples, strict=True)
     ]
-    left = _unexplained(stacked(smaller.columns), stacked(beyond), settings)
+    left = smaller.span.unexplained(stacked(beyond))
     return bool(left[0] < settings.min_extension_gain * square)
 
 
@@ -849,4 +846,4 @@ def _imitates(columns: Array, target: Array, nuisance: Array, settings: Diagnosi
 
 def _unexplained(columns: Array, target: Array, settings: DiagnosisSettings) -> Array:
     """Squares (T,) of targets (N, T) that no combination of columns (N, F) explains."""
-    return (remainder(target, columns, settings.min_seen_share) ** 2).sum(axis=0)
+    return Span(columns, settings.min_seen_share).unexplained(target)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field, replace
+from functools import cached_property
 
 from identification.fitting.settings import FitSettings
 from identification.proposal.settings import ProposalSettings
@@ -406,7 +407,7 @@ class DiagnosisSettings(Settings):
     def __post_init__(self) -> None:
         check_settings(self, "diagnosis settings", positive=True)
 
-    @property
+    @cached_property
     def rows(self) -> FitSettings:
-        """Those of the rows on which effects are chosen."""
+        """Those of the rows on which effects are chosen; made once, for all fields are checked."""
         return replace(self.fit, row_rate=self.row_rate)

@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 
 from identification.diagnosis.settings import DiagnosisSettings
 from identification.fitting.cross_validation import block_sums
+from identification.fitting.span import Span, stacked
 from identification.residual_map.bootstrap import family_wise_p_values
 
 Array = NDArray[np.float64]
@@ -23,7 +24,7 @@ Array = NDArray[np.float64]
 
 def score_blocks(
     residual: Sequence[Array],
-    base: Sequence[Array],
+    base: Span,
     columns: Sequence[Array],
     step: float,
     settings: DiagnosisSettings = DiagnosisSettings(),
@@ -32,11 +33,11 @@ def score_blocks(
 
     Parameters
     ----------
-    residual : per log (n, A); base : (n, A, B); columns : (n, A, F)
+    residual : per log (n, A); base : of its columns; columns : per log (n, A, F)
     step : from one row to the next [s]
     """
     # Frisch, Waugh and Lovell: what the base model's parameters can absorb is no evidence.
-    cleared = remainder(stacked(columns), stacked(base), settings.min_seen_share)
+    cleared = base.remainder(stacked(columns))
     sums, start = [], 0
     for log in residual:
         stop = start + log.size
@@ -45,29 +46,6 @@ def score_blocks(
         sums.append(block_sums(scores, step, settings.residual_map.bootstrap_block_time))
         start = stop
     return np.concatenate(sums)
-
-
-def stacked(columns: Sequence[Array]) -> Array:
-    """Columns (n, A, F) of all logs, in one (N, F)."""
-    return np.concatenate([part.reshape(-1, part.shape[-1]) for part in columns])
-
-
-def remainder(target: Array, columns: Array, min_seen_share: float) -> Array:
-    """What no combination of columns (N, F) explains of targets (N, T): see `coefficients`."""
-    return target - columns @ coefficients(target, columns, min_seen_share)
-
-
-def coefficients(target: Array, columns: Array, min_seen_share: float) -> Array:
-    """(F, T) of the combinations of columns (N, F) that explain most of targets (N, T).
-
-    ``min_seen_share``: of the largest eigenvalue, under which a direction of columns is not seen.
-    """
-    # Unit columns, so that the cut-off does not depend on units; a column of zeros stays zero.
-    norm = np.sqrt((columns**2).sum(axis=0))
-    norm = np.where(norm > 0, norm, 1.0)
-    unit = columns / norm
-    inverse = np.linalg.pinv(unit.T @ unit, rcond=min_seen_share)
-    return inverse @ (unit.T @ target) / norm[:, None]
 
 
 @dataclass(frozen=True)

@@ -57,6 +57,7 @@ from identification.fitting.regression import (
     regression,
     regressions,
 )
+from identification.fitting.span import Span, stacked
 from identification.logs.findings import names_of
 from identification.logs.log import Log
 from identification.mechanisms.mechanism import Mechanism
@@ -128,6 +129,19 @@ class FittedStructure:
     def columns(self) -> list[Array]:
         """Per log (n, A, F)."""
         return [row.columns for row in self.rows]
+
+    @property
+    def span(self) -> Span:
+        """Its columns, stacked: what they explain of others."""
+        # Kept for all candidates on top of it, but for an hour's, which take 80 MB.
+        return self._made_span() if self.is_in_parts else self._span
+
+    @cached_property
+    def _span(self) -> Span:
+        return self._made_span()
+
+    def _made_span(self) -> Span:
+        return Span(stacked(self.columns), self.settings.min_seen_share)
 
     @property
     def square(self) -> float:

@@ -123,31 +123,31 @@ def cross_validate(
     sides = np.stack([c.T @ r for c, r in zip(seen, right, strict=True)])
     # Normal equations add up over rows, so a fold is left out by a subtraction.
     total, side = grams.sum(axis=0), sides.sum(axis=0)
-    rounding = settings.min_held_out_share
-    everything = _solve(total, side, rounding)
-    steps = np.stack(
-        [
-            _solve(total - gram, side - part, rounding)
-            for gram, part in zip(grams, sides, strict=True)
-        ]
-    )
+    rest = np.concatenate([total - grams, total[None]]), np.concatenate([side - sides, side[None]])
+    *steps, everything = _solve(*rest, settings.min_held_out_share)
     axes = residual[0].shape[1]
     left = tuple(
         (r - c @ step).reshape(-1, axes) for r, c, step in zip(right, seen, steps, strict=True)
     )
     square = float(sum((r**2).sum() for r in left))
-    return CrossValidation(tuple(folds), left, steps @ basis.T, basis @ everything, square)
+    return CrossValidation(
+        tuple(folds), left, np.stack(steps) @ basis.T, basis @ everything, square
+    )
 
 
-def _solve(gram: Array, side: Array, rounding: float) -> Array:
-    """Least squares from normal equations; directions that a fold cannot see stay at zero.
+def _solve(grams: Array, sides: Array, rounding: float) -> Array:
+    """(K, F) least squares from K normal equations; directions that are not seen stay at zero.
 
-    ``rounding``: share of the largest eigenvalue under which a direction is not seen.
+    Parameters
+    ----------
+    grams, sides : (K, F, F) and (K, F)
+    rounding : share of the largest eigenvalue under which a direction is not seen
     """
-    norm = np.sqrt(np.maximum(np.diag(gram), 1e-300))
+    norm = np.sqrt(np.maximum(np.diagonal(grams, axis1=1, axis2=2), 1e-300))
     # Scaled to a unit diagonal: the cut-off must not depend on the units of the parameters.
-    scaled = gram / np.outer(norm, norm)
-    return np.linalg.pinv(scaled, rcond=rounding, hermitian=True) @ (side / norm) / norm
+    scaled = grams / (norm[:, :, None] * norm[:, None, :])
+    inverse = np.linalg.pinv(scaled, rcond=rounding, hermitian=True)
+    return (inverse @ (sides / norm)[..., None])[..., 0] / norm
 
 
 def block_sums(values: Array, step: float, length: float) -> Array:

@@ -9,7 +9,6 @@ from __future__ import annotations
 
 from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from functools import cached_property
 from typing import Generic, NamedTuple, Protocol, TypeVar
 
 import numpy as np
@@ -28,6 +27,7 @@ from identification.mechanisms.samples import (
 from identification.mechanisms.settings import MechanismSettings
 from identification.signals.filters import FilterSettings, filter_samples, integral_of
 from identification.signals.noise import differenced_noise
+from identification.threads import cached_property
 from youbot_env.physics import inverse_dynamics as dynamics
 from youbot_env.physics.effect import Parameter, Registry, effect_of
 from youbot_env.physics.geometry import least_squares_of

@@ -7,15 +7,16 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, fields, replace
-from functools import cached_property, partial
+from functools import partial
 from typing import Generic, NamedTuple, cast
 
 import numpy as np
 from numpy.typing import NDArray
 
 from identification.mechanisms.settings import MechanismSettings
-from identification.signals.filters import block_mean, integral_of, slope_ends
+from identification.signals.filters import at_both_ends, block_mean, integral_of, slope_ends
 from identification.signals.resampling import low_passed, moved, smoothed
+from identification.threads import cached_property
 from youbot_env.physics import inverse_dynamics as dynamics
 from youbot_env.physics.effect import CHANNEL, CONTACT, SPEED, Effect, Parameter
 from youbot_env.physics.mechanism import (
@@ -313,6 +314,7 @@ class DemandedForce(Generic[Geometry]):
         self.samples = rolled(structure, geometry, theta, samples, settings)
         self.rolling = dynamics.rolling_geometry(np, structure, geometry, theta)
         self.instant = like.instant if like else self._instant()
+        self._like = like
         known = like is not None and like.structure.depends_on_load
         if structure.depends_on_load and not known:
             self.instant = replace(self.instant, torque=self._loads())
@@ -362,8 +364,9 @@ class DemandedForce(Generic[Geometry]):
 
     def _instant(self) -> Instant[Array]:
         s = self.samples
-        ends = slope_ends(s.twist, s.dt)
-        acceleration = tuple(np.moveaxis(ends, -1, 0))
+        # Each axis by itself: many formulas read it, and between others it is read three times as
+        # slowly.
+        acceleration = tuple(np.moveaxis(slope_ends(s.twist, s.dt), -1, 0).copy())
         return Instant(
             twist=_ends(s.twist),
             acceleration=acceleration,
@@ -382,7 +385,7 @@ class DemandedForce(Generic[Geometry]):
     def _body_force(self) -> Array:
         return sum(
             (
-                self._component(item, self.theta[where], self._points)
+                self._component(item, self.theta[where], self.theta)
                 for item, where in self.structure.wrenches
             ),
             start=self._no_force,
@@ -392,17 +395,28 @@ class DemandedForce(Generic[Geometry]):
         self,
         item: Effect,
         values: Array,
-        points: EffectPoints[Geometry, Array],
+        theta: Array,
         joint: int | None = None,
     ) -> Array:
-        return self._scaled(component_force(item, values, points, joint))
+        """Its force (2, N - 1, A) at some values of its parameters, beside all others of theta."""
+        smooth = item.name in self.structure.smooth_components
+        points = self._points_of_samples if smooth else self._points
+        if theta is not self.theta:
+            points = points.at_theta(theta)
+        force = component_force(item, values, points, joint)
+        if not smooth:
+            return self._scaled(force)
+        # The same at the end of an interval and at the start of the next.
+        return np.stack(at_both_ends(self._scaled(force, len(self.samples))))
 
     @property
     def _no_force(self) -> Array:
         return np.zeros((2, len(self.samples) - 1, len(self.force_scale)))
 
-    def _scaled(self, force: Components[Array]) -> Array:
-        out = self._no_force
+    def _scaled(self, force: Components[Array], *shape: int) -> Array:
+        """(..., A) of components of some shape; by default at both ends of each interval."""
+        shape = shape or (2, len(self.samples) - 1)
+        out = np.empty((*shape, len(self.force_scale)))
         for i, scale in enumerate(self.force_scale):
             np.multiply(force[i], scale, out=out[..., i])
         return out
@@ -635,7 +649,7 @@ class DemandedForce(Generic[Geometry]):
             parameter = self.declared[index]
             name = self.structure.parameter_names[index].rpartition(".")[2]
             joint = parameter.names.index(name) if parameter.each_wheel else None
-            return self._component(owner, values[where], self._points, joint) / size
+            return self._component(owner, values[where], self.theta, joint) / size
         theta, width = self._apart(index, step)
         ahead, behind = (self._entered(owner, moved) for moved in theta)
         return (ahead - behind) / width
@@ -662,12 +676,11 @@ class DemandedForce(Generic[Geometry]):
         structure = self.structure
         if owner.name not in self.mechanism.base and owner.carries is None:
             where = next(place for item, place in structure.slices if item is owner)
-            return self._component(owner, theta[where], self._points)
+            return self._component(owner, theta[where], self.theta)
         changed = {owner.name, *structure.base_readers}
-        points = dynamics.effect_points(np, structure, self.geometry, theta, self.instant)
         return sum(
             (
-                self._component(item, theta[where], points)
+                self._component(item, theta[where], theta)
                 for item, where in structure.wrenches
                 if item.name in changed
             ),
@@ -676,5 +689,26 @@ class DemandedForce(Generic[Geometry]):
 
     @cached_property
     def _points(self) -> EffectPoints[Geometry, Array]:
-        structure, geometry = self.structure, self.geometry
-        return dynamics.effect_points(np, structure, geometry, self.theta, self.instant)
+        """At both ends of each interval."""
+        like = self._like
+        return self._points_at(self.instant, like._points if like else None)
+
+    @cached_property
+    def _points_of_samples(self) -> EffectPoints[Geometry, Array]:
+        """At each sample, for what reads no acceleration."""
+        s, known = self.samples, self._like._points_of_samples if self._like else None
+        if known:
+            return self._points_at(known.at, known)
+        parts = (tuple(part.T.copy()) for part in (s.twist, s.pose, s.wheel_angle))
+        twist, pose, angle = parts
+        none = (np.nan,) * len(twist)  # nobody reads it: who did would see
+        return self._points_at(Instant(twist, none, pose, angle, time=s.time, start=s.start))
+
+    def _points_at(
+        self, at: Instant[Array], known: EffectPoints[Geometry, Array] | None = None
+    ) -> EffectPoints[Geometry, Array]:
+        """Where effects act; ``known``: those of the structure that this one extends."""
+        found = dynamics.effect_points(np, self.structure, self.geometry, self.theta, at)
+        if known is None or known.at is not at or known.geometry is not found.geometry:
+            return found
+        return found.sharing(known)

@@ -20,8 +20,8 @@ from scipy import stats
 
 from identification.diagnosis.candidates import fit_base, fit_structure, try_candidate
 from identification.diagnosis.settings import DiagnosisSettings
-from identification.diagnosis.significance import remainder, stacked
 from identification.diagnosis.structures import Candidate, FittedStructure, LoggedData
+from identification.fitting.span import Span, stacked
 from identification.logs.log import Log
 from identification.mechanisms.mechanism import Mechanism
 from identification.mechanisms.registry import AnyModel, mechanism_of
@@ -122,11 +122,11 @@ def _tests(
     residual = np.concatenate([row.residual.ravel() for row in base.rows])[keep, None]
     nuisance = stacked(base.columns)[keep]
     least = base.settings.min_seen_share
-    before = float((remainder(residual, nuisance, least) ** 2).sum())
+    before = float(Span(nuisance, least).unexplained(residual).sum())
     found = []
     for item in tried:
         columns = np.concatenate([nuisance, stacked(item.columns)[keep]], axis=1)
-        after = float((remainder(residual, columns, least) ** 2).sum())
+        after = float(Span(columns, least).unexplained(residual).sum())
         more, left = item.parameters, len(residual) - columns.shape[1]
         statistic = (before - after) / max(more, 1) / (after / left)
         found.append((statistic, float(stats.f.sf(statistic, max(more, 1), left))))

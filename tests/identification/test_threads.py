@@ -10,7 +10,7 @@ import pytest
 from threadpoolctl import threadpool_info, threadpool_limits
 
 from identification.diagnosis.diagnose import diagnose
-from identification.threads import in_one_blas_thread, side_by_side
+from identification.threads import cached_property, in_one_blas_thread, side_by_side
 from youbot_env.errors import InputError
 from youbot_env.threads import MAX_THREADS, THREADS, threads
 
@@ -33,6 +33,29 @@ def test_two_threads_work_at_once(monkeypatch):
     monkeypatch.setenv(THREADS, "2")
     meeting = threading.Barrier(2, timeout=5.0)
     assert len(side_by_side(lambda _: meeting.wait(), range(2))) == 2
+
+
+class Slow:
+    """Something with a property that takes its time."""
+
+    def __init__(self, meeting: threading.Barrier) -> None:
+        self.meeting, self.times = meeting, 0
+
+    @cached_property
+    def found(self) -> int:
+        """Comes to an end once another thread is at the same point."""
+        self.times += 1
+        self.meeting.wait()
+        return self.times
+
+
+def test_threads_work_out_a_property_of_two_objects_at_once(monkeypatch):
+    """That of functools lets one wait for the other, in Python 3.11."""
+    monkeypatch.setenv(THREADS, "2")
+    meeting = threading.Barrier(2, timeout=5.0)
+    both = [Slow(meeting), Slow(meeting)]
+    assert side_by_side(lambda one: one.found, both) == [1, 1]
+    assert [one.found for one in both] == [1, 1]  # kept
 
 
 @pytest.mark.parametrize("failure", [RuntimeError, KeyboardInterrupt])

@@ -28,9 +28,11 @@ effect has a :class:`Public` form, and models, files and tables hold that one.
 from __future__ import annotations
 
 import inspect
+import itertools
 from collections.abc import Callable, Generator, Iterable, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
+from functools import cached_property
 from math import isfinite
 from typing import NamedTuple, Protocol, TypeVar, cast
 
@@ -411,13 +413,16 @@ class Effect:
         return self.inverse(xp, point, *self._arguments(values, wheel))
 
     def _arguments(self, values: Values[Number], wheel: int) -> list[Number]:
-        arguments: list[Number] = []
-        start = 0
-        for parameter in self.parameters:
-            # Values of ``each_wheel`` parameters stand side by side, one for each joint.
-            arguments.append(values[start + wheel] if parameter.each_wheel else values[start])
-            start += len(parameter.names)
-        return arguments
+        return [values[start + wheel if each else start] for start, each in self._places]
+
+    @cached_property
+    def _places(self) -> tuple[tuple[int, bool], ...]:
+        """Of each parameter, where its values begin, and whether they are one for each joint."""
+        sizes = [len(parameter.names) for parameter in self.parameters]
+        starts = itertools.accumulate(sizes, initial=0)
+        return tuple(
+            (start, one.each_wheel) for start, one in zip(starts, self.parameters, strict=False)
+        )
 
 
 def _names(parameters: Iterable[Parameter]) -> tuple[str, ...]:

@@ -20,7 +20,6 @@ from youbot_env.physics.effect import (
     ROLLER,
     WHEEL,
     WORLD,
-    BaseParameters,
     Body,
     Contact,
     Roller,
@@ -48,7 +47,6 @@ from youbot_env.physics.mechanism import (
     Components,
     EffectPoints,
     Geometry as Known,
-    Instant,
     MechanismKind,
     ModelStructure,
     Site,
@@ -103,28 +101,41 @@ def body_points(points: EffectPoints[Known, Number]) -> list[Body]:
 
 def _wheels(points: EffectPoints[Geometry, Number]) -> list[Wheel]:
     """The four wheel joints."""
-    at = points.at
-    rates = wheel_rates(points.geometry, at.twist)
-    accelerations = wheel_rates(points.geometry, at.acceleration)
+    at, base = points.at, points.base
+    rates, accelerations, total = points.once(_wheel_motion)
     rows = zip(rates, accelerations, at.wheel_angle, at.torque, strict=True)
-    first, *others = (points.xp.abs(torque) for torque in at.torque)
-    total = sum(others, start=first)
     return [
-        Wheel(*row, at.time, points.base, at.start, total, contact)
-        for row, contact in zip(rows, _places(points), strict=True)
+        Wheel(*row, at.time, base, at.start, total, contact)
+        for row, contact in zip(rows, points.once(_places), strict=True)
     ]
+
+
+def _wheel_motion(
+    points: EffectPoints[Geometry, Number],
+) -> tuple[Components[Number], Components[Number], Number]:
+    """Rates and accelerations of the four wheels, and their absolute torques, added up."""
+    at, geometry = points.at, points.geometry
+    first, *others = (points.xp.abs(torque) for torque in at.torque)
+    rates = wheel_rates(geometry, at.twist)
+    return rates, wheel_rates(geometry, at.acceleration), sum(others, start=first)
 
 
 def _rollers(points: EffectPoints[Geometry, Number]) -> list[Roller]:
     """The four rollers on the floor."""
-    at = points.at
-    rates = roller_rates(points.geometry, at.twist)
-    accelerations = roller_rates(points.geometry, at.acceleration)
-    rows = zip(rates, accelerations, at.wheel_angle, strict=True)
+    at, base = points.at, points.base
+    rows = zip(*points.once(_roller_motion), at.wheel_angle, strict=True)
     return [
-        Roller(rate, change, at.time, points.base, at.start, angle, contact)
-        for (rate, change, angle), contact in zip(rows, _places(points), strict=True)
+        Roller(rate, change, at.time, base, at.start, angle, contact)
+        for (rate, change, angle), contact in zip(rows, points.once(_places), strict=True)
     ]
+
+
+def _roller_motion(
+    points: EffectPoints[Geometry, Number],
+) -> tuple[Components[Number], Components[Number]]:
+    """Rates and accelerations of the four rollers on the floor."""
+    at, geometry = points.at, points.geometry
+    return roller_rates(geometry, at.twist), roller_rates(geometry, at.acceleration)
 
 
 class _Contact:
@@ -149,45 +160,47 @@ def _places(points: EffectPoints[Geometry, Number]) -> list[_Contact]:
     """Where the four wheels touch the floor."""
     xp, geometry, (x, y, yaw) = points.xp, points.geometry, points.at.pose
 
+    # Not `turn` of the points: they keep what is returned here, which must not hold them in turn.
     @cache
-    def turn() -> tuple[Number, Number]:
+    def turned() -> tuple[Number, Number]:
         return xp.cos(yaw), xp.sin(yaw)
 
     def place(wheel: int) -> tuple[Number, Number]:
-        (c, s), ahead, left = turn(), SIGN_X[wheel] * geometry.h, SIGN_Y[wheel] * geometry.l
+        (c, s), ahead, left = turned(), SIGN_X[wheel] * geometry.h, SIGN_Y[wheel] * geometry.l
         return x + c * ahead - s * left, y + s * ahead + c * left
 
     return [_Contact(partial(place, wheel)) for wheel in range(4)]
 
 
-def _world(points: EffectPoints[Geometry, Number]) -> list[World]:
-    """The platform in the world frame."""
-    return [_world_point(points.xp, points.at, points.base)]
+def turn(points: EffectPoints[Known, Number]) -> tuple[Number, Number]:
+    """Cosine and sine of the heading, of a mechanism whose pose is (x, y, yaw)."""
+    yaw = points.at.pose[2]
+    return points.xp.cos(yaw), points.xp.sin(yaw)
 
 
-def into_body(xp: Namespace, yaw: Number, force: Sequence[Number]) -> Triple:
+def into_body(points: EffectPoints[Known, Number], force: Sequence[Number]) -> Triple:
     """A force along the world's axes, with its moment, in the body frame."""
     fx, fy, mz = force
     # The inverse rotation, from world to body. The moment is about O in both frames.
-    c, s = xp.cos(yaw), xp.sin(yaw)
+    c, s = points.once(turn)
     return c * fx + s * fy, c * fy - s * fx, mz
 
 
-def _world_point(xp: Namespace, at: Instant[Number], base: BaseParameters) -> World:
-    x, y, yaw = at.pose
-    vx, vy, wz = at.twist
-    c, s = xp.cos(yaw), xp.sin(yaw)
+def _world(points: EffectPoints[Geometry, Number]) -> list[World]:
+    """The platform in the world frame."""
+    at, base, (c, s) = points.at, points.base, points.once(turn)
     # Of the whole platform: the wheels lie symmetrically about O, so they add mass and no moment.
     com_x, com_y = base.m_aX / base.m0, base.m_aY / base.m0
-    return World(
-        *(x, y, yaw),
-        *(c * vx - s * vy, s * vx + c * vy),
-        *(c * com_x - s * com_y, s * com_x + c * com_y),
-        at.time,
-        base,
-        at.start,
-        wz,
-    )
+    centre = c * com_x - s * com_y, s * com_x + c * com_y
+    x, y, yaw = at.pose
+    velocity = points.once(_world_velocity)
+    return [World(x, y, yaw, *velocity, *centre, at.time, base, at.start, at.twist[2])]
+
+
+def _world_velocity(points: EffectPoints[Geometry, Number]) -> tuple[Number, Number]:
+    """Of O, along the world's axes."""
+    (vx, vy, _), (c, s) = points.at.twist, points.once(turn)
+    return c * vx - s * vy, s * vx + c * vy
 
 
 def planar_rates(xp: Namespace, pose: Sequence[Number], twist: Sequence[Number]) -> Triple:
@@ -253,10 +266,7 @@ MECANUM = MechanismKind(
         BODY: Site(body_points, _as_they_are),
         WHEEL: Site(_wheels, lambda points, torque: body_force(points.geometry, torque)),
         ROLLER: Site(_rollers, lambda points, torque: roller_force(points.geometry, torque)),
-        WORLD: Site(
-            _world,
-            lambda points, force: into_body(points.xp, points.at.pose[2], force),
-        ),
+        WORLD: Site(_world, into_body),
     },
     base_of=base_of,
     joint_rates=wheel_rates,

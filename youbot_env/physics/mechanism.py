@@ -11,7 +11,7 @@ motion is of.
 from __future__ import annotations
 
 import importlib
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import Generic, Protocol, TypeVar, cast
@@ -41,6 +41,7 @@ Geometry = TypeVar("Geometry")
 """Known lengths: any object that has the names in `MechanismKind.lengths`; symbols for codes."""
 
 Lengths = TypeVar("Lengths", contravariant=True)
+Found = TypeVar("Found")
 N_co = TypeVar("N_co", bound=Number, covariant=True)
 
 
@@ -108,6 +109,23 @@ class EffectPoints(Generic[Geometry, N_co]):
         self.xp, self.mechanism, self.geometry = xp, mechanism, geometry
         self.theta, self.at, self.carriers = theta, at, carriers
         self._made: dict[Place, Sequence[object]] = {}
+        self._of_motion: dict[object, object] = {}
+
+    def at_theta(self, theta: Values[Number]) -> EffectPoints[Geometry, N_co]:
+        """The points of the same motion at other parameters."""
+        args = self.xp, self.mechanism, self.geometry, theta, self.at, self.carriers
+        return EffectPoints(*args).sharing(self)
+
+    def sharing(self, other: EffectPoints[Geometry, N_co]) -> EffectPoints[Geometry, N_co]:
+        """Itself, with what others of the same motion and geometry have worked out of these."""
+        self._of_motion = other._of_motion
+        return self
+
+    def once(self, of_motion: Callable[[EffectPoints[Geometry, N_co]], Found]) -> Found:
+        """What a function makes of the motion and the geometry alone; computed once."""
+        if of_motion not in self._of_motion:
+            self._of_motion[of_motion] = of_motion(self)
+        return cast("Found", self._of_motion[of_motion])
 
     @cached_property
     def base(self) -> BaseParameters:
@@ -451,6 +469,19 @@ class ModelStructure(Generic[Geometry]):
         return bool(self.load_readers)
 
     @cached_property
+    def smooth_components(self) -> frozenset[str]:
+        """Names of the components whose force does not jump at a sample of a log.
+
+        An acceleration does, which is a difference of samples, and so does what it demands.
+        """
+        points = self._tried_at(self._somewhere, [1.0] * len(self.base_names))
+        return frozenset(
+            item.name
+            for item, where in self.wrenches
+            if _fields_read(item, where, points.of(item.acts_at)[0]) <= SMOOTH_FIELDS
+        )
+
+    @cached_property
     def depends_on_angle(self) -> bool:
         """Whether an effect reads the angle of a joint."""
         here, there = self._two_sets()
@@ -562,6 +593,41 @@ class ModelStructure(Generic[Geometry]):
         # Linear means f(a) + 2 f(b) = f(a + 2 b); here 0.5 + 2 * 0.4 = 1.3 and so on.
         rows = zip(force(0.5, 0.7, 0.3), force(0.4, 0.2, 0.8), force(1.3, 1.1, 1.9), strict=True)
         return all(abs(a + 2 * b - both) <= 1e-9 * (abs(a) + abs(b)) for a, b, both in rows)
+
+
+SMOOTH_FIELDS = frozenset(
+    [*("twist", "rate", "angle", "wheel_angle", "time", "start", "base", "contact")]
+    + [*("x", "y", "yaw", "velocity_x", "velocity_y", "yaw_rate", "com_x", "com_y")]
+)
+"""Fields of points that are functions of the speeds and of what is integrated of them."""
+
+
+class _Watched:
+    """A point that notes which of its fields are read: all of them, where it is unpacked."""
+
+    def __init__(self, point: object) -> None:
+        self._point, self.read = point, set[str]()
+
+    def __getattr__(self, name: str) -> object:
+        self.read.add(name)
+        return getattr(self._point, name)
+
+    def __iter__(self) -> Iterator[object]:
+        self.read.add("all")
+        return iter(cast("Iterable[object]", self._point))
+
+    def __getitem__(self, index: int) -> object:
+        return list(self)[index]
+
+
+def _fields_read(item: Effect, where: slice, point: object) -> set[str]:
+    """Fields of a point that an effect reads, whether they make a difference there or not."""
+    watched = _Watched(point)
+    try:
+        item.evaluate(floats, watched, [0.5] * (where.stop - where.start))
+    except (ArithmeticError, ValueError):
+        watched.read.add("all")  # what it would have read is not known
+    return watched.read
 
 
 def _tried(item: Effect, where: slice, points: EffectPoints[Geometry, float]) -> Components[float]:

@@ -60,9 +60,9 @@ def advance(code, state, torque, lengths, theta, duration, substeps):
         copied(now, state[row])
 
 
-@njit(cache=True, error_model="numpy")
+@njit(cache=True, error_model="numpy", nogil=True)
 def rollout(code, start, torque, duration, lengths, theta, substeps, out):
-    """See ``compiled.rollout``."""
+    """See ``compiled.rollout``. Other threads run meanwhile: a long log takes a second."""
     size, inputs = start.shape[0], torque.shape[1]
     work = _workspace(max(size, inputs))
     now, own, length = np.empty(size), np.empty(len(theta)), np.empty(len(lengths))

@@ -10,10 +10,16 @@ from identification.diagnosis.candidates import (
     fit_base,
     try_candidate,
 )
-from identification.diagnosis.significance import Evidence, candidate_p_values, score_blocks
+from identification.diagnosis.settings import DiagnosisSettings
+from identification.diagnosis.significance import (
+    Evidence,
+    candidate_p_values,
+    score_blocks,
+)
 from identification.diagnosis.structures import LoggedData
 from identification.fitting.cross_validation import cross_validate, make_folds
 from identification.fitting.regression import Regression
+from identification.fitting.span import Span, stacked
 from identification.mechanisms.registry import mechanism_of
 from identification.residual_map.bootstrap import random_signs
 from tests.identification.recordings import recording
@@ -151,8 +157,13 @@ def p_of(scores, rng, draws=999):
     return candidate_p_values(scores, random_signs(rng, draws, blocks))
 
 
+def blocks_of(residual, base, columns):
+    span = Span(stacked(base), DiagnosisSettings().min_seen_share)
+    return score_blocks(residual, span, columns, 0.05)
+
+
 def evidence(residual, base, columns):
-    return Evidence(score_blocks(residual, base, columns, 0.05))
+    return Evidence(blocks_of(residual, base, columns))
 
 
 def test_false_alarms_stay_at_their_level_on_correlated_residuals():
@@ -185,7 +196,7 @@ def test_a_column_that_the_base_model_holds_already_has_no_evidence():
     rng = np.random.default_rng(4)
     base = [coloured(rng, 1200, 0.9)[..., None]]
     residual = [coloured(rng, 1200, 0.8)]
-    blocks = score_blocks(residual, base, [2.0 * base[0]], 0.05)
+    blocks = blocks_of(residual, base, [2.0 * base[0]])
     assert np.abs(blocks).max() < 1e-9 * np.abs(residual[0]).sum()
 
 
@@ -200,8 +211,8 @@ def test_what_acts_in_few_moments_is_judged_by_what_it_leaves(size):
         noise = coloured(rng, 2400, 0.8)
         residual, column = [noise + size * column], column[..., None]
         base = [coloured(rng, 2400, 0.95)[..., None]]
-        observed = score_blocks(residual, base, [column], 0.05)
-        chance = score_blocks([noise], base, [column], 0.05)
+        observed = blocks_of(residual, base, [column])
+        chance = blocks_of([noise], base, [column])
         found = p_of({"rare": Evidence(observed, chance)}, rng)
         p_values.append(found["rare"])
         if size:

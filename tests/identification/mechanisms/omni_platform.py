@@ -112,7 +112,7 @@ OMNI = MechanismKind(
         BODY: Site(body_points, lambda points, force: tuple(force)),
         WHEEL: Site(_wheels, lambda points, torque: body_force(points.geometry, torque)),
         # Neither of the effects there asks where the platform is.
-        WORLD: Site(body_points, lambda points, f: into_body(points.xp, points.at.pose[2], f)),
+        WORLD: Site(body_points, into_body),
     },
     base_of=lambda points: tuple(points.theta[:4]),
     joint_rates=wheel_rates,

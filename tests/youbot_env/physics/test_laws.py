@@ -384,6 +384,26 @@ def test_what_only_takes_energy_is_called_dissipative(item):
     assert min(powers) < 0 < max(powers), f"{item.name} only takes energy: say dissipative=True"
 
 
+@pytest.mark.parametrize(
+    "item", [e for e in (*BASE, *CATALOGUE) if e.acts_at.kind == "wrench"], ids=lambda e: e.name
+)
+def test_what_is_smooth_depends_on_no_acceleration_and_the_rest_does(item):
+    """At a sample of a log accelerations jump, and torques with them."""
+    m = model("base")
+    structure = mecanum_structure([item.name] if item.name in CATALOGUE else [])
+    rng, differs = np.random.default_rng(8), False
+    for _ in range(30):
+        values = [p.default or p.size for p in item.parameters for _ in p.names]
+        at, other = random_instant(rng), random_instant(rng)
+        jumped = replace(at, acceleration=other.acceleration, torque=other.torque)
+        first, second = (
+            component_force(item, values, EffectPoints(floats, MECANUM, m.geometry, m.theta, one))
+            for one in (at, jumped)
+        )
+        differs |= first != second
+    assert differs == (item.name not in structure.smooth_components)
+
+
 @pytest.mark.parametrize("name", EFFECTS)
 def test_catalogue_entries_are_usable(name: str):
     """What `youbot effects` and a fit rely on: sizes within bounds, a source, one sentence."""

@@ -4,14 +4,17 @@ from __future__ import annotations
 
 import pickle
 import sys
+from dataclasses import replace
+from typing import cast
 
 import pytest
 
 from identification.mechanisms.axis import AXIS
 from youbot_env.errors import InputError
-from youbot_env.physics.effect import CATALOGUE
+from youbot_env.physics.effect import BODY, CATALOGUE, WORLD, Body, World
 from youbot_env.physics.mecanum import MECANUM, mecanum_structure
-from youbot_env.physics.mechanism import MechanismKind, ModelStructure
+from youbot_env.physics.mechanism import EffectPoints, Instant, MechanismKind, ModelStructure
+from youbot_env.physics.namespaces import floats
 from youbot_env.simulation.generated_code import SOURCES
 
 CASES = [
@@ -70,6 +73,42 @@ def test_a_platform_holds_one_actuator(monkeypatch: pytest.MonkeyPatch):
     monkeypatch.setitem(CATALOGUE._effects, "second_lag", CATALOGUE["actuator_lag"])
     with pytest.raises(InputError, match="one actuator effect"):
         mecanum_structure(("actuator_lag", "second_lag"))
+
+
+def test_a_mass_that_acts_beyond_a_place_alone_is_not_smooth(monkeypatch: pytest.MonkeyPatch):
+    """What an effect reads is seen wherever it is tried, also where it makes no difference."""
+    declared = CATALOGUE["wheel_coulomb_friction"]
+
+    def sledge(xp, wheel, torque, smoothing):
+        return torque * xp.where(wheel.contact.x > 1e3, wheel.acceleration, 0.0 * wheel.rate)
+
+    def unpacked(xp, wheel, torque, smoothing):
+        rate, *_ = wheel
+        return torque * rate
+
+    for function in (sledge, unpacked):
+        item = replace(declared, name=function.__name__, function=function)
+        monkeypatch.setitem(CATALOGUE._effects, item.name, item)
+    found = mecanum_structure(("sledge", "unpacked", declared.name)).smooth_components
+    assert declared.name in found and not {"sledge", "unpacked"} & found
+
+
+def test_points_of_one_motion_share_what_the_motion_decides():
+    at = Instant((0.3, 0.1, 0.2), (0.5, 0.4, 0.7), (0.0, 1.0, 0.6))
+    points = EffectPoints(floats, MECANUM, MECANUM.geometry, [1.0] * 7, at)
+    moved = points.at_theta([2.0] * 7)
+    asked = list[object]()
+
+    def of_motion(one: EffectPoints) -> float:
+        asked.append(one)
+        return one.at.twist[0]
+
+    assert points.once(of_motion) == moved.once(of_motion) == 0.3 and len(asked) == 1
+    # The base parameters are no part of it.
+    first, second = (cast(Body, one.of(BODY)[0]) for one in (points, moved))
+    assert first.base.m0 == 1.0 and second.base.m0 == 2.0
+    here, there = (cast(World, one.of(WORLD)[0]) for one in (points, moved))
+    assert here.velocity_x == there.velocity_x
 
 
 @pytest.mark.parametrize("kind", [MECANUM, AXIS])
