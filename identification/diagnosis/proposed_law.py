@@ -53,7 +53,8 @@ def propose(
         return steps, None
     # Judged with the same folds, or the errors could not be compared.
     before = data.step(base.fitted, base.effect, fitted.held_out.folds)
-    if _worsens_free_run(data, before, step):
+    # One that fits better only where it was fitted is no law, whatever a part of the logs says.
+    if not step.force_error < before.force_error or _worsens_free_run(data, before, step):
         return steps, None
     return kept, _proposal(of_law, kept, before, step, verdict, fits)
 

@@ -250,6 +250,14 @@ class DiagnosisSettings(Settings):
             "reason": "for the choice of effects: torque ripple lives above what a fit needs",
         },
     )
+    peak_quantile: float = field(
+        default=0.999,
+        metadata={
+            "unit": "quantile of the absolute torques of all logs",
+            "reason": "what counts as the largest torque: single outliers are beyond it. Limits of "
+            "the torque are sought at shares of it, from 0.1 to 0.85",
+        },
+    )
     max_instants: int = field(
         default=72,
         metadata={
@@ -379,6 +387,23 @@ class DiagnosisSettings(Settings):
         metadata={
             "unit": "share of the simpler effect's squares",
             "reason": "by which its extension must be better to take its place",
+        },
+    )
+    other_widths: tuple[float, ...] = field(
+        default=(0.1, 0.3, 0.6, 1.0, 1.7, 3.0, 10.0),
+        metadata={
+            "unit": "usual width",
+            "reason": "at which a dry friction is tried before one that has a breakaway peak, or "
+            "one a wheel, takes its place: steps at standstill are as steep as 1e-3 rad/s on a "
+            "real robot and as wide as 0.3 where rollers give way",
+        },
+    )
+    finer_widths: tuple[float, ...] = field(
+        default=(1.6, 1.3, 1.14, 1.07),
+        metadata={
+            "unit": "1",
+            "reason": "factors around the best of those, one after another: a width that is 7 % "
+            "off leaves less than the noise of a log",
         },
     )
     max_noise_gain: float = field(

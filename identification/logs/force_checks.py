@@ -241,13 +241,13 @@ def units_of_motion(log: Log, limits: CheckLimits) -> Iterator[Finding]:
         message = f"velocity_* look like {unit}: {masses}"
         if explains:
             yield Finding("error", message, None, "velocity_*", cure)
-        elif _is_nearer(inertial * factor, inertial, settings):
+        elif _is_nearer(inertial * factor, inertial, geometry, settings):
             cure += ", unless something large acts that no mass and no friction explains"
             yield Finding("warning", message, None, "velocity_*", cure)
         else:
             yield _possible(masses, f"velocity_* are {unit}", cure)
     elif not _is_platform(inertial, geometry, settings):
-        usual = settings.usual_platform_mass
+        usual = settings.usual_platform_mass * geometry.bulk
         unit, factor = _nearest(inertial / usual, EFFORT_NUMBERS)
         message = f"effort_* look like {unit}: they show a mass of {inertial:.3g} kg"
         cure = f"multiply them by {1 / factor:.6g} to have N m at the wheels"
@@ -257,14 +257,13 @@ def units_of_motion(log: Log, limits: CheckLimits) -> Iterator[Finding]:
 
 def _is_platform(mass: float, geometry: Geometry, settings: LogSettings) -> bool:
     """Whether a platform may have such a mass [kg]."""
-    return 4 * geometry.m1 < mass < settings.max_platform_mass
+    return 4 * geometry.m1 < mass < settings.max_platform_mass * max(1.0, geometry.bulk)
 
 
-def _is_nearer(mass: float, as_given: float, settings: LogSettings) -> bool:
+def _is_nearer(mass: float, as_given: float, geometry: Geometry, settings: LogSettings) -> bool:
     """Whether a mass [kg] is much more that of a usual platform than the one of the log."""
-    far, as_given_far = (
-        abs(np.log(max(one, 1e-300) / settings.usual_platform_mass)) for one in (mass, as_given)
-    )
+    usual = settings.usual_platform_mass * geometry.bulk
+    far, as_given_far = (abs(np.log(max(one, 1e-300) / usual)) for one in (mass, as_given))
     return bool(far + np.log(settings.min_nearer_mass) < as_given_far)
 
 
