@@ -85,6 +85,41 @@ def fit_base(data: LoggedData, mechanism: Mechanism, start: Array) -> FittedStru
     return fitted
 
 
+def at_best_width(data: LoggedData, fitted: FittedStructure) -> FittedStructure | None:
+    """A structure with the dry friction of its base model at another width about standstill.
+
+    None if the base model has none, or no other width leaves materially less.
+    """
+    own, best = fitted.mechanism.structure.effects, fitted
+    for place, label in enumerate(fitted.mechanism.labels):
+        parameter = label.parameter
+        if label.component in own or parameter.default is None or parameter.grid:
+            continue
+        values = [parameter.default * factor for factor in data.settings.other_widths]
+        best = _best_of(data, best, place, values)
+        for factor in data.settings.finer_widths:
+            here = float(best.theta[place])
+            best = _best_of(data, best, place, (here / factor, here * factor))
+    most = (1 - data.settings.min_extension_gain) * _held_out_square(fitted)
+    return best if _held_out_square(best) < most else None
+
+
+def _best_of(
+    data: LoggedData, known: FittedStructure, place: int, values: Sequence[float]
+) -> FittedStructure:
+    """The best of a structure and of the same with one parameter at other values."""
+    found = [known]
+    for value in values:
+        start = known.theta.copy()
+        start[place] = value
+        found.append(fit_structure(data, known.mechanism, start))
+    return min(found, key=_held_out_square)
+
+
+def _held_out_square(fitted: FittedStructure) -> float:
+    return fitted.held_out.square
+
+
 def try_candidate(
     base: FittedStructure,
     sums: BaseSums | None,
