@@ -70,6 +70,28 @@ def effort_offsets(log: Log, limits: CheckLimits) -> Iterator[Finding]:
     if seen is None or seen[1].sum(axis=0).min() < settings.min_offset_rows:
         return
     columns, turns = seen
+    found = _offsets_in(columns, turns, means, limits)
+    if found is None:
+        return
+    names = joint_columns("effort", log.joints)
+    told = ", ".join(f"{name} {size:+.2g}" for name, size in zip(names, found, strict=True))
+    # A friction that is larger one way than the other has a mean of its own.
+    one_way = np.column_stack([columns, np.abs(means.twist @ limits.geometry.wheel_jacobian.T)])
+    if _offsets_in(one_way, turns, means, limits) is None:
+        message = f"the efforts have offsets, or a friction is larger one way: {told} N m"
+        cure = "diagnose tries torque_offset and asymmetric_friction; take offsets alone off"
+    else:
+        message = f"the efforts have offsets, which no motion explains: {told} N m"
+        cure = "take them off (zero of the current sensors); diagnose tries torque_offset"
+    yield Finding("warning", message, cure=cure)
+
+
+def _offsets_in(
+    columns: Array, turns: NDArray[np.bool_], means: _Means, limits: CheckLimits
+) -> Array | None:
+    """(4,) offsets of the efforts [N m] beside what columns (n, p), the constant first, explain of
+    each wheel where it ``turns`` (n, 4); None where none is sure and large enough."""
+    settings = limits.settings
     lag = round(settings.offset_memory / means.step)
     wheels = zip(means.effort.T, turns.T, strict=True)
     found = np.array([_constant(columns[rows], effort[rows], lag) for effort, rows in wheels])
@@ -84,12 +106,8 @@ def effort_offsets(log: Log, limits: CheckLimits) -> Iterator[Finding]:
     # A constant part of a channel is no larger than its root mean square: what is fitted larger
     # stands against other columns, which the motion hardly tells from it.
     if (np.abs(value) < least).all() or (np.abs(value) > settings.max_offset_share * usual).any():
-        return
-    names = joint_columns("effort", log.joints)
-    told = ", ".join(f"{name} {size:+.2g}" for name, size in zip(names, found[:, 0], strict=True))
-    message = f"the efforts have offsets, which no motion explains: {told} N m"
-    cure = "take them off (zero of the current sensors); diagnose tries torque_offset"
-    yield Finding("warning", message, cure=cure)
+        return None
+    return found[:, 0]
 
 
 def efforts_at_rest(log: Log, limits: CheckLimits) -> Iterator[Finding]:
