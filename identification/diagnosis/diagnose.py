@@ -510,7 +510,13 @@ def _free_run_holds(data: LoggedData, before: Step, after: Step) -> bool:
         return True
     # Nor does one that noise alone throws off: an arm's, which falls as a pendulum does.
     by_noise = data.floor(after.fitted).to_dict()["velocity_error"]
-    return by_noise > data.settings.max_free_run_noise
+    if by_noise > data.settings.max_free_run_noise:
+        return True
+    # A force that repeats along the way is met out of step after some seconds of free run, and the
+    # true one worst of all: what noise makes of the free run is no fault of the effect.
+    beyond = np.sqrt(max(after.velocity_error**2 - by_noise**2, 0.0))
+    bearable = data.settings.max_noisy_velocity_error_ratio * before.velocity_error
+    return bool(beyond <= most and after.velocity_error <= bearable)
 
 
 def _accepted_pair(

@@ -147,6 +147,15 @@ class DiagnosisSettings(Settings):
             "rest is for one of two effects that only work together: it may come first",
         },
     )
+    max_noisy_velocity_error_ratio: float = field(
+        default=1.5,
+        metadata={
+            "unit": "velocity error with an effect over that without it, held out",
+            "reason": "up to here an effect may make the free run worse if noise alone does so, "
+            "were the effect true: 1.06 of a true cogging along an axis. Counted speeds made one "
+            "of 1.7 that was not there",
+        },
+    )
     max_free_run_noise: float = field(
         default=0.3,
         metadata={
