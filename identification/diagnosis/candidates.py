@@ -432,7 +432,12 @@ def _grid(parameter: Parameter, base: FittedStructure) -> tuple[float, ...]:
     if not parameter.instant:
         return grid
     longest = max(float(item.time[-1]) for item in base.samples)
-    most, step = base.settings.max_instants, grid[-1] - grid[-2]
+    return _instants(grid, longest, base.settings.max_instants)
+
+
+def _instants(grid: Sequence[float], longest: float, most: int) -> tuple[float, ...]:
+    """At most so many instants [s], spread over the longest log as those of a grid are."""
+    step = grid[-1] - grid[-2]
     more = np.arange(grid[-1] + step, longest, step)
     found = tuple(value for value in (*grid, *more.tolist()) if value < longest)
     apart = -(-len(found) // most) or 1

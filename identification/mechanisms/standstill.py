@@ -21,7 +21,8 @@ def moving_rows(speed: Array, dt: float, settings: MechanismSettings) -> NDArray
     speed : (N, J) of all joints; the mechanism moves where one of them does
     dt : time between rows [s]
     """
-    return _without_passages(_turning(speed, dt, settings).any(axis=1), dt, settings)
+    moves: NDArray[np.bool_] = np.logical_or.reduce(_turning(speed, dt, settings), axis=1)
+    return _without_passages(moves, dt, settings)
 
 
 def held_rows(speed: Array, dt: float, settings: MechanismSettings) -> NDArray[np.bool_]:

@@ -85,7 +85,7 @@ def test_rows_in_which_all_wheels_stand_are_no_rows_of_a_fit():
     rest = Log(
         "rest",
         WHEELS,
-        np.arange(len(log) + 200) * log.dt,
+        np.arange(len(log) + 200, dtype=np.float64) * float(log.dt),
         np.concatenate([log.velocity, noise]),
         np.concatenate([log.effort, np.full((200, 4), 0.3)]),
     )
