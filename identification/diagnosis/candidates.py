@@ -83,6 +83,41 @@ def fit_base(data: LoggedData, mechanism: Mechanism, start: Array) -> FittedStru
     return fitted
 
 
+def at_best_width(data: LoggedData, fitted: FittedStructure) -> FittedStructure | None:
+    """A structure with the dry friction of its base model at another width about standstill.
+
+    None if the base model has none, or no other width leaves materially less.
+    """
+    own, best = fitted.mechanism.structure.effects, fitted
+    for place, label in enumerate(fitted.mechanism.labels):
+        parameter = label.parameter
+        if label.component in own or parameter.default is None or parameter.grid:
+            continue
+        values = [parameter.default * factor for factor in data.settings.other_widths]
+        best = _best_of(data, best, place, values)
+        for factor in data.settings.finer_widths:
+            here = float(best.theta[place])
+            best = _best_of(data, best, place, (here / factor, here * factor))
+    most = (1 - data.settings.min_extension_gain) * _held_out_square(fitted)
+    return best if _held_out_square(best) < most else None
+
+
+def _best_of(
+    data: LoggedData, known: FittedStructure, place: int, values: Sequence[float]
+) -> FittedStructure:
+    """The best of a structure and of the same with one parameter at other values."""
+    found = [known]
+    for value in values:
+        start = known.theta.copy()
+        start[place] = value
+        found.append(fit_structure(data, known.mechanism, start))
+    return min(found, key=_held_out_square)
+
+
+def _held_out_square(fitted: FittedStructure) -> float:
+    return fitted.held_out.square
+
+
 def try_candidate(
     base: FittedStructure,
     sums: BaseSums | None,
@@ -102,9 +137,8 @@ def try_candidate(
     present = effect in base.mechanism.structure.effects
     name = f"{effect}{INSTANCE}0" if present else effect
     mechanism = base.mechanism.extended(name)
-    longest = max(float(item.time[-1]) for item in base.samples)
     searched = [p for p in mechanism.catalogue[name].parameters if p.grid]
-    grids = {p.name: _grid(p, longest, base.settings.max_instants) for p in searched}
+    grids = {p.name: _grid(p, base) for p in searched}
     grids |= {shape: (value,) for shape, value in (held or {}).items()}
     if sums:
         # In all logs from their start on is what the base model holds; in some it is not.
@@ -383,11 +417,23 @@ def _square(item: Candidate) -> float:
     return item.square
 
 
-def _grid(parameter: Parameter, longest: float, most: int) -> tuple[float, ...]:
-    """Values to try; ``most`` instants of a log up to the end of the longest one [s]."""
+def _grid(parameter: Parameter, base: FittedStructure) -> tuple[float, ...]:
+    """Values to try: instants of a log up to the end of the longest one [s], shares of the largest
+    torque in the logs [N m], or what the grid holds."""
     grid = parameter.grid
+    if parameter.of_peak:
+        # Not the largest value itself, which may be an outlier.
+        torques = np.concatenate([np.abs(item.torque).ravel() for item in base.samples])
+        peak = float(np.quantile(torques, base.settings.peak_quantile))
+        return tuple(value * peak for value in grid)
     if not parameter.instant:
         return grid
+    longest = max(float(item.time[-1]) for item in base.samples)
+    return _instants(grid, longest, base.settings.max_instants)
+
+
+def _instants(grid: Sequence[float], longest: float, most: int) -> tuple[float, ...]:
+    """At most so many instants [s], spread over the longest log as those of a grid are."""
     step = grid[-1] - grid[-2]
     more = np.arange(grid[-1] + step, longest, step)
     found = tuple(value for value in (*grid, *more.tolist()) if value < longest)
@@ -688,8 +734,8 @@ def _best_and_tied(
     near = [item for item in near if best.in_part or not item.in_part]
     for item in near:
         # The simpler of two nested effects is preferred unless the larger one is materially better.
-        if contains(best, item, base) and _gives_way(data, best, item):
-            best = item
+        if contains(best, item, base):
+            best = _simpler_if_as_good(data, base, best, item)
     # It may give way to one that a third, no larger, surpasses.
     surely = settings.max_tied_deviations
     for item in near:
@@ -756,6 +802,54 @@ def _whole_if_as_good(
         if not item.in_part and not sure:
             return item
     return best
+
+
+def _simpler_if_as_good(
+    data: LoggedData, base: FittedStructure, larger: Candidate, smaller: Candidate
+) -> Candidate:
+    """The smaller of two nested effects if it does as well, if need be at another width.
+
+    How steep dry friction is about standstill is a constant that no search tries. Where it is not
+    that of the robot, a breakaway peak as narrow as the step makes up for it. So the simpler
+    effect is tried at other widths before the larger one takes its place.
+    """
+    if _gives_way(data, larger, smaller):
+        return smaller
+    if data.out_of_time or smaller.fitted is None:
+        return larger
+    best: Candidate | None = None
+    for name, usual in _widths(smaller).items():
+        if name in _widths(larger):
+            found = _at_best_width(base, smaller, name, usual)
+            best = found if best is None else min(best, found, key=_square)
+    if best is None or best.square >= larger.square / (1 - data.settings.max_noise_gain):
+        return larger
+    best = with_joint_fit(data, base, best)
+    return best if _gives_way(data, larger, best) else larger
+
+
+def _at_best_width(base: FittedStructure, item: Candidate, name: str, usual: float) -> Candidate:
+    """The candidate at the best value of one width, first by large factors, then by small ones."""
+    settings, declared = base.settings, item.mechanism.catalogue[item.name].parameter(name)
+
+    def tried(values: Sequence[float]) -> list[Candidate]:
+        return [
+            _linear_candidate(base, item.mechanism, item.name, item.shapes | {name: value})
+            for value in values
+            if declared.lower <= value <= declared.upper
+        ]
+
+    best = min(tried([usual * factor for factor in settings.other_widths]), key=_square)
+    for factor in settings.finer_widths:
+        here = best.shapes[name]
+        best = min([best, *tried([here / factor, here * factor])], key=_square)
+    return best
+
+
+def _widths(item: Candidate) -> dict[str, float]:
+    """Shape constants of an effect that no search tries, by name, at their usual values."""
+    declared = item.mechanism.catalogue[item.name].parameters
+    return {p.name: p.default for p in declared if p.default is not None and not p.grid}
 
 
 def _gives_way(data: LoggedData, larger: Candidate, smaller: Candidate) -> bool:

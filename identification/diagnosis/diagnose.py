@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from identification.diagnosis.candidates import (
+    at_best_width,
     fit_base,
     fit_structure,
     gain_by_measuring,
@@ -132,6 +133,7 @@ def diagnose(
     fitted_model = _model(steps[-1], final, model, logs, floor)
     of_logs = warnings_of_logs(logs) + [*data.notes, *coarse_speed_warnings(data.samples, final)]
     words = sentences_of(fitted_model, steps, verdict, ties, floor, maps[-1], regime, proposal)
+    words += _words_of_widths(mechanism, model.theta, steps[0].fitted)
     if chosen.contradicted:
         of_logs.append(contradiction_warning(chosen.contradicted))
     told = [fault.words for fault in faults]
@@ -168,6 +170,17 @@ def diagnose(
         slip=slip,
         late=late,
     )
+
+
+def _words_of_widths(given: Mechanism, theta: Array, base: FittedStructure) -> list[str]:
+    """What is to be said where dry friction of the base model is of another width than given."""
+    own = given.structure.effects
+    return [
+        f"dry friction turns about standstill within {base.theta[k]:.2g} {label.parameter.unit}, "
+        f"not {theta[k]:.2g} as in the given model: these logs show it, and the model has it now"
+        for k, label in enumerate(given.labels)
+        if label.component not in own and label.parameter.is_shape and base.theta[k] != theta[k]
+    ]
 
 
 def late_efforts_of(data: LoggedData, steps: Sequence[Step]) -> LateEfforts | None:
@@ -262,9 +275,12 @@ def _searched(
     start: Array,
     names: Sequence[str],
     rng: np.random.Generator,
+    widths_known: bool = False,
 ) -> Selection:
-    """One search: kinematics first, then forces."""
-    settings, wheels = data.settings, wheel_evidence(data, mechanism, start, names)
+    """One search: kinematics first, then forces; anew, once, where nothing is missing but that dry
+    friction of the base model has another width about standstill."""
+    asked, settings = names, data.settings
+    wheels = wheel_evidence(data, mechanism, start, asked)
     names = wheels.names
     base = data.step(fit_base(data, wheels.mechanism, start), None)
     steps, rankings = accepted_kinematics(data, base, wheels, fit_structure)
@@ -281,6 +297,11 @@ def _searched(
         first = first or _with_seen(ranking, seen)
         more = _accepted(data, steps[-1], ranking)
         more = more or _accepted_pair(data, steps[-1], ranking, rng)
+        if not widths_known and (more or not steps[-1].predictable.is_noise):
+            other = at_best_width(data, steps[-1].fitted)
+            if other is not None and _does_as_well(other, more, settings):
+                begin = other.theta[: len(start)]
+                return _searched(data, mechanism, begin, asked, rng, widths_known=True)
         if not more:
             rankings.append(ranking)
             break
@@ -305,6 +326,17 @@ def _searched(
     assert first is not None
     kept, refused = _without_slip(data, _with_sound_free_runs(data, steps), wheels)
     return Selection(tuple(kept), tuple(rankings), first, data.out_of_time, wheels, refused)
+
+
+def _does_as_well(
+    other: FittedStructure, more: Sequence[Accepted], settings: DiagnosisSettings
+) -> bool:
+    """Whether a structure at another width leaves no more than with effects at its own."""
+    if not more:
+        return True
+    last = more[-1][0].fitted
+    least = last.held_out.square / last.acting_share * other.acting_share
+    return (1 - settings.min_extension_gain) * other.held_out.square <= least
 
 
 def _with_seen(ranking: Ranking, seen: Ranking | None) -> Ranking:
@@ -475,7 +507,13 @@ def _free_run_holds(data: LoggedData, before: Step, after: Step) -> bool:
         return True
     # Nor does one that noise alone throws off: an arm's, which falls as a pendulum does.
     by_noise = data.floor(after.fitted).to_dict()["velocity_error"]
-    return by_noise > data.settings.max_free_run_noise
+    if by_noise > data.settings.max_free_run_noise:
+        return True
+    # A force that repeats along the way is met out of step after some seconds of free run, and the
+    # true one worst of all: what noise makes of the free run is no fault of the effect.
+    beyond = np.sqrt(max(after.velocity_error**2 - by_noise**2, 0.0))
+    bearable = data.settings.max_noisy_velocity_error_ratio * before.velocity_error
+    return bool(beyond <= most and after.velocity_error <= bearable)
 
 
 def _accepted_pair(

@@ -57,7 +57,9 @@ def propose(
     except NoTorqueError:  # as fitted without one of the folds
         return steps, None
     kept = tuple(data.judged_alike(kept, step.folds))
-    if _worsens_free_run(data, kept[-1], step):
+    before = kept[-1]
+    # One that fits better only where it was fitted is no law, whatever a part of the logs says.
+    if not step.force_error < before.force_error or _worsens_free_run(data, before, step):
         return steps, None
     return kept, _proposal(of_law, kept, step, verdict, fits)
 

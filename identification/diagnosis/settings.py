@@ -148,6 +148,15 @@ class DiagnosisSettings(Settings):
             "rest is for one of two effects that only work together: it may come first",
         },
     )
+    max_noisy_velocity_error_ratio: float = field(
+        default=1.5,
+        metadata={
+            "unit": "velocity error with an effect over that without it, held out",
+            "reason": "up to here an effect may make the free run worse if noise alone does so, "
+            "were the effect true: 1.06 of a true cogging along an axis. Counted speeds made one "
+            "of 1.7 that was not there",
+        },
+    )
     max_free_run_noise: float = field(
         default=0.3,
         metadata={
@@ -249,6 +258,14 @@ class DiagnosisSettings(Settings):
         metadata={
             "unit": "1/s",
             "reason": "for the choice of effects: torque ripple lives above what a fit needs",
+        },
+    )
+    peak_quantile: float = field(
+        default=0.999,
+        metadata={
+            "unit": "quantile of the absolute torques of all logs",
+            "reason": "what counts as the largest torque: single outliers are beyond it. Limits of "
+            "the torque are sought at shares of it, from 0.1 to 0.85",
         },
     )
     max_instants: int = field(
@@ -380,6 +397,23 @@ class DiagnosisSettings(Settings):
         metadata={
             "unit": "share of the simpler effect's squares",
             "reason": "by which its extension must be better to take its place",
+        },
+    )
+    other_widths: tuple[float, ...] = field(
+        default=(0.1, 0.3, 0.6, 1.0, 1.7, 3.0, 10.0),
+        metadata={
+            "unit": "usual width",
+            "reason": "at which a dry friction is tried before one that has a breakaway peak, or "
+            "one a wheel, takes its place: steps at standstill are as steep as 1e-3 rad/s on a "
+            "real robot and as wide as 0.3 where rollers give way",
+        },
+    )
+    finer_widths: tuple[float, ...] = field(
+        default=(1.6, 1.3, 1.14, 1.07),
+        metadata={
+            "unit": "1",
+            "reason": "factors around the best of those, one after another: a width that is 7 % "
+            "off leaves less than the noise of a log",
         },
     )
     max_noise_gain: float = field(

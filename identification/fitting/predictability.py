@@ -43,6 +43,7 @@ from identification.fitting.settings import (
 from identification.fitting.shared_times import likeness
 from identification.mechanisms.mechanism import Mechanism
 from identification.mechanisms.samples import Samples, cut
+from identification.mechanisms.standstill import held_rows
 from identification.signals.filters import Ends, at_both_ends
 from identification.signals.resampling import smoothed
 from identification.threads import side_by_side
@@ -63,6 +64,8 @@ class Predictability:
     wander : share that a drift in time alone predicts, whatever the motion; 0 where it is so small
         beside ``share`` that it makes no difference
     measuring : share that coarse channels alone may make predictable, were the model true
+    held : per log (n,) rows in which a joint stands, or has stood within the filter's memory: dry
+        friction holds it by a force that nothing tells. Empty where that is not known
     settings : of these the share up to which a residual counts as noise
     """
 
@@ -73,6 +76,7 @@ class Predictability:
     wander: float
     settings: PredictabilitySettings
     measuring: float = 0.0
+    held: tuple[NDArray[np.bool_], ...] = ()
 
     @property
     def share(self) -> float:
@@ -151,6 +155,8 @@ class Predictability:
         found = []
         for log, residual in enumerate(self.residual):
             block, square = self._block_of(log), (residual**2).sum(axis=1)
+            if self.held:
+                square = square * ~self.held[log]
             # Rows in which the mechanism rests are zero and tell nothing of the noise.
             rows = np.bincount(block, square > 0)
             found.append(np.bincount(block, square) / np.maximum(rows, 1))
@@ -276,6 +282,7 @@ def _predictability(
         tuple(thin * row.step for row in rows),
         0.0,
         chosen,
+        held=_held(mechanism, rows, samples, thin, settings),
     )
     if found.share > chosen.max_noise_share:
         # Of coarse channels each part matters: they may account for the rest of it.
@@ -297,6 +304,29 @@ def _predictability(
     predicted = tuple(part[::thin] for part in waves[0].predicted)
     periodic = replace(found, predicted=predicted, wander=0.0)
     return periodic if periodic.is_predicted and periodic.share > found.share else found
+
+
+def _held(
+    mechanism: Mechanism,
+    rows: Sequence[Regression],
+    samples: Sequence[Samples],
+    thin: int,
+    settings: FitSettings,
+) -> tuple[NDArray[np.bool_], ...]:
+    """Per log (n,) rows in which a joint stands; none, where that is most of them."""
+    memory, found = settings.filter.settling_time_constants / mechanism.filter_rate, []
+    for row, item in zip(rows, samples, strict=True):
+        stands = held_rows(item.wheel_speed, item.dt, mechanism.settings)
+        count = np.concatenate([[0], np.cumsum(stands)])
+        time = row.time[::thin]
+        first, last = (
+            np.searchsorted(item.time, at) for at in (time - thin * row.step - memory, time)
+        )
+        found.append(count[last] > count[first])
+    # In a motion in which two wheels stand all the time they tell what there is to tell.
+    total = sum(map(len, found))
+    most = sum(int(part.sum()) for part in found) > settings.predictability.max_held_share * total
+    return () if most else tuple(found)
 
 
 def _with_law(

@@ -35,6 +35,15 @@ class PredictabilitySettings(Settings):
             "more for 49 of 57 kinds of missing effects",
         },
     )
+    max_held_share: float = field(
+        default=0.5,
+        metadata={
+            "unit": "share of all rows",
+            "reason": "up to here rows in which a joint stands do not make a residual large at "
+            "times only: dry friction holds it by a force that nothing tells. In motions about "
+            "the wheels of one side, which stand all the time, they count",
+        },
+    )
     max_mean_over_median: float = field(
         default=4.0,
         metadata={

@@ -51,17 +51,20 @@ def limits_for(
     geometry: Geometry | None,
     settings: LogSettings = LogSettings(),
 ) -> CheckLimits:
-    """The given limits; for wheels those of the settings by default.
+    """The given limits; for wheels those of the settings by default, as the geometry scales them.
 
     One axis has no default limits, since its units may be m and N.
     """
-    wheels = log.joints == WHEELS
-    speed = settings.max_wheel_speed if wheels else np.inf
-    effort = settings.max_wheel_effort if wheels else np.inf
+    wheels, own = log.joints == WHEELS, geometry or Geometry()
+    # Smaller wheels turn faster, and a larger platform needs more torque. Never less than of the
+    # youBot: lengths tell what a robot may have, not what it must have.
+    radius = own.R / Geometry.R
+    speed = settings.max_wheel_speed * max(1.0, 1.0 / radius) if wheels else np.inf
+    effort = settings.max_wheel_effort * max(1.0, own.bulk * radius) if wheels else np.inf
     return CheckLimits(
         speed if max_speed is None else max_speed,
         effort if max_effort is None else max_effort,
-        geometry or Geometry(),
+        own,
         settings,
     )
 

@@ -70,6 +70,28 @@ def effort_offsets(log: Log, limits: CheckLimits) -> Iterator[Finding]:
     if seen is None or seen[1].sum(axis=0).min() < settings.min_offset_rows:
         return
     columns, turns = seen
+    found = _offsets_in(columns, turns, means, limits)
+    if found is None:
+        return
+    names = joint_columns("effort", log.joints)
+    told = ", ".join(f"{name} {size:+.2g}" for name, size in zip(names, found, strict=True))
+    # A friction that is larger one way than the other has a mean of its own.
+    one_way = np.column_stack([columns, np.abs(means.twist @ limits.geometry.wheel_jacobian.T)])
+    if _offsets_in(one_way, turns, means, limits) is None:
+        message = f"the efforts have offsets, or a friction is larger one way: {told} N m"
+        cure = "diagnose tries torque_offset and asymmetric_friction; take offsets alone off"
+    else:
+        message = f"the efforts have offsets, which no motion explains: {told} N m"
+        cure = "take them off (zero of the current sensors); diagnose tries torque_offset"
+    yield Finding("warning", message, cure=cure)
+
+
+def _offsets_in(
+    columns: Array, turns: NDArray[np.bool_], means: _Means, limits: CheckLimits
+) -> Array | None:
+    """(4,) offsets of the efforts [N m] beside what columns (n, p), the constant first, explain of
+    each wheel where it ``turns`` (n, 4); None where none is sure and large enough."""
+    settings = limits.settings
     lag = round(settings.offset_memory / means.step)
     wheels = zip(means.effort.T, turns.T, strict=True)
     found = np.array([_constant(columns[rows], effort[rows], lag) for effort, rows in wheels])
@@ -84,12 +106,8 @@ def effort_offsets(log: Log, limits: CheckLimits) -> Iterator[Finding]:
     # A constant part of a channel is no larger than its root mean square: what is fitted larger
     # stands against other columns, which the motion hardly tells from it.
     if (np.abs(value) < least).all() or (np.abs(value) > settings.max_offset_share * usual).any():
-        return
-    names = joint_columns("effort", log.joints)
-    told = ", ".join(f"{name} {size:+.2g}" for name, size in zip(names, found[:, 0], strict=True))
-    message = f"the efforts have offsets, which no motion explains: {told} N m"
-    cure = "take them off (zero of the current sensors); diagnose tries torque_offset"
-    yield Finding("warning", message, cure=cure)
+        return None
+    return found[:, 0]
 
 
 def efforts_at_rest(log: Log, limits: CheckLimits) -> Iterator[Finding]:
@@ -241,13 +259,13 @@ def units_of_motion(log: Log, limits: CheckLimits) -> Iterator[Finding]:
         message = f"velocity_* look like {unit}: {masses}"
         if explains:
             yield Finding("error", message, None, "velocity_*", cure)
-        elif _is_nearer(inertial * factor, inertial, settings):
+        elif _is_nearer(inertial * factor, inertial, geometry, settings):
             cure += ", unless something large acts that no mass and no friction explains"
             yield Finding("warning", message, None, "velocity_*", cure)
         else:
             yield _possible(masses, f"velocity_* are {unit}", cure)
     elif not _is_platform(inertial, geometry, settings):
-        usual = settings.usual_platform_mass
+        usual = settings.usual_platform_mass * geometry.bulk
         unit, factor = _nearest(inertial / usual, EFFORT_NUMBERS)
         message = f"effort_* look like {unit}: they show a mass of {inertial:.3g} kg"
         cure = f"multiply them by {1 / factor:.6g} to have N m at the wheels"
@@ -257,14 +275,13 @@ def units_of_motion(log: Log, limits: CheckLimits) -> Iterator[Finding]:
 
 def _is_platform(mass: float, geometry: Geometry, settings: LogSettings) -> bool:
     """Whether a platform may have such a mass [kg]."""
-    return 4 * geometry.m1 < mass < settings.max_platform_mass
+    return 4 * geometry.m1 < mass < settings.max_platform_mass * max(1.0, geometry.bulk)
 
 
-def _is_nearer(mass: float, as_given: float, settings: LogSettings) -> bool:
+def _is_nearer(mass: float, as_given: float, geometry: Geometry, settings: LogSettings) -> bool:
     """Whether a mass [kg] is much more that of a usual platform than the one of the log."""
-    far, as_given_far = (
-        abs(np.log(max(one, 1e-300) / settings.usual_platform_mass)) for one in (mass, as_given)
-    )
+    usual = settings.usual_platform_mass * geometry.bulk
+    far, as_given_far = (abs(np.log(max(one, 1e-300) / usual)) for one in (mass, as_given))
     return bool(far + np.log(settings.min_nearer_mass) < as_given_far)
 
 

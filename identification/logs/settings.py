@@ -265,14 +265,16 @@ class LogSettings(Settings):
         default=50.0,
         metadata={
             "unit": "rad/s",
-            "reason": "2.4 m/s: three times what the youBot's motors reach (0.8 m/s)",
+            "reason": "2.4 m/s: three times what the youBot's motors reach (0.8 m/s); of smaller "
+            "wheels as much of the rim",
         },
     )
     max_wheel_effort: float = field(
         default=100.0,
         metadata={
             "unit": "N m",
-            "reason": "ten times what its 10 A fuse lets a motor give (0.866 N m/A)",
+            "reason": "ten times what its 10 A fuse lets a motor give (0.866 N m/A); of a larger "
+            "platform as its volume and its wheels' radius",
         },
     )
     doubtful_limit_share: float = field(
@@ -606,11 +608,18 @@ class LogSettings(Settings):
     )
     max_platform_mass: float = field(
         default=300.0,
-        metadata={"unit": "kg", "reason": "heavier platforms have other drives"},
+        metadata={
+            "unit": "kg",
+            "reason": "of the youBot's size; of larger ones as the volume",
+        },
     )
     usual_platform_mass: float = field(
         default=45.0,
-        metadata={"unit": "kg", "reason": "by which the efforts' unit is guessed: the youBot's"},
+        metadata={
+            "unit": "kg",
+            "reason": "by which the efforts' unit is guessed: the youBot's, of others as the "
+            "volume",
+        },
     )
 
     # Signs and slip of the wheels

@@ -27,6 +27,7 @@ from identification.mechanisms.mechanism import Conventions, Mechanism, Variable
 from identification.mechanisms.quantities import of_axis
 from identification.mechanisms.samples import Samples
 from identification.mechanisms.settings import MechanismSettings
+from identification.mechanisms.standstill import moving_rows
 from identification.signals.filters import FilterSettings, block_mean, integral_of
 from identification.signals.noise import white_noise
 from youbot_env.errors import InputError
@@ -186,25 +187,7 @@ def _samples(log: Log, scales: Scales, settings: MechanismSettings) -> Samples:
     if not scales.one_way and _is_one_way(means, _rms([speed]), settings):
         # Rest alone tells dry friction and offset apart here: it stays, and `identify` warns.
         return samples
-    return replace(samples, moves=_moves(speed, log.dt, settings))
-
-
-def _moves(speed: Array, dt: float, settings: MechanismSettings) -> NDArray[np.bool_]:
-    """(N,) False where an axis rests: for longer than a passage through standstill takes.
-
-    The averaged speed is judged by its noise alone, so that a creeping motion counts as one.
-    """
-    size = min(max(1, round(settings.acceleration_averaging_time / dt)), len(speed))
-    mean = np.convolve(speed, np.full(size, 1.0 / size), mode="same")
-    noise = white_noise(speed[:, None])[0] / np.sqrt(size)
-    least = max(
-        settings.min_creep_deviations * noise, settings.min_creep_share * np.abs(speed).max()
-    )
-    moves = np.abs(mean) > least
-    for stretch in np.split(np.arange(len(speed)), np.flatnonzero(np.diff(moves)) + 1):
-        if len(stretch) * dt < settings.min_rest_duration:
-            moves[stretch] = True
-    return moves
+    return replace(samples, moves=moving_rows(samples.twist, log.dt, settings))
 
 
 def _variables(samples: Samples, scales: Scales) -> Variables:

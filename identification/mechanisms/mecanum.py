@@ -110,7 +110,7 @@ def _doubt_of_unit(geometry: Geometry, theta: Array, settings: MechanismSettings
     """A mass that no such platform has, which speeds in turns/s would make of an ordinary one."""
     # What a wheel feels of the mass: shown even where m0 and I1 are not told apart.
     felt = float(theta[0] + 4 * theta[4] / geometry.R**2)
-    if felt < settings.max_platform_mass:
+    if felt < settings.max_platform_mass * max(1.0, geometry.bulk):
         return ""
     turn = 2 * np.pi
     return (

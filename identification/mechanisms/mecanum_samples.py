@@ -8,6 +8,7 @@ from numpy.typing import NDArray
 from identification.logs.log import Log
 from identification.mechanisms.samples import Samples, planar_pose
 from identification.mechanisms.settings import MechanismSettings
+from identification.mechanisms.standstill import moving_rows
 from identification.signals.filters import add_up_from, integral_of, pieces
 from identification.signals.noise import white_noise
 from youbot_env.errors import InputError
@@ -73,7 +74,10 @@ def samples_of(
     twist = geometry.body_twist(log.velocity)
     pose = log.pose if log.pose is not None else planar_pose(twist, dt)
     angle, measured = _wheel_angles(log, geometry, dt, settings)
+    moves = moving_rows(log.velocity, dt, settings)
     return Samples(
         *(log.name, time, dt, twist, pose, angle, log.velocity, log.effort, measured),
         pose_measured=log.pose is not None,
+        # A platform that hardly moves at all is judged by what there is.
+        moves=None if moves.all() or moves.mean() < settings.min_moving_share else moves,
     )

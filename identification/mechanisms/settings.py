@@ -171,8 +171,9 @@ class MechanismSettings:
         default=200.0,
         metadata={
             "unit": "kg",
-            "reason": "with what the wheels add; beyond, speeds are in turns/s (35 kg would show "
-            "290), or torques in another unit",
+            "reason": "of the youBot's size, with what the wheels add, and of larger ones as the "
+            "volume; beyond, speeds are in turns/s (35 kg would show 290), or torques in another "
+            "unit",
         },
     )
     min_axis_inertia_share: float = field(
@@ -210,6 +211,22 @@ class MechanismSettings:
             "unit": "s",
             "reason": "a shorter standstill is a passage through it. Longer rests are no rows of "
             "a fit: held torques made 39 to 69 % of a residual predictable, and a cogging",
+        },
+    )
+    min_stop_duration: float = field(
+        default=0.1,
+        metadata={
+            "unit": "s",
+            "reason": "from here on a joint stands, and is not turned about: what is left there is "
+            "large at times only, where its dry friction is real",
+        },
+    )
+    min_moving_share: float = field(
+        default=0.05,
+        metadata={
+            "unit": "share of a platform's log",
+            "reason": "of a log that holds less motion, what stands still is not left out: too "
+            "few rows would be left for a fit",
         },
     )
     max_other_way_share: float = field(

@@ -167,6 +167,15 @@ def _of_the_rest(seen: Travel, settings: ProposalSettings) -> Iterator[Law]:
     typical = seen.scales.force
     edges = tuple(part * typical for part in settings.knee_shares)
     edge = Constant("edge", "N", 0.0, 4 * typical, typical, edges)
+    yield _law(
+        "loss_while_driving", ("force", "speed"),
+        (Constant("share", "1", 0.0, settings.most_lost_share, size=0.2), _smoothing(seen)),
+        f"share * xp.maximum(joint.force * {SIGN}, 0.0) * {SIGN}",
+        "Part of the force that is lost where it drives the axis, and not where it brakes",
+        "k |F| tanh(v/eps) (F v > 0)", r"k\,|F|\tanh(v/\epsilon)\,[F v > 0]",
+        "The axis gets less than the log says while it speeds up or lifts, and all of it while it "
+        "brakes.", "load", dissipative=True, terms=2,
+    )  # fmt: skip
     most = settings.most_load_share
     for way, sign in (("forward", ""), ("backward", "-")):
         yield _law(

@@ -69,6 +69,8 @@ def laws_of_joints(seen: Surroundings, settings: ProposalSettings) -> Iterator[L
         most = settings.most_load_share / (load.typical or 1.0)
         limit = replace(law.constants[0], lower=-most, upper=most)
         yield replace(law, constants=(limit,), recognise="The residual bends with the torque.")
+    lossy = _loss_while_driving(seen, settings)
+    yield from (lossy, _each(lossy))
     # The loss grows with the square of the torque: at peaks of 2.5 times the rms its share doubles.
     most = settings.most_load_share / (10 * seen.torque or 1.0)
     yield Law(
@@ -80,6 +82,26 @@ def laws_of_joints(seen: Surroundings, settings: ProposalSettings) -> Iterator[L
         "All wheels are weaker while all of them work hard.", CONFIRM["load"], terms=2,
     )  # fmt: skip
     yield from _faults_of_torque(seen, settings)
+
+
+def _loss_while_driving(seen: Surroundings, settings: ProposalSettings) -> Law:
+    """A gear that loses where the motor drives, and little where the load drives it back."""
+    sign = "xp.tanh(wheel.rate / smoothing)"
+    dry = next(
+        form
+        for form in speed_forms(_rate(WHEEL, seen, settings), "torque", "N m", settings)
+        if form.key == "dry"
+    )
+    eps = next(c for c in dry.constants if c.name == "smoothing")
+    return Law(
+        "loss_while_driving", WHEEL, ("torque", "wheel_speed"),
+        (Constant("share", "1", 0.0, settings.most_lost_share, size=0.2), eps), (),
+        f"share * xp.maximum(wheel.torque * {sign}, 0.0) * {sign}",
+        "Part of the torque that is lost where it drives the wheel, and not where it brakes",
+        "k |M| tanh(w/eps) (M w > 0)", r"k\,|M|\tanh(\omega/\epsilon)\,[M \omega > 0]",
+        "The wheels get less than the log says while they speed up or pull, and all of it while "
+        "they brake.", CONFIRM["load"], dissipative=True, terms=2,
+    )  # fmt: skip
 
 
 def _faults_of_torque(seen: Surroundings, settings: ProposalSettings) -> Iterator[Law]:

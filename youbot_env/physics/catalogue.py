@@ -33,6 +33,10 @@ from youbot_env.physics.namespaces import Namespace, Number, Triple
 GRAVITY = 9.80665
 """Standard gravity [m/s^2]."""
 
+MOST_TORQUE, MOST_FORCE, MOST_MASS = 1e3, 1e5, 1e5
+"""Upper bounds [N m], [N], [kg]: beyond platforms of some tonnes. They keep a fit finite and say
+nothing of a robot: the catalogue serves one of 5 kg as well as one of a tonne."""
+
 _PAPER = "Identification of the KUKA youBot's parameters, RFBR 16-01-00429-a"
 
 
@@ -146,7 +150,7 @@ def roller_viscous_friction(xp: Namespace, roller: Roller, mu2: Number) -> Numbe
 @effect(
     acts_at=WHEEL,
     parameters=[
-        Parameter("torque", "N m", lower=0.0, upper=5.0, size=0.25),
+        Parameter("torque", "N m", lower=0.0, upper=MOST_TORQUE, size=0.25),
         Parameter("smoothing", "rad/s", default=0.03, lower=1e-3, upper=1.0),
     ],
     source="Armstrong-Helouvry, Dupont, Canudas de Wit, Automatica 30(7), 1994",
@@ -167,7 +171,7 @@ def wheel_coulomb_friction(
             "extra",
             "N m s",
             lower=0.0,
-            upper=2.0,
+            upper=MOST_TORQUE,
             size=0.1,
             each_wheel=True,
             relative_to="least",
@@ -273,8 +277,8 @@ def drive_resonance(xp: Namespace, drive: Actuator, first: Number, second: Numbe
         Parameter(
             "offset",
             "N m",
-            lower=-2.0,
-            upper=2.0,
+            lower=-MOST_TORQUE,
+            upper=MOST_TORQUE,
             size=0.1,
             each_wheel=True,
             relative_to="internal",
@@ -339,11 +343,12 @@ def _saturated(xp: Namespace, channel: Channel, limit: Number) -> Number:
         Parameter(
             "limit",
             "N m",
-            lower=0.05,
-            upper=100.0,
+            lower=1e-3,
+            upper=MOST_TORQUE,
             size=1.0,
-            without=100.0,
-            grid=(0.3, 0.5, 0.8, 1.1, 1.5, 2.0, 2.7),
+            without=MOST_TORQUE,
+            grid=(0.1, 0.2, 0.3, 0.4, 0.55, 0.7, 0.85),
+            of_peak=True,
         )
     ],
     source="Current limit of a drive that the command or its log does not know",
@@ -362,7 +367,7 @@ def _beyond_zone(xp: Namespace, channel: Channel, width: Number) -> Number:
 
 @effect(
     acts_at=CHANNEL,
-    parameters=[Parameter("width", "N m", lower=0.0, upper=2.0, size=0.1)],
+    parameters=[Parameter("width", "N m", lower=0.0, upper=MOST_TORQUE, size=0.1)],
     source="Dead time of bridges and stiction of gears: no torque below a threshold",
     recognise="Torques below a threshold do nothing, larger ones act by as much less.",
     inverse=_beyond_zone,
@@ -406,8 +411,8 @@ def torque_gain_error(xp: Namespace, channel: Channel, gain: Number) -> Number:
 @effect(
     acts_at=WHEEL,
     parameters=[
-        Parameter("torque", "N m", lower=0.0, upper=5.0, size=0.2),
-        Parameter("breakaway", "N m", lower=0.0, upper=5.0, size=0.15),
+        Parameter("torque", "N m", lower=0.0, upper=MOST_TORQUE, size=0.2),
+        Parameter("breakaway", "N m", lower=0.0, upper=MOST_TORQUE, size=0.15),
         Parameter(
             "stribeck_speed", "rad/s", default=0.5, lower=0.15, upper=5.0, grid=(0.2, 0.5, 1.2, 3.0)
         ),
@@ -433,7 +438,7 @@ def wheel_stribeck_friction(
 @effect(
     acts_at=ROLLER,
     parameters=[
-        Parameter("torque", "N m", lower=0.0, upper=1.0, size=0.03),
+        Parameter("torque", "N m", lower=0.0, upper=MOST_TORQUE, size=0.03),
         Parameter("smoothing", "rad/s", default=0.1, lower=1e-3, upper=5.0),
     ],
     source="Coulomb friction, at the rollers' bushings",
@@ -450,7 +455,7 @@ def roller_coulomb_friction(
 @effect(
     acts_at=WHEEL,
     parameters=[
-        Parameter("extra", "N m", lower=0.0, upper=5.0, size=0.25, each_wheel=True),
+        Parameter("extra", "N m", lower=0.0, upper=MOST_TORQUE, size=0.25, each_wheel=True),
         Parameter("smoothing", "rad/s", default=0.03, lower=1e-3, upper=1.0),
     ],
     source="Coulomb friction, one size a wheel joint: a bearing or brake that rubs",
@@ -467,7 +472,7 @@ def uneven_coulomb_friction(
 @effect(
     acts_at=ROLLER,
     parameters=[
-        Parameter("extra", "N m", lower=0.0, upper=1.0, size=0.05, each_wheel=True),
+        Parameter("extra", "N m", lower=0.0, upper=MOST_TORQUE, size=0.05, each_wheel=True),
         Parameter("smoothing", "rad/s", default=0.1, lower=1e-3, upper=5.0),
     ],
     source="Coulomb friction at the rollers' bushings, one size a wheel",
@@ -484,8 +489,8 @@ def uneven_roller_friction(
 @effect(
     acts_at=WHEEL,
     parameters=[
-        Parameter("coulomb", "N m", lower=-2.0, upper=2.0, size=0.1),
-        Parameter("viscous", "N m s", lower=-0.5, upper=0.5, size=0.03),
+        Parameter("coulomb", "N m", lower=-MOST_TORQUE, upper=MOST_TORQUE, size=0.1),
+        Parameter("viscous", "N m s", lower=-MOST_TORQUE, upper=MOST_TORQUE, size=0.03),
         # Wider than that of friction of one sign: noise of 0.01 rad/s on a wheel at rest would be
         # a mean of 0.26 of |tanh(w/0.03)|, and of 0.08 here.
         Parameter("smoothing", "rad/s", default=0.1, lower=1e-3, upper=1.0),
@@ -503,7 +508,7 @@ def asymmetric_friction(
 @effect(
     acts_at=BODY,
     parameters=[
-        Parameter("torque", "N m", lower=0.0, upper=50.0, size=2.0),
+        Parameter("torque", "N m", lower=0.0, upper=MOST_FORCE, size=2.0),
         Parameter("smoothing", "rad/s", default=0.02, lower=1e-4, upper=1.0),
     ],
     source="Coulomb friction of contact patches that scrub as the platform turns",
@@ -518,7 +523,7 @@ def yaw_scrub(xp: Namespace, body: Body, torque: Number, smoothing: Number) -> T
 @effect(
     acts_at=BODY,
     parameters=[
-        Parameter("force", "N", lower=0.0, upper=100.0, size=8.0),
+        Parameter("force", "N", lower=0.0, upper=MOST_FORCE, size=8.0),
         Parameter("smoothing", "m/s", default=0.005, lower=1e-4, upper=0.1),
     ],
     source="Dry friction of a cable that is dragged along",
@@ -534,7 +539,7 @@ def cable_drag(xp: Namespace, body: Body, force: Number, smoothing: Number) -> T
 
 @effect(
     acts_at=WHEEL,
-    parameters=[Parameter("coefficient", "N m s^2", lower=0.0, upper=1.0, size=0.01)],
+    parameters=[Parameter("coefficient", "N m s^2", lower=0.0, upper=MOST_TORQUE, size=0.01)],
     source="Turbulent (churning) losses: quadratic in the speed",
     recognise="The residual bends upwards with the speed of the wheels.",
     dissipative=True,
@@ -578,7 +583,7 @@ def friction_warmup(
 
 @effect(
     acts_at=ROLLER,
-    parameters=[Parameter("inertia", "kg m^2", lower=0.0, upper=1e-2, size=1e-3)],
+    parameters=[Parameter("inertia", "kg m^2", lower=0.0, upper=10.0, size=1e-3)],
     source="Spin inertia of the rollers, which the base model neglects",
     recognise="Sideways and turning motion feel heavier than driving ahead.",
 )
@@ -626,7 +631,7 @@ def _sines_and_cosines(
     ],
     public=Public(
         parameters=(
-            Parameter("amplitude", "N m", lower=0.0, upper=5.0, size=0.2),
+            Parameter("amplitude", "N m", lower=0.0, upper=MOST_TORQUE, size=0.2),
             Parameter("phase", "rad", lower=-6.3, upper=6.3, size=0.5, each_wheel=True),
             # Of a wheel's amplitude in the mean one.
             Parameter("share", "1", default=1.0, lower=0.0, upper=4.0, each_wheel=True),
@@ -660,13 +665,13 @@ def _pull(
     acts_at=WORLD,
     parameters=[
         # Not down to zero, so that a constant pull can still be stated as that of a far anchor.
-        Parameter("stiffness", "N/m", lower=1e-3, upper=1e4, size=5.0),
+        Parameter("stiffness", "N/m", lower=1e-3, upper=MOST_FORCE, size=5.0),
         Parameter("pull_x", "N", size=5.0),
         Parameter("pull_y", "N", size=5.0),
     ],
     public=Public(
         parameters=(
-            Parameter("stiffness", "N/m", lower=0.0, upper=1e4, size=5.0),
+            Parameter("stiffness", "N/m", lower=0.0, upper=MOST_FORCE, size=5.0),
             Parameter("anchor_x", "m", size=1.0),
             Parameter("anchor_y", "m", size=1.0),
         ),
@@ -696,12 +701,12 @@ def _twist_moment(
 @effect(
     acts_at=WORLD,
     parameters=[
-        Parameter("stiffness", "N m/rad", lower=1e-3, upper=1e3, size=0.6),
+        Parameter("stiffness", "N m/rad", lower=1e-3, upper=MOST_FORCE, size=0.6),
         Parameter("moment", "N m", size=0.6),
     ],
     public=Public(
         parameters=(
-            Parameter("stiffness", "N m/rad", lower=0.0, upper=1e3, size=0.6),
+            Parameter("stiffness", "N m/rad", lower=0.0, upper=MOST_FORCE, size=0.6),
             Parameter("neutral", "rad", size=1.0),
         ),
         forward=_neutral,
@@ -756,14 +761,14 @@ def _payload_moments(
 @effect(
     acts_at=BODY,
     parameters=[
-        Parameter("mass", "kg", lower=LIGHTEST, upper=200.0, size=20.0),
+        Parameter("mass", "kg", lower=LIGHTEST, upper=MOST_MASS, size=20.0),
         Parameter("mass_x", "kg m", size=0.5),
         Parameter("mass_y", "kg m", size=0.5),
         _TIME,
     ],
     public=Public(
         parameters=(
-            Parameter("mass", "kg", lower=0.0, upper=200.0, size=20.0),
+            Parameter("mass", "kg", lower=0.0, upper=MOST_MASS, size=20.0),
             Parameter("x", "m", size=0.1),
             Parameter("y", "m", size=0.1),
             _TIME,

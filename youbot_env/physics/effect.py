@@ -251,6 +251,8 @@ class Parameter:
         torques of which the part that exerts no force on the mechanism cannot be seen
     grid : values of a shape constant that a search should try; of a parameter that is identified,
         where its search begins: some show nothing where they have no strength
+    of_peak : whether ``grid`` holds shares of the largest torque in the logs: a platform of 10 kg
+        and one of 300 kg have limits of their own
     without : value at which a parameter that is identified has no strength
     instant : whether a shape constant is a time in the log, so that a search goes to its end
     whole : whether a shape constant counts something, so that nothing lies between two values and
@@ -267,6 +269,7 @@ class Parameter:
     relative_to: str | None = None
     absorbed_by: str | None = None
     grid: tuple[float, ...] = ()
+    of_peak: bool = False
     instant: bool = False
     whole: bool = False
     without: float = 0.0

@@ -207,6 +207,12 @@ class Geometry:
         """Largest speed of O [m/s]: all wheels' along X; the youBot's, where no speed is given."""
         return MAX_BODY_SPEED if self.speed_limit is None else self.R * self.speed_limit
 
+    @property
+    def bulk(self) -> float:
+        """Volume of a platform of such lengths over the youBot's, if both have one shape: how many
+        times heavier it may be expected to be. The cube of the wheels' distance from O."""
+        return float((np.hypot(self.l, self.h) / np.hypot(Geometry.l, Geometry.h)) ** 3)
+
     def _rows(self) -> NDArray[np.float64]:
         """(4, 3): R times the wheel rates per body twist."""
         return np.column_stack([np.ones(4), self.tangents, self.arms])

@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from identification.diagnosis.candidates import _grid, fit_base, rank
+from identification.diagnosis.candidates import _instants, fit_base, rank
 from identification.diagnosis.settings import DiagnosisSettings
 from identification.diagnosis.structures import LoggedData, averaged_to_most
 from identification.mechanisms.registry import mechanism_of
@@ -50,7 +50,7 @@ def test_no_log_is_averaged_below_the_least_rate():
 def test_instants_of_long_logs_are_spread_over_all_of_it():
     effect = next(e for e in MECHANISM.catalogue if any(p.instant for p in e.parameters))
     instant = next(p for p in effect.parameters if p.instant)
-    short, long = _grid(instant, 300.0, 72), _grid(instant, 3600.0, 72)
+    short, long = (_instants(instant.grid, longest, 72) for longest in (300.0, 3600.0))
     assert np.diff(short) == pytest.approx(5.0) and len(short) == 59
     assert np.diff(long) == pytest.approx(50.0) and long[-1] > 3500.0
 

@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from identification.diagnosis.candidates import fit_base
+from identification.diagnosis.candidates import fit_base, fit_structure
 from identification.diagnosis.diagnose import diagnose
 from identification.diagnosis.structures import LoggedData
 from identification.fitting.settings import FitSettings
@@ -97,6 +97,27 @@ def test_a_spring_beside_a_tight_spot_has_the_size_that_was_fitted_with_it():
     assert "in part, fitted with the proposed law" in said.sentences[0]
     assert said.sentences[1].endswith(f"writes: stiffness {written.value:.3g} N/m")
     assert [row["with"] for row in said.rows()][-2:] == ["spring", "tight_spot (proposed)"]
+
+
+def test_a_gear_that_loses_where_it_drives_is_found():
+    law = next(law for law in LAWS if law.name == "loss_while_driving")
+    axis, theta = planted({**STAGE, "inertia": 900.0})
+    values = {"share": 0.25, "smoothing": theta[3]}
+    more = with_law(axis, found(law, **values).effect())
+    full = np.concatenate([theta, [values[c.name] for c in law.constants]])
+    log = log_of(more, full, rate=200.0, noise=0.01)  # type: ignore[arg-type]
+    bare = Axis(axis.geometry)
+    data = LoggedData(bare, [log])
+    base = fit_base(data, bare, theta)
+    left = Left(base.mechanism, base.theta, base.free, 0.9)
+    said = find_law(left, data.samples, 0, SETTINGS, FitSettings())
+    assert said is not None and said.found.law.name == "loss_while_driving"
+    # The search makes one linear step; a fit from there ends at the size.
+    full = with_law(bare, said.found.effect())
+    start = np.concatenate([base.theta, [said.found.values[c.name] for c in law.constants]])
+    fitted = fit_structure(data, full, start)
+    share = fitted.theta[full.parameter_names.index("loss_while_driving.share")]
+    assert share == pytest.approx(0.25, rel=0.1)
 
 
 def test_a_users_file_of_an_axis_is_tried_out(tmp_path: Path, kept_catalogue):
