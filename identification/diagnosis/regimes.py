@@ -33,6 +33,9 @@ def _regime_of(data: LoggedData, step: Step) -> Regime | None:
         regression(fitted.mechanism, fitted.theta, item, fitted.free, settings.fit)
         for item in data.samples
     ]
-    noise = np.concatenate([step.predictable.noise(k) for k in range(len(rows))])
+    known = step.predictable
+    # Where it rests there is neither noise nor anything else.
+    moves = [(residual != 0).any(axis=1) for residual in known.residual]
+    noise = np.concatenate([known.noise(k)[rows_of] for k, rows_of in enumerate(moves)])
     level = float((noise**2).sum(axis=1).mean())
     return find_regime(fitted.mechanism, rows, data.samples, level, settings.regime, settings.fit)

@@ -250,11 +250,12 @@ class _Search:
         self.columns = np.concatenate([row.columns for row in rows])
         self.log = np.repeat(np.arange(len(rows)), [len(row.residual) for row in rows])
         self.memory = round(settings.filter_memory / rows[0].step)
-        self.settings, self.everything = settings, np.ones(len(self.residual), bool)
+        # Rows in which the mechanism rests are zero: no rule is to say that it moves.
+        self.settings, self.everything = settings, (self.residual != 0).any(axis=1)
         self.total = self._sums(np.zeros(len(self.residual), np.intp), 1).total
 
     def _sums(self, bins: NDArray[np.intp], count: int, among: Mask | None = None) -> RowSums:
-        chosen = slice(None) if among is None else among
+        chosen = self.everything if among is None else among
         return RowSums(self.columns[chosen], self.residual[chosen], bins[chosen], count)
 
     def _split(self, part: tuple[Array, float]) -> Split | None:
@@ -329,9 +330,9 @@ class _Search:
 
     def judged(self, rule: Rule, stretches: NDArray[np.intp], noise: float) -> Regime | None:
         """The regime of a rule, if half of the stretches say it of the other half."""
-        settings, mask = self.settings, rule.mask
+        settings, mask = self.settings, rule.mask & self.everything
         # The filter remembers what was inside; such rows are on neither side.
-        outside = ~mask & ~self._soon_after(mask)
+        outside = self.everything & ~mask & ~self._soon_after(mask)
         inner = outer = n_in = n_out = 0.0
         least = _least(self.total[0], settings.min_outside_information)
         for half in (0, 1):
@@ -351,7 +352,7 @@ class _Search:
         share = beyond_in / max(beyond_in + beyond_out, 1e-300)
         if beyond_in <= 0 or share < settings.min_share_inside:
             return None
-        return Regime(rule.words, float(share), float(mask.mean()))
+        return Regime(rule.words, float(share), float(mask[self.everything].mean()))
 
     def _soon_after(self, mask: Mask) -> Mask:
         """(n,) rows that the filter's memory reaches from those before them."""
