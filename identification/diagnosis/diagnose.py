@@ -510,10 +510,18 @@ def _free_run_holds(data: LoggedData, before: Step, after: Step) -> bool:
     if by_noise > data.settings.max_free_run_noise:
         return True
     # A force that repeats along the way is met out of step after some seconds of free run, and the
-    # true one worst of all: what noise makes of the free run is no fault of the effect.
-    beyond = np.sqrt(max(after.velocity_error**2 - by_noise**2, 0.0))
+    # true one worst of all: what noise makes of the free run is no fault of the effect. So much is
+    # in the free run without it too.
+    beyond, beyond_before = (_beyond_noise(data, step) for step in (after, before))
     bearable = data.settings.max_noisy_velocity_error_ratio * before.velocity_error
+    most = data.settings.max_velocity_error_ratio * beyond_before
     return bool(beyond <= most and after.velocity_error <= bearable)
+
+
+def _beyond_noise(data: LoggedData, step: Step) -> float:
+    """A step's velocity error, held out, less what noise alone makes of it, were the model true."""
+    by_noise = data.floor(step.fitted).to_dict()["velocity_error"]
+    return float(np.sqrt(max(step.velocity_error**2 - by_noise**2, 0.0)))
 
 
 def _accepted_pair(

@@ -10,7 +10,7 @@ import pytest
 
 from identification.diagnosis.candidates import fit_base
 from identification.diagnosis.diagnose import _free_run_holds, diagnose
-from identification.diagnosis.structures import LoggedData
+from identification.diagnosis.structures import FittedStructure, LoggedData
 from identification.mechanisms.axis_model import base_axis_model
 from tests.identification.mechanisms.test_axis import STAGE, log_of, planted
 
@@ -39,17 +39,32 @@ def test_true_stribeck_friction_is_still_named():
 
 
 @pytest.mark.parametrize(
-    ("after", "by_noise", "holds"),
-    [(0.0333, 0.026, True), (0.0333, 0.005, False), (0.053, 0.052, False), (0.031, 0.005, True)],
+    ("after", "by_noise", "before_by_noise", "holds"),
+    [
+        (0.0333, 0.026, 0.01, True),
+        (0.0333, 0.026, 0.026, False),  # as much of the free run without it
+        (0.0333, 0.005, 0.005, False),
+        (0.053, 0.052, 0.005, False),
+        (0.031, 0.005, 0.005, True),
+    ],
 )
 def test_what_noise_makes_of_a_free_run_is_no_fault_of_an_effect(
-    monkeypatch: pytest.MonkeyPatch, after: float, by_noise: float, holds: bool
+    monkeypatch: pytest.MonkeyPatch,
+    after: float,
+    by_noise: float,
+    before_by_noise: float,
+    holds: bool,
 ):
     """A true cogging is met out of step in free run; one that is 1.7 times worse is not there."""
     axis, theta = planted(STAGE)
     data = LoggedData(axis, [log_of(axis, theta, noise=0.004)])
     step = data.step(fit_base(data, axis, theta), None)
-    floor = SimpleNamespace(to_dict=lambda: {"velocity_error": by_noise})
-    monkeypatch.setattr(LoggedData, "floor", lambda *_: floor)
     without = replace(step, velocity_error=0.0314)
-    assert _free_run_holds(data, without, replace(step, velocity_error=after)) is holds
+    found = replace(step, velocity_error=after, fitted=replace(step.fitted))
+
+    def floor(data: LoggedData, fitted: FittedStructure) -> SimpleNamespace:
+        error = by_noise if fitted is found.fitted else before_by_noise
+        return SimpleNamespace(to_dict=lambda: {"velocity_error": error})
+
+    monkeypatch.setattr(LoggedData, "floor", floor)
+    assert _free_run_holds(data, without, found) is holds
