@@ -90,16 +90,22 @@ def at_best_width(data: LoggedData, fitted: FittedStructure) -> FittedStructure 
     """
     own, best = fitted.mechanism.structure.effects, fitted
     for place, label in enumerate(fitted.mechanism.labels):
-        parameter = label.parameter
-        if label.component in own or parameter.default is None or parameter.grid:
+        usual = _usual_width(label.parameter)
+        if label.component in own or usual is None:
             continue
-        values = [parameter.default * factor for factor in data.settings.other_widths]
+        values = [usual * factor for factor in data.settings.other_widths]
         best = _best_of(data, best, place, values)
         for factor in data.settings.finer_widths:
             here = float(best.theta[place])
             best = _best_of(data, best, place, (here / factor, here * factor))
     most = (1 - data.settings.min_extension_gain) * _held_out_square(fitted)
     return best if _held_out_square(best) < most else None
+
+
+def _usual_width(parameter: Parameter) -> float | None:
+    """The usual value of a shape constant that no search tries, as how wide a step of dry friction
+    is; None of other parameters."""
+    return None if parameter.grid else parameter.default
 
 
 def _best_of(
@@ -849,7 +855,8 @@ def _at_best_width(base: FittedStructure, item: Candidate, name: str, usual: flo
 def _widths(item: Candidate) -> dict[str, float]:
     """Shape constants of an effect that no search tries, by name, at their usual values."""
     declared = item.mechanism.catalogue[item.name].parameters
-    return {p.name: p.default for p in declared if p.default is not None and not p.grid}
+    usual = {p.name: _usual_width(p) for p in declared}
+    return {name: width for name, width in usual.items() if width is not None}
 
 
 def _gives_way(data: LoggedData, larger: Candidate, smaller: Candidate) -> bool:

@@ -11,6 +11,7 @@ from identification.diagnosis.candidates import fit_base, fit_structure
 from identification.diagnosis.diagnose import diagnose
 from identification.diagnosis.structures import LoggedData
 from identification.fitting.settings import FitSettings
+from identification.logs.log import Log
 from identification.mechanisms.axis import Axis
 from identification.mechanisms.axis_effects import AXIS_CATALOGUE, UNITS, Scales, fitted_to
 from identification.mechanisms.axis_model import base_axis_model
@@ -56,13 +57,18 @@ def test_its_file_is_an_effect_of_the_axis_catalogue(law: Law, tmp_path: Path, k
             assert default == pytest.approx(mine.values[constant.name], rel=1e-4)
 
 
+def log_with(axis: Axis, theta: np.ndarray, law: Law, values: dict[str, float]) -> Log:
+    """A log of an axis on which a law acts too."""
+    more = with_law(axis, found(law, **values).effect())
+    full = np.concatenate([theta, [values[c.name] for c in law.constants]])
+    return log_of(more, full, rate=200.0, noise=0.01)  # type: ignore[arg-type]
+
+
 def test_a_tight_spot_is_found_with_its_place_and_size():
     law = next(law for law in LAWS if law.name == "tight_spot")
     axis, theta = planted(STAGE)
     values = {"force": 12.0, "centre": 0.03, "width": 0.03, "smoothing": theta[3]}
-    more = with_law(axis, found(law, **values).effect())
-    full = np.concatenate([theta, [values[c.name] for c in law.constants]])
-    log = log_of(more, full, rate=200.0, noise=0.01)  # type: ignore[arg-type]
+    log = log_with(axis, theta, law, values)
     bare = Axis(axis.geometry)
     data = LoggedData(bare, [log])
     base = fit_base(data, bare, theta)
@@ -82,9 +88,7 @@ def test_a_spring_beside_a_tight_spot_has_the_size_that_was_fitted_with_it():
     law = next(law for law in LAWS if law.name == "tight_spot")
     axis, theta = planted(STAGE, "spring")
     values = {"force": 12.0, "centre": 0.03, "width": 0.03, "smoothing": theta[3]}
-    more = with_law(axis, found(law, **values).effect())
-    full = np.concatenate([theta, [values[c.name] for c in law.constants]])
-    log = log_of(more, full, rate=200.0, noise=0.01)  # type: ignore[arg-type]
+    log = log_with(axis, theta, law, values)
     said = diagnose(base_axis_model([log], unit="m"), [log])
     assert said.missing == ("spring",) and said.proposal is not None
     assert said.proposal.name == "tight_spot" and said.proposal.beside == ("spring",)
@@ -103,9 +107,7 @@ def test_a_gear_that_loses_where_it_drives_is_found():
     law = next(law for law in LAWS if law.name == "loss_while_driving")
     axis, theta = planted({**STAGE, "inertia": 900.0})
     values = {"share": 0.25, "smoothing": theta[3]}
-    more = with_law(axis, found(law, **values).effect())
-    full = np.concatenate([theta, [values[c.name] for c in law.constants]])
-    log = log_of(more, full, rate=200.0, noise=0.01)  # type: ignore[arg-type]
+    log = log_with(axis, theta, law, values)
     bare = Axis(axis.geometry)
     data = LoggedData(bare, [log])
     base = fit_base(data, bare, theta)
