@@ -506,8 +506,7 @@ def _free_run_holds(data: LoggedData, before: Step, after: Step) -> bool:
     if after.velocity_error <= most or not np.isfinite(before.velocity_error):
         return True
     # Nor does one that noise alone throws off: an arm's, which falls as a pendulum does.
-    by_noise = data.floor(after.fitted).to_dict()["velocity_error"]
-    if by_noise > data.settings.max_free_run_noise:
+    if _by_noise(data, after) > data.settings.max_free_run_noise:
         return True
     # A force that repeats along the way is met out of step after some seconds of free run, and the
     # true one worst of all: what noise makes of the free run is no fault of the effect. So much is
@@ -520,8 +519,12 @@ def _free_run_holds(data: LoggedData, before: Step, after: Step) -> bool:
 
 def _beyond_noise(data: LoggedData, step: Step) -> float:
     """A step's velocity error, held out, less what noise alone makes of it, were the model true."""
-    by_noise = data.floor(step.fitted).to_dict()["velocity_error"]
-    return float(np.sqrt(max(step.velocity_error**2 - by_noise**2, 0.0)))
+    return float(np.sqrt(max(step.velocity_error**2 - _by_noise(data, step) ** 2, 0.0)))
+
+
+def _by_noise(data: LoggedData, step: Step) -> float:
+    """The velocity error that noise alone makes of a step, were the model true."""
+    return float(data.floor(step.fitted).to_dict()["velocity_error"])
 
 
 def _accepted_pair(
