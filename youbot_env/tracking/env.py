@@ -33,7 +33,7 @@ class YouBotTrackingEnv(gym.Env[NDArray[np.float32], NDArray[np.float32]]):
     A mecanum platform (KUKA youBot) follows a body twist, a sum of sines on each axis, by the
     torques of its four wheels. It moves as an identified model says: the paper's seven parameters
     and whatever effects the model file holds. Control runs at 100 Hz; in between the model is
-    integrated by Runge-Kutta steps to 1e-7 m/s. With `plant="contact"` (extra `mujoco`) bodies
+    integrated by Runge-Kutta steps to 1e-6 m/s. With `plant="contact"` (extra `mujoco`) bodies
     with the model's parameters move in MuJoCo instead: gravity, rollers, friction with the floor.
 
     Wheel order: front left, front right, back left, back right (fl, fr, bl, br). Body frame:

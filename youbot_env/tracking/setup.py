@@ -12,17 +12,13 @@ from numpy.typing import ArrayLike, NDArray
 from youbot_env.contact.settings import Contact
 from youbot_env.errors import InputError, finite
 from youbot_env.motions.base import Motion
-from youbot_env.simulation.plant import SMOOTH_FINENESS, plant_substeps
+from youbot_env.simulation.plant import plant_substeps
 from youbot_env.tracking.actuation import Actuation
 from youbot_env.tracking.randomisation import Same, Source
 from youbot_env.tracking.sensors import Sensors
 from youbot_env.tracking.task import TrackingTask
 
 Array = NDArray[np.float64]
-
-SINGLE_FINENESS = 1.5
-"""``SMOOTH_FINENESS`` of rows in single precision: one step a period of 10 ms leaves 1e-7 m/s of
-the base model's motion, about what single precision rounds."""
 
 START_SIZES = {"twist": 3, "pose": 3, "wheel_angle": 4, "torque": 4, "time": 0}
 """What an initial state may name, and how many numbers each takes (0: one plain number)."""
@@ -75,8 +71,7 @@ def integration_steps(setup: Setup) -> int:
     source, rng = setup.source, np.random.default_rng(0)
     draws = 1 if isinstance(source, Same) else setup.probes
     models = [source.draw(rng) for _ in range(draws)]
-    fineness = SINGLE_FINENESS if setup.single else SMOOTH_FINENESS
-    return max(plant_substeps(model, setup.period, fineness) for model in models)
+    return max(plant_substeps(model, setup.period) for model in models)
 
 
 def checked_start(start: Mapping[str, Any], largest_twist: Array) -> dict[str, Array]:
