@@ -53,6 +53,19 @@ def draw_signature(real: Any) -> Any:
     return types.int64(numbers, numbers, lengths, numbers)
 
 
+def period_signature() -> Any:
+    """Of ``tracking.period.period`` and of work that a thread is asked for: (places, call)."""
+    whole = types.CPointer(types.int64)
+    return types.int64(whole, whole)
+
+
+def beginnings_signature(real: Any) -> Any:
+    """Of ``tracking.period.begin_rows``: (places, call, start, first, last)."""
+    whole = types.CPointer(types.int64)
+    numbers = types.CPointer(numba.from_dtype(np.dtype(real)))
+    return types.int64(whole, whole, numbers, types.int64, types.int64)
+
+
 def numbers_signature(arrays: int) -> Any:
     """Of a function of so many arrays of numbers, of which it fills the last."""
     return types.int64(*[types.CPointer(types.float64)] * arrays)
@@ -86,6 +99,12 @@ def _on_parameters(typing, address, stated, geometry, lengths, theta):
     return types.int64(types.int64, stated, geometry, lengths, theta), _call
 
 
+def _on_beginnings(typing, address, places, call, start, first, last):
+    """Call a function of ``beginnings_signature``."""
+    whole = types.int64
+    return whole(whole, places, call, start, whole, whole), _call
+
+
 def _known(typing, address, lengths, theta, out):
     """Call a function of three arrays, contiguous ones."""
     return types.int64(types.int64, lengths, theta, out), _call
@@ -112,6 +131,7 @@ call_known: Compiled = intrinsic(_known)  # pyright: ignore[reportAssignmentType
 call_rates: Compiled = intrinsic(_rates)  # pyright: ignore[reportAssignmentType, reportCallIssue]
 call_demand: Compiled = intrinsic(_demand)  # pyright: ignore[reportAssignmentType, reportCallIssue]
 call_command: Compiled = intrinsic(_command)  # pyright: ignore[reportAssignmentType, reportCallIssue]
+on_beginnings: Compiled = intrinsic(_on_beginnings)  # pyright: ignore[reportAssignmentType, reportCallIssue]
 on_rows: Compiled = intrinsic(_on_rows)  # pyright: ignore[reportAssignmentType, reportCallIssue]
 on_parameters: Compiled = intrinsic(_on_parameters)  # pyright: ignore[reportAssignmentType, reportCallIssue]
 

@@ -23,7 +23,7 @@ from youbot_env.simulation.free_run import initial_state
 from youbot_env.simulation.lane_code import LANES
 from youbot_env.simulation.platforms import drive_delay
 from youbot_env.threads import threads as usual_threads
-from youbot_env.tracking import period_lanes as lanes
+from youbot_env.tracking import handover, period_lanes as lanes
 from youbot_env.tracking.actuation import reject
 from youbot_env.tracking.draws import (
     drawn_motion,
@@ -32,11 +32,10 @@ from youbot_env.tracking.draws import (
     reference_draws,
 )
 from youbot_env.tracking.episode_draws import FIXED, carriers
-from youbot_env.tracking.period import draw_references
 from youbot_env.tracking.period_code import period_kernel
 from youbot_env.tracking.setup import Setup, checked_start, integration_steps
 from youbot_env.tracking.task import REWARD_TERMS, reference_table
-from youbot_env.tracking.workers import WORKERS
+from youbot_env.tracking.workers import WORKERS, Call
 
 Array = NDArray[np.float64]
 Numbers = NDArray[np.floating[Any]]
@@ -45,9 +44,6 @@ Numbers = NDArray[np.floating[Any]]
 ROWS_A_THREAD = 2048
 """Fewer rows than this do not pay for a thread: handing over takes 10 us and, where the cores are
 busy, ten times that; a row takes 0.05 us."""
-
-ROWS_TO_DRAW = 16
-"""New episodes of a step, of some 3 us each, from which on another thread helps to draw them."""
 
 NO_REPORT = np.empty((0, lanes.REPORT_COLUMNS))
 
@@ -81,7 +77,7 @@ NONE_HELD = (False,) * 4
 class Results:
     """Arrays that a step fills and hands out.
 
-    columns (D, n) float32 and its view observation (n, D), reward (n,), over (2, n) bool:
+    columns (D, at least n) float32 and its view observation (n, D), reward (n,), over (2, n) bool:
     terminated and truncated, report (n, W) or (0, W)
     """
 
@@ -94,10 +90,10 @@ class Results:
     @classmethod
     def empty(cls, rows: int, observed: int, reported: bool) -> Results:
         # Column by column, as gymnasium's own vector environments have them: rows lie side by side.
-        columns = np.zeros((observed, rows), np.float32)
+        columns = np.zeros((observed, _width(rows)), np.float32)
         return cls(
             columns,
-            columns.T,
+            columns[:, :rows].T,
             np.zeros(rows),
             np.zeros((2, rows), np.bool_),
             np.zeros((rows, lanes.REPORT_COLUMNS)) if reported else NO_REPORT,
@@ -123,7 +119,20 @@ def _restored(
     columns: NDArray[np.float32], reward: Array, over: NDArray[np.bool_], report: Array
 ) -> Results:
     columns = np.ascontiguousarray(columns)
-    return Results(columns, columns.T, reward, over, report if len(report) else NO_REPORT)
+    seen = columns[:, : len(reward)].T
+    return Results(columns, seen, reward, over, report if len(report) else NO_REPORT)
+
+
+def _width(rows: int) -> int:
+    """Numbers from one column of observations to the next.
+
+    Lines of memory that lie a multiple of 4 KiB apart share the same few places of a first-level
+    cache, and so would the columns of 8192 rows: writing them takes 5 % of a step then.
+    """
+    page, line = 1024, 16
+    beyond = rows % page
+    close = rows >= page and not 6 * line <= beyond <= page - 6 * line
+    return rows + (9 * line - beyond) % page if close else rows
 
 
 class Batch:
@@ -200,6 +209,7 @@ class Batch:
         whole[lanes.ANGLES] = len(mechanism.velocity_state) + len(mechanism.pose_state)
         whole[lanes.KIND] = self._draws.kind
         whole[lanes.FIRST], whole[lanes.LAST] = self._reference.first, self._reference.last
+        whole[lanes.PEAK_POINTS] = self._reference.steps
         whole[lanes.TURN_BITS] = int(setup.period / self._reference.period * 2**64) & MASK >> 1
         self._numbers, self._whole = numbers, whole
         self._next_step = autoreset == lanes.NEXT_STEP
@@ -236,8 +246,8 @@ class Batch:
         edges = [blocks * part // count * LANES for part in range(count)]
         self._parts = list(zip(edges, [*edges[1:], self.platforms], strict=True))
         self._tick, self._taken = 0, np.zeros((1, 1), np.int64)
-        self._over = 0
         self._places: list[NDArray[np.int64]] = []
+        self._calls: list[NDArray[np.int64]] = []
         self._pool = [self._new_results()]
         self.results = self._pool[0]
         self._final = np.zeros((0, 0), np.float32)
@@ -253,17 +263,12 @@ class Batch:
     def _set_draws(self) -> None:
         """What compiled code draws models and references with."""
         draws, reference = self._draws, self._reference
-        self._model_draws = (
-            geometry_numbers(self.geometry),
-            np.ascontiguousarray(draws.model.theta, float),
-            *(draws.mean, draws.spread, draws.lower, draws.upper),
-        )
-        self._reference_draws = (
-            *(reference.peaks, reference.limits),
-            np.ascontiguousarray(self.geometry.wheel_jacobian),
-            reference.steps,
-            *carriers(reference.first, reference.last, reference.steps),
-        )
+        model = (geometry_numbers(self.geometry), draws.model.theta, draws.mean)
+        bounds = (draws.spread, draws.lower, draws.upper)
+        wanted = (reference.peaks, reference.limits, self.geometry.wheel_jacobian)
+        doubles = [np.ascontiguousarray(a, float) for a in (*model, *bounds, *wanted)]
+        known = carriers(reference.first, reference.last, reference.steps)
+        self._drawn_with = [np.atleast_2d(a) for a in (*doubles, *known)]
 
     @property
     def bytes_a_row(self) -> int:
@@ -329,21 +334,16 @@ class Batch:
             for rows in parts:
                 self._begin_part(shown, state, number, rows)
 
-        WORKERS.share([lambda n=n: begin(n) for n in range(self._threads)])
+        helpers = [lambda n=n: begin(n) for n in range(1, self._threads)]
+        WORKERS.share(lambda: begin(0), helpers)
 
     def _begin_part(self, shown: Results, state: Array, number: int, rows: tuple[int, int]) -> None:
-        self._prepare_part(shown, state, number, rows)
-        self._period(NO_ACTION, shown, 0, number, rows)
-
-    def _prepare_part(
-        self, shown: Results, state: Array, number: int, rows: tuple[int, int]
-    ) -> None:
-        """Draw models and references of new episodes, and put their rows at the start."""
-        draw_references(self._y, self._z, self._k, self._whole, *self._reference_draws, *rows)
-        self._kernel.begin_rows(
-            *(self._places[number], self._tick, self._model_draws, state, shown.columns),
-            *(shown.report, self._final, self._final_report, *rows),
-        )
+        start = np.asarray(state, self.setup.real)
+        places, call = self._places[number], self._calls[number]
+        handover.fill(call, *self._asked(NO_ACTION, shown, 0, *rows))
+        addresses = places.ctypes.data, call.ctypes.data, start.ctypes.data
+        self._kernel.begin_rows(*addresses, *rows)
+        handover.done(call)
 
     def begin_alone(
         self,
@@ -437,64 +437,33 @@ class Batch:
                 raise reject(action, bad)
             action = action.astype(np.float32)
         shown = self._free_results()
-        renews = self._next_step and self._over > 0
-        if self._threads > 1 or renews:
+        if self._threads > 1:
             bad = lanes.refused(action, 0, self.platforms)
             if bad >= 0:
                 raise reject(action.astype(float), bad)
         self._tick += 1
-        if renews:
-            self._prepare_rows(shown)
-        if self._threads == 1:
-            begins = self._period(action, shown, 1)
+        call = self._calls[0]
+        if self._threads > 1:
+            self._taken[0] = 0
+            handover.fill(call, *self._asked(action, shown, lanes.SHARED, 0, self.platforms))
+            begins = WORKERS.share(lambda: handover.done(call), self._helpers)
+        else:
+            asked = self._asked(action, shown, 1, 0, self.platforms)
+            begins = handover.filled_and_done(call, *asked)
             if begins < 0:
                 self._tick -= 1
                 raise reject(action, -1 - begins)
-        else:
-            begins = self._step_parts(action, shown)
-        self._over = begins
         if begins and not self._next_step:
             self._begin_rows(shown, self._start)
         self.results = shown
         return shown
 
-    def _prepare_rows(self, shown: Results) -> None:
-        """New episodes of rows whose last one is over; the coming period shows their start."""
-        count = lanes.renew(self._k, 0, self.platforms)
-        helpers = min(self._threads, -(-count // ROWS_TO_DRAW))
-        if helpers <= 1:
-            self._prepare_part(shown, self._start, 0, (0, self.platforms))
-            return
-        parts = iter(self._parts)
-
-        def prepare(number: int) -> None:
-            for rows in parts:
-                self._prepare_part(shown, self._start, number, rows)
-
-        WORKERS.share([lambda n=n: prepare(n) for n in range(helpers)])
-
-    def _step_parts(self, action: NDArray[np.float32], shown: Results) -> int:
-        self._taken[0] = 0
-        begins = [0] * self._threads
-
-        def step(number: int) -> None:
-            begins[number] = self._period(action, shown, lanes.SHARED, number)
-
-        WORKERS.share([lambda n=n: step(n) for n in range(self._threads)])
-        return sum(begins)
-
-    def _period(
-        self,
-        action: NDArray[Any],
-        shown: Results,
-        moves: int,
-        number: int = 0,
-        rows: tuple[int, int] | None = None,
-    ) -> int:
-        return self._kernel.period(
-            *(action, self._places[number], self._tick, moves, shown.columns, shown.reward),
-            *(shown.over, shown.report, *(rows or (0, self.platforms))),
-        )
+    def _asked(
+        self, action: NDArray[Any], shown: Results, moves: int, first: int, last: int
+    ) -> tuple[Any, ...]:
+        """What ``handover.fill`` writes of a call."""
+        arrays = (action, shown.columns, shown.reward, shown.over, shown.report)
+        return (*arrays, self._tick, moves, first, last)
 
     def _place(self) -> None:
         """List the addresses of the arrays anew: after one was replaced, and in a copy."""
@@ -502,14 +471,23 @@ class Batch:
         addresses = self._kernel.addresses(self._draws.kind != FIXED)
         for number in range(self._threads):
             w, v, f = self._workspace(number)
-            arrays = (self._x, self._y, self._z, self._k, self._table, self._numbers)
-            more = (self._lengths, w, v, self._whole.reshape(1, -1), self._taken, self._p)
+            arrays = [self._x, self._y, self._z, self._k, self._p, self._table, self._numbers]
+            arrays += [self._lengths, self._whole.reshape(1, -1), self._first, w, v, f, self._taken]
+            arrays += [*self._drawn_with, self._final, self._final_report]
             listed = np.zeros((lanes.ARRAYS, lanes.PLACE), np.int64)
-            for place, array in zip(listed, (*arrays, *more, self._first, f), strict=True):
+            for place, array in zip(listed, arrays, strict=True):
                 assert array.flags.c_contiguous
                 place[0] = array.ctypes.data
                 place[1 : 1 + array.ndim] = array.shape
             self._places.append(np.concatenate([listed.ravel(), addresses]))
+        self._calls, step = [], self._kernel.period
+        for places in self._places:
+            call = np.zeros(lanes.CALL, np.int64)
+            call[lanes.PERIOD_CALL], call[lanes.PLACES_CALL] = step, places.ctypes.data
+            self._calls.append(call)
+        # Threads that share a step take pieces of one call.
+        shared, others = self._calls[0].ctypes.data, self._places[1:]
+        self._helpers = [Call(step, places.ctypes.data, shared) for places in others]
 
     def final(self) -> tuple[NDArray[np.float32], Array]:
         """Last observations (n, D) and reports of the episodes that ended in the last step, copies.
@@ -582,7 +560,7 @@ class Batch:
         if self._draws.kind == FIXED:
             return self._draws.model.values.copy()
         states = int(self._whole[lanes.STATES])
-        theta = self._fields(self._x, row, states, states + len(self._model_draws[1]))
+        theta = self._fields(self._x, row, states, states + len(self._draws.model.theta))
         return to_public(self.structure, self.geometry, theta)
 
     def model(self, row: int) -> Model:
@@ -603,7 +581,9 @@ class Batch:
 
     def __getstate__(self) -> dict[str, Any]:
         # Compiled code is found again, not carried.
-        return {**self.__dict__, "_kernel": None, "_work": [], "_places": []}
+        addresses: dict[str, Any] = {"_kernel": None, "_places": [], "_work": []}
+        addresses |= {"_calls": [], "_helpers": []}
+        return {**self.__dict__, **addresses}
 
     def __setstate__(self, state: dict[str, Any]) -> None:
         self.__dict__.update(state)

@@ -10,55 +10,102 @@ from __future__ import annotations
 import numpy as np
 
 from youbot_env.caching import njit
-from youbot_env.simulation.lane_calls import on_parameters, on_rows
+from youbot_env.simulation.lane_calls import copied, on_beginnings, on_parameters, on_rows
 from youbot_env.simulation.lane_code import DURATION, LANES, LATE
-from youbot_env.simulation.lane_math import real, taken_before
+from youbot_env.simulation.lane_math import pointer, real, taken_before
 from youbot_env.tracking import episode_draws as draw
 from youbot_env.tracking.period_lanes import (
     ACTING,
+    ACTION_CALL,
     ACTIONS,
     ANGLES,
     APPLIED,
     BEGIN,
+    BEGIN_ROWS,
+    CALL,
     CLOCK,
+    COARSE_AT,
     DELAY,
     DEVIATION,
     DRAWN,
     ENDED,
     EPISODE,
+    F_AT,
+    FINAL_AT,
+    FINAL_REPORT_AT,
+    FINE_AT,
     FIRST,
+    FIRST_CALL,
+    GEOMETRY_AT,
     INTEGRATE,
+    JACOBIAN_AT,
+    K_AT,
     KEY,
     KIND,
     LAST,
+    LAST_CALL,
+    LENGTHS_AT,
+    LIMITS_AT,
+    LOWER_AT,
+    MEAN_AT,
+    MOVES_CALL,
     NEVER,
     NEXT_STEP,
+    NOMINAL_AT,
+    NUMBERS_AT,
+    OBSERVED_CALL,
     OVER,
+    OVER_CALL,
+    P_AT,
+    PEAK_POINTS,
+    PEAKS_AT,
     PENDING,
     PERIOD,
     PIECE,
     PLACE,
+    PLACES,
     PLANT,
     PREVIEW,
     RATES,
+    REPORT_CALL,
+    REPORT_COLUMNS,
+    REPORTED_CALL,
     RESETS,
     RESOLUTION,
+    REWARD_CALL,
+    ROWS_CALL,
     SAME_STEP,
+    SEEN_CALL,
     SHARED,
     SHIFTS,
     SPEED,
+    SPREAD_AT,
+    START_AT,
     STATES,
     STEPS,
     SUBSTEPS,
     TABLE,
+    TABLE_AT,
+    TAKEN_AT,
+    TICK_CALL,
     TONES,
     TORQUE_LIMIT,
+    UPPER_AT,
+    V_AT,
+    W_AT,
+    WHOLE_AT,
+    WIDTH_CALL,
     WINDOW,
+    X_AT,
+    Y_AT,
+    Z_AT,
     ask_for,
     begin_counts,
+    carray,
     count,
     cube_at,
     describe,
+    doubles_at,
     held_torque,
     judge,
     measure,
@@ -69,6 +116,7 @@ from youbot_env.tracking.period_lanes import (
     reference,
     reference_ahead,
     refused,
+    renew,
     row_at,
     shown_at,
     small_at,
@@ -158,24 +206,46 @@ def finish(
             wanted_rate(y, z, k, v, table, i, row + i, numbers, whole, report)
 
 
-@njit(cache=True, error_model="numpy", nogil=True)
-def period(action, places, tick, moves, seen, reward, over, report, first, last):
-    """One period of the rows first to last - 1, where ``first`` begins a block.
+@njit(cache=True, inner=True, error_model="numpy", nogil=True)
+def seen_of(call):
+    """Observations that a call fills, (D, at least n)."""
+    shape = (call[OBSERVED_CALL], call[WIDTH_CALL])
+    return carray(pointer(call[SEEN_CALL]), shape, np.float32)
 
-    ``places``: addresses of the arrays, as ``Batch`` lists them; a call with all of them would take
-    longer than the period of a row. Returns how many of the rows must begin an episode, with
-    SAME_STEP now, with NEXT_STEP in the next period; or -1
-    less the flat index of the first action that is out of bounds, and nothing has moved then.
-    ``moves``: 0 shows the start of those rows that ``begin_rows`` has prepared; 2 checks no bound
-    and takes pieces of the rows, of ``PIECE`` each, in turn with other threads that do so.
+
+@njit(cache=True, inner=True, error_model="numpy", nogil=True)
+def report_of(call):
+    """The report that a call fills, (n, W) or (0, W)."""
+    shape = (call[REPORTED_CALL], REPORT_COLUMNS)
+    return carray(pointer(call[REPORT_CALL]), shape, np.float64)
+
+
+@njit(cache=True, error_model="numpy", no_cpython_wrapper=True)
+def period(listed, asked):
+    """One period of the rows FIRST_CALL to LAST_CALL - 1, where the first begins a block.
+
+    It is called by its address, from Python and by threads that never enter Python. ``listed``:
+    addresses of the arrays, as ``Batch`` lists them (``PLACES``); ``asked``: see ``CALL``. Returns
+    how many of the rows must begin an episode, with SAME_STEP now, with NEXT_STEP in the next
+    period; or -1 less the flat index of the first action that is out of bounds, and nothing has
+    moved then. MOVES_CALL: 0 shows the start of those rows that ``begin_rows`` has prepared; 1
+    moves rows, SHARED checks no bound and takes pieces of the rows, of ``PIECE`` each, in turn with
+    other threads that do so.
     """
-    X, Y = numbers_at(places, 0), numbers_at(places, 1)
-    K, table = whole_at(places, 3), cube_at(places, 4)
-    Z, numbers = small_at(places, 2), row_at(places, 5)
-    lengths, w, v = row_at(places, 6), row_at(places, 7), row_at(places, 8)
-    whole, taken = whole_at(places, 9)[0], whole_at(places, 10)
+    places, call = carray(listed, (PLACES,), np.int64), carray(asked, (CALL,), np.int64)
+    rows, tick, moves = call[ROWS_CALL], call[TICK_CALL], call[MOVES_CALL]
+    first, last = call[FIRST_CALL], call[LAST_CALL]
+    action = carray(pointer(call[ACTION_CALL]), (rows, 4), np.float32)
+    seen, report = seen_of(call), report_of(call)
+    reward = carray(pointer(call[REWARD_CALL]), (rows,), np.float64)
+    over = carray(pointer(call[OVER_CALL]), (2, rows), np.bool_)
+    X, Y = numbers_at(places, X_AT), numbers_at(places, Y_AT)
+    K, table = whole_at(places, K_AT), cube_at(places, TABLE_AT)
+    Z, numbers = small_at(places, Z_AT), row_at(places, NUMBERS_AT)
+    lengths, w, v = row_at(places, LENGTHS_AT), row_at(places, W_AT), row_at(places, V_AT)
+    whole, taken = whole_at(places, WHOLE_AT)[0], whole_at(places, TAKEN_AT)
     plant = places[PLACE * PLANT :]
-    P, start, f = shown_at(places, 11), row_at(places, 12), shown_at(places, 13)[0]
+    P, start, f = shown_at(places, P_AT), row_at(places, START_AT), shown_at(places, F_AT)[0]
     if moves == 1:
         bad = refused(action, first, last)
         if bad >= 0:
@@ -207,11 +277,14 @@ def period(action, places, tick, moves, seen, reward, over, report, first, last)
                 ask_for(K[b + 1], 8)
                 ask_for(P[b + 1], 16)
             if moves:
+                begins = renew(k, lanes) if whole[RESETS] == NEXT_STEP else 0
+                if begins:
+                    on_beginnings(plant[BEGIN_ROWS], places, call, start, row, row + lanes)
                 take(action, row, p, lanes, actions, tick % kept)
                 move(x, p, w, lanes, tick, actions, numbers, whole, lengths, plant)
                 for lane in range(lanes):
                     k[CLOCK * LANES + lane] += 1
-                if whole[RESETS] == NEXT_STEP:
+                if begins:
                     newest = actions + 4 * (tick % kept)
                     put_at_start(x, p, w, k, lanes, newest, start, whole[STATES])
             earned = reward[row]
@@ -229,76 +302,80 @@ def period(action, places, tick, moves, seen, reward, over, report, first, last)
     return new
 
 
-@njit(cache=True, error_model="numpy", nogil=True)
-def draw_references(
-    Y, Z, K, whole, peaks, limits, jacobian, steps, fine, coarse, first, last
-):  # fmt: skip
-    """References of those rows first to last - 1 that begin an episode and follow no table."""
+@njit(cache=True, inner=True, error_model="numpy", nogil=True)
+def draw_reference(y, z, k, whole, places, work):
+    """The reference of the first row of a block, which follows no table, into its tones."""
     tones = whole[TONES]
     phase, harmonic, gain = np.empty(3 * tones), np.empty(3 * tones), np.empty(3)
-    work, known = draw.workspace(tones, steps), (fine, coarse)
-    row = first - 1
-    while True:
-        row = next_beginning(K, row + 1, last)
-        if row >= last:
-            break
-        b, i = row // LANES, row % LANES
-        k = K[b, i:]
-        if k[TABLE * LANES] >= 0:
-            continue
-        key, episode = np.uint64(k[KEY * LANES]), k[EPISODE * LANES]
-        draw.draw_reference(
-            *(tones, whole[FIRST], whole[LAST], peaks, limits, jacobian, steps, known, key),
-            *(episode, phase, harmonic, gain, work),
-        )
-        for tone in range(3 * tones):
-            Z[b, 2 * tone * LANES + i] = np.uint16(phase[tone] * draw.PHASES)
-            Z[b, (2 * tone + 1) * LANES + i] = np.uint16(harmonic[tone])
-        for axis in range(3):
-            Y[b, axis * LANES + i] = gain[axis]
+    known = doubles_at(places, FINE_AT), shown_at(places, COARSE_AT)
+    draw.draw_reference(
+        *(tones, whole[FIRST], whole[LAST], doubles_at(places, PEAKS_AT)[0]),
+        *(doubles_at(places, LIMITS_AT)[0], doubles_at(places, JACOBIAN_AT)),
+        *(whole[PEAK_POINTS], known, np.uint64(k[KEY * LANES]), k[EPISODE * LANES]),
+        *(phase, harmonic, gain, work),
+    )
+    for tone in range(3 * tones):
+        z[2 * tone * LANES] = np.uint16(phase[tone] * draw.PHASES)
+        z[(2 * tone + 1) * LANES] = np.uint16(harmonic[tone])
+    for axis in range(3):
+        y[axis * LANES] = gain[axis]
 
 
-@njit(cache=True, error_model="numpy", nogil=True)
-def begin_rows(places, tick, draws, start, seen, report, final, final_report, first, last):
+@njit(cache=True, inner=True, error_model="numpy", nogil=True)
+def draw_model(k, whole, places, lengths, theta, stated):
+    """Parameters of the model of the first row of a block, into theta."""
+    nominal = doubles_at(places, NOMINAL_AT)[0]
+    copied(nominal, theta)
+    if whole[KIND] == draw.FIXED:
+        return
+    mean, spread = doubles_at(places, MEAN_AT)[0], doubles_at(places, SPREAD_AT)
+    lower, upper = doubles_at(places, LOWER_AT)[0], doubles_at(places, UPPER_AT)[0]
+    geometry, drawn = doubles_at(places, GEOMETRY_AT)[0], places[PLACE * PLANT + DRAWN]
+    key, episode = np.uint64(k[KEY * LANES]), k[EPISODE * LANES]
+    for attempt in range(draw.ATTEMPTS):
+        if draw.stated_parameters(
+            whole[KIND], mean, spread, lower, upper, key, episode, attempt, stated
+        ) and on_parameters(drawn, stated, geometry, lengths, theta):
+            return
+        copied(nominal, theta)
+
+
+@njit(cache=True, error_model="numpy", no_cpython_wrapper=True)
+def begin_rows(listed, asked, start, first, last):
     """Prepare the episodes of those rows first to last - 1 whose counters ask for one.
 
-    Their references are drawn already. Of the episodes before them the last observation and report
-    are kept in ``final`` and ``final_report``, where these have rows.
+    It is called by its address, see ``period``. They begin in the state ``start``. Of the episodes
+    before them the last observation and report are kept where there is an array for them.
     """
-    X, Y = numbers_at(places, 0), numbers_at(places, 1)
-    K, table = whole_at(places, 3), cube_at(places, 4)
-    Z, numbers = small_at(places, 2), row_at(places, 5)
-    lengths, w, v = row_at(places, 6), row_at(places, 7), row_at(places, 8)
-    whole, P = whole_at(places, 9)[0], shown_at(places, 11)
+    places, call = carray(listed, (PLACES,), np.int64), carray(asked, (CALL,), np.int64)
+    tick, seen, report = call[TICK_CALL], seen_of(call), report_of(call)
+    K = whole_at(places, K_AT)
+    row = next_beginning(K, first, last)
+    if row >= last:
+        return 0
+    X, Y = numbers_at(places, X_AT), numbers_at(places, Y_AT)
+    Z, table = small_at(places, Z_AT), cube_at(places, TABLE_AT)
+    numbers, lengths = row_at(places, NUMBERS_AT), row_at(places, LENGTHS_AT)
+    w, v = row_at(places, W_AT), row_at(places, V_AT)
+    whole, P = whole_at(places, WHOLE_AT)[0], shown_at(places, P_AT)
+    final, final_report = shown_at(places, FINAL_AT), doubles_at(places, FINAL_REPORT_AT)
     plant = places[PLACE * PLANT :]
-    (geometry, nominal, mean, spread, lower, upper) = draws
     states, preview = whole[STATES], whole[PREVIEW]
     actions, one = 3 * (preview + 1), last - last + 1
-    theta, stated = np.empty(len(nominal)), np.empty(len(mean))
+    theta = np.empty(places[PLACE * NOMINAL_AT + 2])
+    stated = np.empty(places[PLACE * MEAN_AT + 2])
     sines = np.empty(6 * whole[TONES], np.uint16), np.empty(3 * whole[TONES], X.dtype)
-    row = first - 1
-    while True:
-        row = next_beginning(K, row + 1, last)
-        if row >= last:
-            break
+    work = draw.workspace(whole[TONES], whole[PEAK_POINTS])
+    while row < last:
         b, i = row // LANES, row % LANES
         x, y, z, k, p = X[b, i:], Y[b, i:], Z[b, i:], K[b, i:], P[b, i:]
-        if final.shape[0]:
-            for column in range(seen.shape[0]):
-                final[row, column] = seen[column, row]
-            for column in range(final_report.shape[1] if report.shape[0] else 0):
-                final_report[row, column] = report[row, column]
-        key, episode = np.uint64(k[KEY * LANES]), k[EPISODE * LANES]
-        for field in range(len(theta)):
-            theta[field] = nominal[field]
-        if whole[KIND] != draw.FIXED:
-            for attempt in range(draw.ATTEMPTS):
-                if draw.stated_parameters(
-                    whole[KIND], mean, spread, lower, upper, key, episode, attempt, stated
-                ) and on_parameters(plant[DRAWN], stated, geometry, lengths, theta):
-                    break
-                for field in range(len(theta)):
-                    theta[field] = nominal[field]
+        for column in range(final.shape[1] if final.shape[0] else 0):
+            final[row, column] = seen[column, row]
+        for column in range(final_report.shape[1] if final_report.shape[0] else 0):
+            final_report[row, column] = report[row, column]
+        if k[TABLE * LANES] < 0:
+            draw_reference(y, z, k, whole, places, work)
+        draw_model(k, whole, places, lengths, theta, stated)
         for field in range(states):
             x[field * LANES] = start[field]
         for field in range(len(theta)):
@@ -313,6 +390,8 @@ def begin_rows(places, tick, draws, start, seen, report, final, final_report, fi
             on_rows(plant[RATES], x, w, v[SPEED * LANES :], one, 1, lengths)
             window, counts = whole[WINDOW], 3 + 3 * (preview + 1)
             begin_counts(x, y, v, 0, counts, tick % window, window, whole[ANGLES], numbers)
+        row = next_beginning(K, row + 1, last)
+    return 0
 
 
 @njit(cache=True, inner=True, error_model="numpy", nogil=True)

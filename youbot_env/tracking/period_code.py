@@ -6,6 +6,7 @@ calls what follows from a set of effects by address.
 
 from __future__ import annotations
 
+import ctypes
 import inspect
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -21,7 +22,13 @@ from youbot_env.physics.effect import CLOCK
 from youbot_env.simulation import lane_math
 from youbot_env.simulation.compiled import built, load
 from youbot_env.simulation.generated_code import Dynamics, Structure
-from youbot_env.simulation.lane_calls import address_of, draw_signature, plant_signature
+from youbot_env.simulation.lane_calls import (
+    address_of,
+    beginnings_signature,
+    draw_signature,
+    period_signature,
+    plant_signature,
+)
 from youbot_env.simulation.lane_code import DRAWS, lane_source
 from youbot_env.simulation.single_precision import in_single
 from youbot_env.tracking import period, period_lanes as lanes
@@ -103,19 +110,21 @@ def _imports(module: str, found: ModuleType) -> str:
 class PeriodKernel:
     """Compiled functions of one structure.
 
-    begin_rows, period : see ``tracking.period``
+    begin_rows : called with addresses, see ``tracking.period``; holds no lock of Python's meanwhile
+    period : address of that function, for ``handover.period_of`` and for threads
     workspace : fields of the workspace ``w``
     """
 
-    begin_rows: Callable[..., None]
-    period: Callable[..., int]
+    begin_rows: Callable[[int, int, int, int, int], int]
+    period: int
     workspace: int
+    _begin_address: int
     _plant: ModuleType
     _signatures: tuple[Any, Any]
     _late: bool
 
     def addresses(self, draws: bool) -> NDArray[np.int64]:
-        """Of the platform's functions, as ``period_lanes`` numbers them; compiles them if need be.
+        """Of functions, as ``period_lanes`` numbers them; compiles them if need be.
 
         ``draws``: whether models are drawn.
         """
@@ -128,6 +137,7 @@ class PeriodKernel:
             found[lanes.SHIFTS] = address_of(self._plant.shifts, rows)
         if draws:
             found[lanes.DRAWN] = address_of(self._plant.drawn, parameters)
+        found[lanes.BEGIN_ROWS] = self._begin_address
         return found
 
 
@@ -136,13 +146,15 @@ def period_kernel(structure: Structure, single: bool = False) -> PeriodKernel:
     task = built(None, SinglePeriod(), _loaded) if single else period
     plant: ModuleType = built(structure, Plant(inverse_dynamics, single), _loaded)
     real = np.float32 if single else np.float64
-    signatures = plant_signature(real), draw_signature(real)
+    begin = address_of(task.begin_rows, beginnings_signature(real))
+    whole, place = ctypes.c_int64, ctypes.c_void_p
     return PeriodKernel(
-        task.begin_rows,
-        task.period,
+        ctypes.CFUNCTYPE(whole, place, place, place, whole, whole)(begin),
+        address_of(task.period, period_signature()),
         plant.WORKSPACE,
+        begin,
         plant,
-        signatures,
+        (plant_signature(real), draw_signature(real)),
         bool(structure.at(CLOCK)),
     )
 

@@ -71,12 +71,14 @@ the tones' sums (3) and of the window; 1 where an episode has diverged."""
     FIRST,
     LAST,
     TURN_BITS,
-) = range(16)
-WHOLE = 16
+    PEAK_POINTS,
+) = range(17)
+WHOLE = 17
 """Coming samples and past actions observed, actions kept, periods of delay, tones an axis, periods
 of the encoders' window, periods in an episode, integration steps, what follows an episode
 (``NEVER``, ``NEXT_STEP``, ``SAME_STEP``), whether a row follows a table, size of the state, its
-first wheel angle, how models are drawn, harmonics of the band, and ``TURN`` in units of 2^-64."""
+first wheel angle, how models are drawn, harmonics of the band, ``TURN`` in units of 2^-64, and
+points on which a reference's peak is sought."""
 
 SHARED = 2
 """How ``period`` moves rows that several threads share."""
@@ -105,14 +107,33 @@ PIECE = 2 * LANES
 PLACE = 4
 """Numbers for each array in a list of places: its address and up to three lengths."""
 
-ARRAYS = 14
-"""Arrays in a list of places; after them stand addresses of the platform's compiled functions."""
+X_AT, Y_AT, Z_AT, K_AT, P_AT = range(5)
+TABLE_AT, NUMBERS_AT, LENGTHS_AT, WHOLE_AT, START_AT = range(5, 10)
+W_AT, V_AT, F_AT, TAKEN_AT = range(10, 14)
+GEOMETRY_AT, NOMINAL_AT, MEAN_AT, SPREAD_AT, LOWER_AT, UPPER_AT = range(14, 20)
+PEAKS_AT, LIMITS_AT, JACOBIAN_AT, FINE_AT, COARSE_AT = range(20, 25)
+FINAL_AT, FINAL_REPORT_AT = range(25, 27)
+"""Arrays in a list of places: those of blocks, settings, a thread's workspace, what models and then
+what references are drawn with, and what is kept of the episodes before."""
+
+ARRAYS = 27
+"""After them stand addresses of compiled functions."""
 
 PLANT = ARRAYS
-INTEGRATE, RATES, ACTING, SHIFTS, DRAWN = range(5)
-"""Such addresses, see ``simulation.lane_code``; 0 where the platform has no such function."""
+INTEGRATE, RATES, ACTING, SHIFTS, DRAWN, BEGIN_ROWS = range(6)
+"""Such addresses, see ``simulation.lane_code``; 0 where the platform has no such function. The last
+is that of ``period.begin_rows``."""
 
-PLACES = PLACE * ARRAYS + 5
+PLACES = PLACE * ARRAYS + 6
+
+ACTION_CALL, SEEN_CALL, REWARD_CALL, OVER_CALL, REPORT_CALL = range(5)
+ROWS_CALL, REPORTED_CALL, OBSERVED_CALL, WIDTH_CALL = range(5, 9)
+TICK_CALL, MOVES_CALL, FIRST_CALL, LAST_CALL, PERIOD_CALL, PLACES_CALL = range(9, 15)
+CALL = 15
+"""Numbers of a call: addresses of actions, observations, rewards, ends and reports; rows, rows that
+are reported, numbers observed, numbers from one column of them to the next; the tick, whether rows
+move, the first row and the one after the last; the addresses of ``period.period`` and of the list
+of places, which alone stay as they are from step to step."""
 
 
 @njit(cache=True, inner=True, error_model="numpy", nogil=True)
@@ -145,8 +166,15 @@ def whole_at(places, at):
 
 @njit(cache=True, inner=True, error_model="numpy", nogil=True)
 def cube_at(places, at):
-    """An array of three axes."""
+    """An array of three axes, in double precision."""
     shape = (places[PLACE * at + 1], places[PLACE * at + 2], places[PLACE * at + 3])
+    return carray(pointer(places[PLACE * at]), shape, np.float64)
+
+
+@njit(cache=True, inner=True, error_model="numpy", nogil=True)
+def doubles_at(places, at):
+    """A matrix in double precision."""
+    shape = (places[PLACE * at + 1], places[PLACE * at + 2])
     return carray(pointer(places[PLACE * at]), shape, np.float64)
 
 
@@ -292,11 +320,7 @@ def put_at_start(x, p, w, k, lanes, action, start, states):
 
     ``action``: field of the actions of this period, which do not count for them.
     """
-    pending, found = k[PENDING * LANES :], 0
-    for i in range(lanes):
-        found |= 1 if pending[i] == BEGIN else 0
-    if found == 0:
-        return
+    pending = k[PENDING * LANES :]
     for i in range(lanes):
         if pending[i] == BEGIN:
             for field in range(states):
@@ -307,20 +331,18 @@ def put_at_start(x, p, w, k, lanes, action, start, states):
             k[CLOCK * LANES + i] = 0
 
 
-@njit(cache=True, error_model="numpy", nogil=True)
-def renew(K, first, last):
-    """Let those rows first to last - 1 whose episode is over begin the next; how many."""
-    found = 0
-    for b in range(first // LANES, -(-last // LANES)):
-        k, over = K[b], 0
-        for i in range(LANES):
-            over |= 1 if k[PENDING * LANES + i] == OVER else 0
-        if over:
-            for i in range(min(LANES, last - b * LANES)):
-                if k[PENDING * LANES + i] == OVER:
-                    k[PENDING * LANES + i] = BEGIN
-                    k[EPISODE * LANES + i] += 1
-                    found += 1
+@njit(cache=True, inner=True, error_model="numpy", nogil=True)
+def renew(k, lanes):
+    """Let those rows of a block whose episode is over begin the next; how many."""
+    pending, episode, over, found = k[PENDING * LANES :], k[EPISODE * LANES :], 0, 0
+    for i in range(lanes):  # without a branch: most blocks hold none
+        over |= 1 if pending[i] == OVER else 0
+    if over:
+        for i in range(lanes):
+            if pending[i] == OVER:
+                pending[i] = BEGIN
+                episode[i] += 1
+                found += 1
     return found
 
 
