@@ -55,14 +55,21 @@ def first_order(start: Array, end: Array, rate: float, dt: float) -> Array:
     -------
     (N, ...) filtered signal at the samples, starting from zero. Exact for such signals.
     """
-    decay, weight_start, weight_end = hold_weights(rate, dt)
-    start, end = np.asarray(start, float), np.asarray(end, float)
-    total = np.zeros((len(start) + 1, *start.shape[1:]))
-    np.multiply(start, weight_start, out=total[1:])
-    total[1:] += weight_end * end
-    # All axes behind the first become one: the recursion is the same for each of them.
-    _accumulate(total.reshape(len(total), -1), decay)
-    return total
+    from identification.signals.recursion import filtered
+
+    start, end = _side_by_side(start), _side_by_side(end)
+    found = np.empty((len(start) + 1, *start.shape[1:]))
+    filtered(_flat(start), _flat(end), *hold_weights(rate, dt), _flat(found))
+    return found
+
+
+def _side_by_side(signal: Array) -> Array:
+    return np.ascontiguousarray(signal, float)
+
+
+def _flat(signal: Array) -> Array:
+    """(N, W): all axes behind the first as one, for the recursion is the same for each of them."""
+    return signal.reshape(len(signal), int(np.prod(signal.shape[1:])))
 
 
 def hold_weights(rate: float, dt: float) -> tuple[float, float, float]:
@@ -78,25 +85,13 @@ def hold_weights(rate: float, dt: float) -> tuple[float, float, float]:
 
 
 def accumulate(steps: Array, decay: float) -> Array:
-    """y (N, W) of y[k+1] = decay y[k] + steps[k], y[0] = 0, for steps (N - 1, W), 0 <= decay < 1.
+    """y (N, W) of y[k + 1] = decay y[k] + steps[k], y[0] = 0, for steps (N - 1, W)."""
+    from identification.signals.recursion import filtered
 
-    By doubling (Hillis and Steele, Comm. ACM 29(12), 1986): the sum over the last 2^j steps is that
-    over the last 2^(j-1) and the decayed one before. It equals scipy.signal.lfilter to 5e-15.
-    """
-    total = np.concatenate([np.zeros((1, steps.shape[1])), steps])
-    _accumulate(total, decay)
+    steps = _side_by_side(steps)
+    total = np.empty((len(steps) + 1, steps.shape[1]))
+    filtered(steps, steps, decay, 1.0, 0.0, total)
     return total
-
-
-def _accumulate(total: Array, decay: float) -> None:
-    """The same in the place of zeros (1, W) and steps (N - 1, W)."""
-    reach = 1
-    # Once the decay is below rounding, more terms do not change the sum.
-    while reach < len(total) and decay > np.finfo(float).eps / 100:
-        # The two slices overlap. NumPy computes the product into a new array before it adds, so
-        # every element on the right is still the one of the last round.
-        total[reach:] += decay * total[:-reach]
-        reach, decay = 2 * reach, decay * decay
 
 
 def filter_samples(signal: Array, rate: float, dt: float) -> Array:
@@ -221,16 +216,25 @@ class RowFilter:
         ``moves`` (N,): whether it moves; None if it does all the time. ``first``: number of the
         first row's first sample, if it is not that of a whole log.
         """
-        start = self.first if first is None else first
-        filtered = first_order(ends[0], ends[1], self.rate, self.dt)
-        rows = block_mean(filtered[start:], self.size)
+        first = self.first if first is None else first
+        rows = self._means(ends[0], ends[1], first)
         if moves is None:
             return rows
         # The filter remembers what was held at rest, and so does a row soon after it.
         rests = (~moves).astype(float)
-        memory = first_order(rests[:-1], rests[1:], self.rate, self.dt)
-        moved = block_mean(memory[start:], self.size) < np.exp(-self.settling)
+        moved = self._means(rests[:-1], rests[1:], first) < np.exp(-self.settling)
         return rows * moved.reshape(-1, *[1] * (rows.ndim - 1))
+
+    def _means(self, start: Array, end: Array, first: int) -> Array:
+        """Rows (n, ...): means of what is filtered, from sample ``first`` on."""
+        from identification.signals.recursion import filtered_means
+
+        start, end = _side_by_side(start), _side_by_side(end)
+        rows = max(0, len(start) + 1 - first) // self.size
+        found = np.empty((rows, *start.shape[1:]))
+        weights = hold_weights(self.rate, self.dt)
+        filtered_means(_flat(start), _flat(end), *weights, first, self.size, _flat(found))
+        return found
 
     def of_samples(self, signal: Array) -> Array:
         """Rows (n, ...) of a signal (N, ...) that is continuous at its samples."""

@@ -4,6 +4,7 @@ from scipy.integrate import cumulative_trapezoid
 from scipy.signal import lfilter
 
 from identification.signals.filters import (
+    RowFilter,
     accumulate,
     block_mean,
     filter_samples,
@@ -26,7 +27,7 @@ def naive(start, end, rate, dt):
 
 
 @pytest.mark.parametrize("count", [2, 63, 64, 65, 129, 1000])
-def test_doubling_changes_nothing(count):
+def test_the_response_is_exact_for_straight_lines(count):
     rng = np.random.default_rng(0)
     start, end = rng.standard_normal((2, count, 3))
     expected = naive(start, end, 10.0, 0.01)
@@ -39,6 +40,16 @@ def test_the_recursion_is_scipys(count, decay):
     steps = np.random.default_rng(3).standard_normal((count, 2))
     expected = lfilter([1.0], [1.0, -decay], steps, axis=0)
     np.testing.assert_allclose(accumulate(steps, decay)[1:], expected, atol=1e-13)
+
+
+@pytest.mark.parametrize("shape", [(), (3,), (2, 4)])
+@pytest.mark.parametrize("count, first, size", [(300, 50, 7), (300, 0, 1), (60, 50, 20), (9, 50, 5)])
+def test_rows_are_means_of_the_filtered_signal(shape, count, first, size):
+    ends = np.random.default_rng(5).standard_normal((2, count, *shape))
+    rows = RowFilter(10.0, 5.0, 0.01, size)(ends, None, first)
+    expected = block_mean(first_order(*ends, 10.0, 0.01)[first:], size)
+    assert rows.shape == expected.shape == (max(0, count + 1 - first) // size, *shape)
+    np.testing.assert_allclose(rows, expected, atol=1e-14)
 
 
 def test_filtered_derivative_is_the_papers_exactly():
