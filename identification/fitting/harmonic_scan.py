@@ -21,7 +21,7 @@ from identification.fitting.parts import rows_in_parts
 from identification.fitting.settings import FitSettings, HarmonicScanSettings
 from identification.mechanisms.mechanism import Mechanism, Variables
 from identification.mechanisms.samples import Samples, cut
-from identification.signals.filters import settled
+from identification.signals.filters import Ends, at_both_ends, settled
 from identification.threads import side_by_side
 
 Array = NDArray[np.float64]
@@ -394,13 +394,13 @@ def _columns(
     Only what differs is filtered: the same wave acts along all axes of the body.
     """
 
-    def ends_of(log: int, begin: int, end: int) -> Array:
+    def ends_of(log: int, begin: int, end: int) -> Ends:
         phase = number * one.values[log][begin:end]
         waves = np.stack([np.cos(phase), np.sin(phase)], axis=1)
         if one.headings:
             heading = one.headings[log][begin:end, None]
             waves = np.concatenate([waves, np.cos(heading) * waves, np.sin(heading) * waves], 1)
-        return np.stack([waves[:-1], waves[1:]])
+        return at_both_ends(waves)
 
     found, axes = [], len(mechanism.axes)
     for log, item in enumerate(samples):

@@ -43,7 +43,9 @@ def test_the_recursion_is_scipys(count, decay):
 
 
 @pytest.mark.parametrize("shape", [(), (3,), (2, 4)])
-@pytest.mark.parametrize("count, first, size", [(300, 50, 7), (300, 0, 1), (60, 50, 20), (9, 50, 5)])
+@pytest.mark.parametrize(
+    "count, first, size", [(300, 50, 7), (300, 0, 1), (60, 50, 20), (9, 50, 5)]
+)
 def test_rows_are_means_of_the_filtered_signal(shape, count, first, size):
     ends = np.random.default_rng(5).standard_normal((2, count, *shape))
     rows = RowFilter(10.0, 5.0, 0.01, size)(ends, None, first)
