@@ -14,6 +14,7 @@ from gymnasium.vector.utils import batch_space
 
 from youbot_env import InputError
 from youbot_env.motions.calibration import motion_iii
+from youbot_env.simulation.lane_code import LANES
 from youbot_env.tracking.env import YouBotTrackingEnv
 from youbot_env.tracking.vector_env import INFO_NAMES, YouBotTrackingVectorEnv
 
@@ -44,16 +45,16 @@ def batch_actions(first: int, count: int, step: int) -> np.ndarray:
     return np.array([actions_of(first + copy, step) for copy in range(count)])
 
 
-@pytest.mark.parametrize("copy", [0, 1, 129])
+@pytest.mark.parametrize("copy", [0, 1, LANES + 1])
 def test_a_copy_is_the_single_environment_to_the_bit(copy):
     """Over several episodes, in which reference and model are drawn anew."""
-    envs, single = vector(130, **NOISY), YouBotTrackingEnv(**NOISY)
+    envs, single = vector(LANES + 2, **NOISY), YouBotTrackingEnv(**NOISY)
     seen, _ = envs.reset(seed=11)
     alone, _ = single.reset(seed=11 + copy)
     assert np.array_equal(seen[copy], alone)
     over, models = False, set()
     for step in range(65):
-        seen, reward, terminated, truncated, _ = envs.step(batch_actions(0, 130, step))
+        seen, reward, terminated, truncated, _ = envs.step(batch_actions(0, LANES + 2, step))
         if over:
             alone, _ = single.reset()
             expected = (0.0, False, False)
