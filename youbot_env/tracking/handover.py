@@ -46,7 +46,7 @@ READY, ASLEEP, ASKED, RUNNING = range(4)
 """What a thread does: looks for work, sleeps, has been asked, works."""
 
 PATIENCE = 2000
-"""How often a thread looks before it sleeps: some 50 to 100 us."""
+"""How often a thread looks before it sleeps: some 50 to 100 us on a PC."""
 
 _PAUSES = {"x86_64": "llvm.x86.sse2.pause", "AMD64": "llvm.x86.sse2.pause"}
 
