@@ -8,6 +8,7 @@ works without a cache, too: then functions are compiled again in each process.
 from __future__ import annotations
 
 import atexit
+import hashlib
 import os
 import stat
 import tempfile
@@ -73,11 +74,21 @@ def _function_cache(function: Callable[..., Any]) -> Any:
 
 @cache
 def _cache_kind() -> Any:
-    from numba.core.caching import FunctionCache
+    from numba.core.caching import FunctionCache, IndexDataCacheFile
     from numba.core.runtime.nrt import rtsys
 
     class SafeCache(FunctionCache):
-        """A cache that is passed over where it cannot be read or written."""
+        """A cache that is passed over where it cannot be read or written, or is of older code."""
+
+        def __init__(self, py_func: Any) -> None:
+            super().__init__(py_func)
+            # numba looks at the function's own file alone. Constants of other modules and functions
+            # that it calls are in its machine code too: an old one would read wrong memory.
+            self._cache_file = IndexDataCacheFile(
+                cache_path=self._cache_path,
+                filename_base=self._impl.filename_base,
+                source_stamp=(self._impl.locator.get_source_stamp(), code_stamp()),
+            )
 
         def load_overload(self, sig: Any, target_context: Any) -> Any:
             # numba's own method first registers all that can be compiled and imports SciPy's linear
@@ -105,6 +116,16 @@ def _cache_kind() -> Any:
                 self.disable()
 
     return SafeCache
+
+
+@cache
+def code_stamp() -> str:
+    """A digest of the sources that compiled functions take constants and other functions from."""
+    found, package = hashlib.sha256(), Path(__file__).parent
+    for folder in ("simulation", "tracking", "motions"):
+        for path in sorted((package / folder).glob("*.py")):
+            found.update(f"{folder}/{path.name}\n".encode() + path.read_bytes())
+    return found.hexdigest()
 
 
 # --- folders ---------------------------------------------------------------------------------

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import importlib.util
 import os
+import shutil
 import subprocess
 import sys
 from pathlib import Path
@@ -47,6 +48,31 @@ def doubled(folder: Path) -> tuple[float, int]:
 def module(tmp_path: Path) -> Path:
     (tmp_path / "mine.py").write_text(MODULE)
     return tmp_path
+
+
+def test_code_is_compiled_anew_where_another_module_of_ours_has_changed(
+    module: Path, monkeypatch: pytest.MonkeyPatch
+):
+    """Its constants are in the machine code of all that use them."""
+    assert doubled(module) == (3.0, 0) and doubled(module) == (3.0, 1)
+    before = caching.code_stamp()
+    monkeypatch.setattr(caching, "code_stamp", lambda: "of another version")
+    assert doubled(module) == (3.0, 0) and doubled(module) == (3.0, 1)
+    monkeypatch.setattr(caching, "code_stamp", lambda: before)
+    assert doubled(module) == (3.0, 0)
+
+
+@pytest.mark.parametrize("changed", ["simulation/lane_code.py", "tracking/period_lanes.py"])
+def test_the_stamp_follows_the_sources(
+    changed: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+):
+    package = tmp_path / "youbot_env"
+    shutil.copytree(Path(caching.__file__).parent, package, ignore=shutil.ignore_patterns("*.nb?"))
+    monkeypatch.setattr(caching, "__file__", str(package / "caching.py"))
+    first = caching.code_stamp.__wrapped__()
+    assert first == caching.code_stamp()
+    (package / changed).write_text((package / changed).read_text() + "MORE = 1\n")
+    assert caching.code_stamp.__wrapped__() != first
 
 
 def test_a_cache_beside_the_package_is_used_and_damage_is_passed_over(module: Path):
