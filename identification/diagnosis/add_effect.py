@@ -99,6 +99,7 @@ def add_effect(
             added.judged_one_by_one(new),
             [fitted.mechanism.labels[result.free[k]].component for k in result.bounded],
             settings.fit.interval_deviations,
+            new,
         ),
     ]
     return Addition(
@@ -202,7 +203,11 @@ def _errors_that_doubt(
 
 
 def _parameters_that_doubt(
-    owner: str, entries: Mapping[str, Any], bounded: Sequence[str], deviations: float
+    owner: str,
+    entries: Mapping[str, Any],
+    bounded: Sequence[str],
+    deviations: float,
+    fitted: AnyModel,
 ) -> list[str]:
     """Why the effect's parameters do not speak for it.
 
@@ -212,6 +217,7 @@ def _parameters_that_doubt(
     bounded : components with a parameter that stopped at its bound. One of the base model says
         nothing against the effect: more may be missing
     deviations : standard deviations either side of a value that hold the truth in 95 % of cases
+    fitted : the whole model, with what the parameters' errors have to do with each other
     """
     found = []
     if owner in bounded:
@@ -222,7 +228,22 @@ def _parameters_that_doubt(
         if entry.std is not None and abs(entry.value) < deviations * entry.std
     ]
     strong = [name for name, entry in entries.items() if entry.std and name not in unsure]
-    # One sure parameter is enough: the place of a payload may be unsure while its mass is not.
-    if unsure and not strong:
+    # One sure parameter is enough: the place of a payload may be unsure while its mass is not. So
+    # is one sure sum of them: what two wheels drag together, where nothing tells which of them.
+    if unsure and not strong and not _are_sure_together(owner, unsure, fitted, deviations):
         found.append(f"the 95 % interval of {' and '.join(unsure)} holds zero")
     return found
+
+
+def _are_sure_together(
+    owner: str, names: Sequence[str], fitted: AnyModel, deviations: float
+) -> bool:
+    """Whether the sum of sizes of an effect's parameters is surely not zero."""
+    known = list(fitted.covariance_names)
+    places = [known.index(key) for name in names if (key := f"{owner}.{name}") in known]
+    if fitted.covariance is None or len(places) < 2:
+        return False
+    values = np.array([fitted.values[known[k]] for k in places])
+    sign = np.sign(values)
+    variance = float(sign @ fitted.covariance[np.ix_(places, places)] @ sign)
+    return bool(np.abs(values).sum() > deviations * np.sqrt(max(variance, 0.0)))

@@ -13,6 +13,7 @@ from identification.fitting.least_squares import Fit
 from identification.fitting.noise_bias import Array, extrapolated_fit, joint_fit
 from identification.fitting.physical_fit import within_limits
 from identification.fitting.settings import FitSettings
+from identification.fitting.twins import doubt_between_twins
 from identification.logs.findings import names_of
 from identification.mechanisms.mechanism import Mechanism
 from identification.mechanisms.samples import Samples
@@ -59,12 +60,15 @@ def without_noise_bias(
 
     Otherwise both fits estimate the same. What they differ by beyond chance is added to the
     covariance: it is there where the model is not true. So is what efforts that are held for some
-    rows leave open. The parameters are within the limits of what can be.
+    rows leave open, and how parameters that act alike share what they make. The parameters are
+    within the limits of what can be.
     """
     doubt = doubt_of_held(mechanism, samples, found.theta, found.free, settings)
     last = _last_fit(mechanism, samples, noise, found, seed, settings, progress)
     widened = replace(last, covariance=last.covariance + doubt)
-    return within_limits(mechanism, widened, settings)
+    inside = within_limits(mechanism, widened, settings)
+    shared = doubt_between_twins(mechanism, inside, settings)
+    return replace(inside, covariance=inside.covariance + shared)
 
 
 def _last_fit(

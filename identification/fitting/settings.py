@@ -1036,6 +1036,13 @@ class FitSettings(Settings):
         metadata={"unit": "1", "reason": "tell the scatter's size to a quarter of it"},
     )
 
+    max_difference_of_twins: float = field(
+        default=1e-6,
+        metadata={
+            "unit": "1, less the cosine of two columns",
+            "reason": "up to which two parameters of an effect act alike: noise hides far more",
+        },
+    )
     max_noise_shift: float = field(
         default=6.0,
         metadata={

@@ -476,7 +476,7 @@ def uneven_coulomb_friction(
         Parameter("smoothing", "rad/s", default=0.1, lower=1e-3, upper=5.0),
     ],
     source="Coulomb friction at the rollers' bushings, one size a wheel",
-    recognise="A step in the residual where the rollers of one certain wheel reverse.",
+    recognise="A step in the residual where the rollers of the front, or back, wheels reverse.",
     dissipative=True,
 )
 def uneven_roller_friction(
