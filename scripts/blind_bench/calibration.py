@@ -122,6 +122,13 @@ def _p_values(ranked: dict[str, list[Record]]) -> list[Row | None]:
                 there = noise not in NOISE.values()
                 promised = "that is there" if there else f"{level:.0%}"
                 found.append(row_of(name, promised, below, 0.0, 1.0 if there else level))
+    # A variable is told only if its p-value is small and it has a material share as well.
+    for noise, rows in groups.items():
+        there = noise not in NOISE.values()
+        promised = "that is there" if there else f"at most {LEVELS[1]:.0%}"
+        told = ([bool(record["leading"])] for record in rows)
+        name = f"the map tells a variable that the error depends on, {noise}"
+        found.append(row_of(name, promised, told, 0.0, 1.0 if there else LEVELS[1]))
     return found
 
 
