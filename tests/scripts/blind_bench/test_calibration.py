@@ -28,7 +28,9 @@ def fit(kind: str, off: float, p_value: float) -> dict[str, Any]:
     """A cheap fit whose parameters are ``off`` deviations from the truth."""
     base = {"m0": {"value": 35.0 + off, "std": 1.0}, "mu1": {"value": 0.1, "std": None}}
     record = {"fit": "f", "base": base, "misfit": False, "p_value": p_value, "map_p_value": 0.5}
-    return trial(kind, [], []) | record
+    # The map tells a variable where candidates are significant, too.
+    told = {"leading": ["twist"] if p_value < 0.01 else []}
+    return trial(kind, [], []) | record | told
 
 
 def test_the_standard_error_is_that_of_a_binomial_where_replicates_state_one_thing():
@@ -86,6 +88,9 @@ def test_p_values_by_kind_of_noise_tell_what_is_there_from_what_is_chance():
     other, offset = both[f"{where}other noise"], both[f"{where}noise that leaves an offset"]
     assert other.hits == (1, 0) and other.most == 0.05
     assert offset.hits == (1,) and not offset.falls_short
+    told = "the map tells a variable that the error depends on, "
+    assert both[f"{told}other noise"].hits == (1, 0) and both[f"{told}other noise"].most == 0.05
+    assert not both[f"{told}noise that leaves an offset"].falls_short
     rows = {row.what.rpartition(", ")[2]: row for row in tables["p-values by kind of noise"]}
     assert set(rows) == {"hum", "torque wander"}
     assert rows["hum"].hits == (1, 0) and rows["hum"].most == 0.05
