@@ -55,7 +55,7 @@ def first_order(start: Array, end: Array, rate: float, dt: float) -> Array:
     -------
     (N, ...) filtered signal at the samples, starting from zero. Exact for such signals.
     """
-    from identification.signals.recursion import filtered
+    from youbot_env.simulation.first_order_filter import filtered
 
     start, end = _side_by_side(start), _side_by_side(end)
     found = np.empty((len(start) + 1, *start.shape[1:]))
@@ -86,7 +86,7 @@ def hold_weights(rate: float, dt: float) -> tuple[float, float, float]:
 
 def accumulate(steps: Array, decay: float) -> Array:
     """y (N, W) of y[k + 1] = decay y[k] + steps[k], y[0] = 0, for steps (N - 1, W)."""
-    from identification.signals.recursion import filtered
+    from youbot_env.simulation.first_order_filter import filtered
 
     steps = _side_by_side(steps)
     total = np.empty((len(steps) + 1, steps.shape[1]))
@@ -227,7 +227,7 @@ class RowFilter:
 
     def _means(self, start: Array, end: Array, first: int) -> Array:
         """Rows (n, ...): means of what is filtered, from sample ``first`` on."""
-        from identification.signals.recursion import filtered_means
+        from youbot_env.simulation.first_order_filter import filtered_means
 
         start, end = _side_by_side(start), _side_by_side(end)
         rows = max(0, len(start) + 1 - first) // self.size

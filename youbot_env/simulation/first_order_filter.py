@@ -1,6 +1,7 @@
 """The recursion of a first-order filter, compiled: each sample once, with no array in between.
 
-A module of its own: it imports numba, which what filters nothing does without.
+It serves the filters of `identification`, and stands here with what else is compiled: importing it
+imports numba, which what filters nothing does without.
 """
 
 from __future__ import annotations
