@@ -6,8 +6,9 @@ would delay every product by half a sample and bias the wheels' inertia by about
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field
+from functools import cache
 
 import numpy as np
 from numpy.typing import NDArray
@@ -55,12 +56,54 @@ def first_order(start: Array, end: Array, rate: float, dt: float) -> Array:
     -------
     (N, ...) filtered signal at the samples, starting from zero. Exact for such signals.
     """
-    from youbot_env.simulation.first_order_filter import filtered
-
     start, end = _side_by_side(start), _side_by_side(end)
     found = np.empty((len(start) + 1, *start.shape[1:]))
-    filtered(_flat(start), _flat(end), *hold_weights(rate, dt), _flat(found))
+    compiled(_filtered)(_flat(start), _flat(end), *hold_weights(rate, dt), _flat(found))
     return found
+
+
+@cache
+def compiled(function: Callable[..., None]) -> Callable[..., None]:
+    """A loop over samples as machine code: made when first asked for, as importing numba takes a
+    while, which what filters nothing does without."""
+    from youbot_env.caching import njit
+
+    return njit(cache=True, nogil=True)(function)
+
+
+def _filtered(start, end, decay, weight_start, weight_end, out):
+    """Fill out (N, W) with the response to signals at both ends of N - 1 intervals."""
+    count, width = start.shape
+    for c in range(width):
+        out[0, c] = 0.0
+    for k in range(count):
+        for c in range(width):
+            new = weight_start * start[k, c] + weight_end * end[k, c]
+            out[k + 1, c] = decay * out[k, c] + new
+
+
+def _filtered_means(start, end, decay, weight_start, weight_end, first, size, out):
+    """Fill out (n, W) with means of ``size`` samples of ``_filtered``, from ``first`` on.
+
+    The filtered signal itself, many times as large, is never held.
+    """
+    width, rows = start.shape[1], out.shape[0]
+    now, total = np.zeros(width), np.zeros(width)
+    share, row, held = 1.0 / size, 0, 0
+    for sample in range(first + rows * size if rows else 0):
+        if sample:
+            for c in range(width):
+                new = weight_start * start[sample - 1, c] + weight_end * end[sample - 1, c]
+                now[c] = decay * now[c] + new
+        if sample >= first:
+            for c in range(width):
+                total[c] += now[c]
+            held += 1
+            if held == size:
+                for c in range(width):
+                    out[row, c] = share * total[c]
+                    total[c] = 0.0
+                row, held = row + 1, 0
 
 
 def _side_by_side(signal: Array) -> Array:
@@ -86,11 +129,9 @@ def hold_weights(rate: float, dt: float) -> tuple[float, float, float]:
 
 def accumulate(steps: Array, decay: float) -> Array:
     """y (N, W) of y[k + 1] = decay y[k] + steps[k], y[0] = 0, for steps (N - 1, W)."""
-    from youbot_env.simulation.first_order_filter import filtered
-
     steps = _side_by_side(steps)
     total = np.empty((len(steps) + 1, steps.shape[1]))
-    filtered(steps, steps, decay, 1.0, 0.0, total)
+    compiled(_filtered)(steps, steps, decay, 1.0, 0.0, total)
     return total
 
 
@@ -227,13 +268,13 @@ class RowFilter:
 
     def _means(self, start: Array, end: Array, first: int) -> Array:
         """Rows (n, ...): means of what is filtered, from sample ``first`` on."""
-        from youbot_env.simulation.first_order_filter import filtered_means
-
         start, end = _side_by_side(start), _side_by_side(end)
         rows = max(0, len(start) + 1 - first) // self.size
         found = np.empty((rows, *start.shape[1:]))
         weights = hold_weights(self.rate, self.dt)
-        filtered_means(_flat(start), _flat(end), *weights, first, self.size, _flat(found))
+        compiled(_filtered_means)(
+            _flat(start), _flat(end), *weights, first, self.size, _flat(found)
+        )
         return found
 
     def of_samples(self, signal: Array) -> Array:
