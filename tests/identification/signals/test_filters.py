@@ -49,7 +49,7 @@ def test_the_recursion_is_scipys(count, decay):
 def test_rows_are_means_of_the_filtered_signal(shape, count, first, size):
     ends = np.random.default_rng(5).standard_normal((2, count, *shape))
     rows = RowFilter(10.0, 5.0, 0.01, size)(ends, None, first)
-    expected = block_mean(first_order(*ends, 10.0, 0.01)[first:], size)
+    expected = block_mean(first_order(ends[0], ends[1], 10.0, 0.01)[first:], size)
     assert rows.shape == expected.shape == (max(0, count + 1 - first) // size, *shape)
     np.testing.assert_allclose(rows, expected, atol=1e-14)
 
