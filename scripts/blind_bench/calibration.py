@@ -111,7 +111,7 @@ def _p_values(ranked: dict[str, list[Record]]) -> list[Row | None]:
     groups = {
         "white noise": ranked["none"],
         "other noise": [r for r in other if _noise_of(r) not in OFFSETS],
-        "noise that leaves an offset": [r for r in other if _noise_of(r) in OFFSETS],
+        OFFSET: [r for r in other if _noise_of(r) in OFFSETS],
     }
     found = []
     for key, what in (("p_value", "candidates"), ("map_p_value", "the map's variables")):
@@ -119,17 +119,22 @@ def _p_values(ranked: dict[str, list[Record]]) -> list[Row | None]:
             for level in LEVELS:
                 below = map(partial(_is_below, key, level), rows)
                 name = f"least p-value of all {what} is {level:g} or less, {noise}"
-                there = noise not in NOISE.values()
-                promised = "that is there" if there else f"{level:.0%}"
-                found.append(row_of(name, promised, below, 0.0, 1.0 if there else level))
+                found.append(_alarms(name, f"{level:.0%}", below, level, noise == OFFSET))
     # A variable is told only if its p-value is small and it has a material share as well.
     for noise, rows in groups.items():
-        there = noise not in NOISE.values()
-        promised = "that is there" if there else f"at most {LEVELS[1]:.0%}"
         told = ([bool(record["leading"])] for record in rows)
         name = f"the map tells a variable that the error depends on, {noise}"
-        found.append(row_of(name, promised, told, 0.0, 1.0 if there else LEVELS[1]))
+        found.append(_alarms(name, f"at most {LEVELS[1]:.0%}", told, LEVELS[1], noise == OFFSET))
     return found
+
+
+def _alarms(
+    what: str, promised: str, told: Iterable[Sequence[bool]], most: float, there: bool
+) -> Row | None:
+    """A row of what is told of logs; where it is ``there``, any share of them keeps the promise."""
+    if there:
+        return row_of(what, "that is there", told, 0.0, 1.0)
+    return row_of(what, promised, told, 0.0, most)
 
 
 def _noise_of(record: Record) -> str | None:
@@ -142,16 +147,18 @@ def _p_values_by_noise(rows: Sequence[Record]) -> list[Row | None]:
     level = LEVELS[1]
     below = partial(_is_below, "p_value", level)
     return [
-        row_of(
+        _alarms(
             f"least p-value of all candidates is {level:g} or less, {name.replace('_', ' ')}",
-            "that is there" if name in OFFSETS else f"{level:.0%}",
+            f"{level:.0%}",
             (below(record) for record in rows if _noise_of(record) == name),
-            0.0,
-            1.0 if name in OFFSETS else level,
+            level,
+            name in OFFSETS,
         )
         for name in NOISES
     ]
 
+
+OFFSET = "noise that leaves an offset"
 
 OFFSETS = ("torque_wander", "offset_wander", "outliers")
 """Noises that leave an offset of a torque channel in a log, or in a part of it: they wander for
