@@ -164,13 +164,12 @@ def _uneven_dry(values: Values, base: Values) -> str:
 
 
 def _uneven_rollers(values: Values, base: Values) -> str:
-    front, back = (
-        values[f"extra_{left}"] + values[f"extra_{right}"]
-        for left, right in (("fl", "fr"), ("bl", "br"))
-    )
-    ends = f"front wheels drag: {front:.3f} N m", f"back wheels drag: {back:.3f} N m"
+    extra = {
+        end: values[f"extra_{end[0]}l"] + values[f"extra_{end[0]}r"] for end in ("front", "back")
+    }
+    end = max(extra, key=lambda one: extra[one])
     return (
-        f"the rollers of the {ends[0] if front >= back else ends[1]} of dry friction, both "
+        f"the rollers of the {end} wheels drag: {extra[end]:.3f} N m of dry friction, both "
         "together; they turn at one speed, so that no log tells which of the two; to confirm, lift "
         "the robot and turn the rollers by hand"
     )

@@ -38,18 +38,19 @@ def _twins(mechanism: Mechanism, fit: Fit, settings: FitSettings) -> list[NDArra
 
     Not of effects whose single values wheels and pose have settled.
     """
-    columns = np.concatenate([row.columns for row in fit.rows]).reshape(-1, len(fit.free))
-    size = np.linalg.norm(columns, axis=0)
-    unit = columns / np.where(size > 0, size, 1.0)
-    owners = [mechanism.labels[k].component for k in fit.free]
+    owners = np.array([mechanism.labels[k].component for k in fit.free])
     settled = {held.effect for held in mechanism.held}
     found = list[NDArray[np.intp]]()
     for name in mechanism.structure.effects:
-        left = [k for k, owner in enumerate(owners) if owner == name and size[k] > 0]
-        while left and name not in settled:
-            product = unit[:, left].T @ unit[:, left[0]]
-            alike = product > 1.0 - settings.max_difference_of_twins
+        own = np.flatnonzero(owners == name)
+        if name in settled or len(own) < 2:
+            continue
+        columns = np.concatenate([row.columns[..., own].reshape(-1, len(own)) for row in fit.rows])
+        size = np.linalg.norm(columns, axis=0)
+        left, unit = own[size > 0], columns[:, size > 0] / size[size > 0]
+        while len(left) > 1:
+            alike = unit.T @ unit[:, 0] > 1.0 - settings.max_difference_of_twins
             if alike.sum() > 1:
-                found.append(np.array(left, np.intp)[alike])
-            left = [k for k, one in zip(left, alike, strict=True) if not one]
+                found.append(left[alike])
+            left, unit = left[~alike], unit[:, ~alike]
     return found

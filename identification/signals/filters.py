@@ -56,14 +56,14 @@ def first_order(start: Array, end: Array, rate: float, dt: float) -> Array:
     -------
     (N, ...) filtered signal at the samples, starting from zero. Exact for such signals.
     """
-    start, end = _side_by_side(start), _side_by_side(end)
+    start, end = _contiguous(start), _contiguous(end)
     found = np.empty((len(start) + 1, *start.shape[1:]))
-    compiled(_filtered)(_flat(start), _flat(end), *hold_weights(rate, dt), _flat(found))
+    _compiled(_filtered)(_flat(start), _flat(end), *hold_weights(rate, dt), _flat(found))
     return found
 
 
 @cache
-def compiled(function: Callable[..., None]) -> Callable[..., None]:
+def _compiled(function: Callable[..., None]) -> Callable[..., None]:
     """A loop over samples as machine code: made when first asked for, as importing numba takes a
     while, which what filters nothing does without."""
     from youbot_env.caching import njit
@@ -106,7 +106,7 @@ def _filtered_means(start, end, decay, weight_start, weight_end, first, size, ou
                 row, held = row + 1, 0
 
 
-def _side_by_side(signal: Array) -> Array:
+def _contiguous(signal: Array) -> Array:
     return np.ascontiguousarray(signal, float)
 
 
@@ -129,9 +129,9 @@ def hold_weights(rate: float, dt: float) -> tuple[float, float, float]:
 
 def accumulate(steps: Array, decay: float) -> Array:
     """y (N, W) of y[k + 1] = decay y[k] + steps[k], y[0] = 0, for steps (N - 1, W)."""
-    steps = _side_by_side(steps)
+    steps = _contiguous(steps)
     total = np.empty((len(steps) + 1, steps.shape[1]))
-    compiled(_filtered)(steps, steps, decay, 1.0, 0.0, total)
+    _compiled(_filtered)(steps, steps, decay, 1.0, 0.0, total)
     return total
 
 
@@ -268,11 +268,11 @@ class RowFilter:
 
     def _means(self, start: Array, end: Array, first: int) -> Array:
         """Rows (n, ...): means of what is filtered, from sample ``first`` on."""
-        start, end = _side_by_side(start), _side_by_side(end)
+        start, end = _contiguous(start), _contiguous(end)
         rows = max(0, len(start) + 1 - first) // self.size
         found = np.empty((rows, *start.shape[1:]))
         weights = hold_weights(self.rate, self.dt)
-        compiled(_filtered_means)(
+        _compiled(_filtered_means)(
             _flat(start), _flat(end), *weights, first, self.size, _flat(found)
         )
         return found

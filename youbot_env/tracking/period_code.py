@@ -111,7 +111,7 @@ class PeriodKernel:
     """Compiled functions of one structure.
 
     begin_rows : called with addresses, see ``tracking.period``; holds no lock of Python's meanwhile
-    period : address of that function, for ``handover.period_of`` and for threads
+    period : address of that function, for a call (``handover``) and for threads
     workspace : fields of the workspace ``w``
     """
 

@@ -46,8 +46,7 @@ def test_pieces_of_compiled_work_are_done_once(workers: _Workers, helpers: int, 
     call = Call(address, numbers.ctypes.data, taken.ctypes.data)
 
     def own() -> int:
-        box = np.array([0, address, call.first, call.second, 0, 0], np.int64)
-        return int(_called(box))
+        return int(_called(call.function, call.first, call.second))
 
     for count in range(1, 21 if pause else 2001):
         taken[0] = 0
@@ -57,8 +56,8 @@ def test_pieces_of_compiled_work_are_done_once(workers: _Workers, helpers: int, 
 
 
 @njit(nogil=True)
-def _called(box):
-    return handover.work(box[handover.FUNCTION], box[handover.FIRST], box[handover.SECOND])
+def _called(function, first, second):
+    return handover.work(function, first, second)
 
 
 def test_a_thread_that_has_slept_long_still_helps(workers: _Workers):
