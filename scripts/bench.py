@@ -13,7 +13,7 @@ import typer
 from youbot_env.errors import InputError
 from youbot_scripts.blind_bench.baseline import stepwise
 from youbot_scripts.blind_bench.calibration import rows_of
-from youbot_scripts.blind_bench.calibration_page import Run, write_page
+from youbot_scripts.blind_bench.calibration_page import Run, made_by, write_page
 from youbot_scripts.blind_bench.cases import KINDS, write_case
 from youbot_scripts.blind_bench.effect_sizes import force_ratio, size_table, sizings
 from youbot_scripts.blind_bench.null_fits import null_fits, null_p_values
@@ -179,7 +179,8 @@ def main(
     if calibration is not None:
         fits = null_fits(replicates, seed, jobs, resume)
         p_values = null_p_values(ranked, seed, jobs, resume)
-        run = Run(len(fits), len(p_values), len(records), cases, seed)
+        made = made_by([*fits, *p_values, *records])
+        run = Run(len(fits), len(p_values), len(records), cases, seed, made)
         write_page(calibration, rows_of(records, fits, p_values), run)
         out.print(f"calibration: {calibration}", soft_wrap=True)
     show(out, scores, records)

@@ -2,14 +2,14 @@
 
 from __future__ import annotations
 
-import subprocess
-from collections.abc import Mapping, Sequence
-from importlib.metadata import version
+from collections import Counter
+from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
 from typing import NamedTuple
 
 from youbot_env.files import write_atomically
 from youbot_scripts.blind_bench.promises import Row
+from youbot_scripts.shared.results_folder import Record
 
 COMMAND = (
     "youbot bench --calibration docs/calibration.md --kinds none,noise,one,two --cases 50 \\\n"
@@ -34,7 +34,7 @@ ten kinds, from AR(1) to hum, outliers, coarse steps and offsets that wander. Wi
 stepwise selection by F-tests on a split sample, with the false discovery rate of Benjamini and
 Hochberg, answers the same cases; the [blind set](blind_set.md) has its score on 200 of them.
 
-Commit {commit}. {fits} fits, p-values of {ranked}, {trials} diagnoses:
+{made_by}. {fits} fits, p-values of {ranked}, {trials} diagnoses:
 `--cases {cases} --replicates {fits} --ranked {ranked} --seed {seed}`.
 """
 
@@ -66,13 +66,15 @@ Tables = Mapping[str, Sequence[Row]]
 
 
 class Run(NamedTuple):
-    """What a page comes from: so many fits, rankings, trials, cases of each kind; their seed."""
+    """What a page comes from: so many fits, rankings, trials, cases of each kind; their seed; and
+    the commits that made them, see ``made_by``."""
 
     fits: int
     ranked: int
     trials: int
     cases: int
     seed: int
+    made_by: str
 
 
 def write_page(path: Path, tables: Tables, run: Run) -> None:
@@ -88,7 +90,7 @@ def write_page(path: Path, tables: Tables, run: Run) -> None:
 
 def page(tables: Tables, run: Run) -> str:
     """The page's text."""
-    told = INTRODUCTION.format(command=COMMAND, commit=commit(), **run._asdict())
+    told = INTRODUCTION.format(command=COMMAND, **run._asdict())
     for heading, rows in tables.items():
         if rows:
             told += f"\n## {heading}\n\n" + NOTES.get(heading, "") + _table(rows)
@@ -107,16 +109,10 @@ def _table(rows: Sequence[Row]) -> str:
     return "\n".join(lines) + "\n"
 
 
-def commit() -> str:
-    """The checkout's commit; the version where there is no checkout."""
-    here = Path(__file__).parent
-    try:
-        found = subprocess.run(
-            ["git", "-C", str(here), "describe", "--always", "--dirty", "--abbrev=10"],
-            capture_output=True,
-            text=True,
-            check=True,
-        )
-    except (OSError, subprocess.CalledProcessError):
-        return f"unknown, version {version('youbot')}"
-    return found.stdout.strip()
+def made_by(records: Iterable[Record]) -> str:
+    """Which commits made records: a run that was stopped and went on may have several."""
+    counts = Counter(record.get("commit", "not recorded") for record in records)
+    if len(counts) == 1:
+        return f"Commit {next(iter(counts))}"
+    parts = (f"{name} ({count} results)" for name, count in counts.most_common())
+    return f"Commits {', '.join(parts)}"

@@ -25,6 +25,7 @@ from youbot_scripts.blind_bench.cases import draw_case, log_along, references, t
 from youbot_scripts.blind_bench.promises import NULLS
 from youbot_scripts.blind_bench.trials import Record, stated_base
 from youbot_scripts.shared import options as common
+from youbot_scripts.shared.commits import commit
 from youbot_scripts.shared.results_folder import failure, resumed
 
 
@@ -86,7 +87,7 @@ def _replicate(state: State, item: Fit) -> Record:
     dt, _ = tick(case.rate)
     twist = references(case.kind, case.index, case.seed, dt)["calibration"]
     log = log_along(case, "calibration", twist)
-    record: Record = {"fit": item.key, "case": case.to_dict()}
+    record: Record = {"fit": item.key, "case": case.to_dict(), "commit": commit()}
     try:
         # Random signs of its own: replicates that share them are not independent.
         return record | state(log, case.seed + case.index)

@@ -11,7 +11,7 @@ from tests.identification.recordings import recording
 from youbot_env.model.model_file import load_model
 from youbot_scripts.blind_bench.baseline import discoveries, stepwise
 from youbot_scripts.blind_bench.calibration import Row, row_of, rows_of
-from youbot_scripts.blind_bench.calibration_page import Run, commit, page
+from youbot_scripts.blind_bench.calibration_page import Run, made_by, page
 from youbot_scripts.blind_bench.null_fits import null_fits, null_p_values
 from youbot_scripts.blind_bench.scores import score
 
@@ -72,8 +72,19 @@ def test_the_page_tells_what_came_of_each_promise():
     assert rows["the baseline: a name that nobody planted, nothing missing, white noise"].hits == (
         *(0, 1),
     )
-    text = page(rows_of(records, fits, fits), Run(len(fits), len(fits), len(records), 1, 7))
-    assert "| 75.0% |" in text and "4 fits, p-values of 4, 2 diagnoses" in text and commit() in text
+    text = page(
+        rows_of(records, fits, fits), Run(len(fits), len(fits), len(records), 1, 7, "Commit 123")
+    )
+    assert "| 75.0% |" in text and "Commit 123. 4 fits, p-values of 4, 2 diagnoses" in text
+
+
+def test_the_page_names_the_commits_that_made_its_results():
+    """Not the present one: a page may be made of results that were saved long ago."""
+    old, new = {"commit": "abc"}, {"commit": "def"}
+    assert made_by([old, old]) == "Commit abc"
+    assert made_by([old, new, new, {}]) == (
+        "Commits def (2 results), abc (1 results), not recorded (1 results)"
+    )
 
 
 def test_p_values_by_kind_of_noise_tell_what_is_there_from_what_is_chance():
@@ -95,7 +106,7 @@ def test_p_values_by_kind_of_noise_tell_what_is_there_from_what_is_chance():
     assert set(rows) == {"hum", "torque wander"}
     assert rows["hum"].hits == (1, 0) and rows["hum"].most == 0.05
     assert rows["torque wander"].share == 1.0 and not rows["torque wander"].falls_short
-    assert "drive_resonance" in page(tables, Run(0, len(fits), 0, 1, 7))
+    assert "drive_resonance" in page(tables, Run(0, len(fits), 0, 1, 7, "Commit 1"))
 
 
 def test_the_baseline_is_scored_beside_the_diagnosis():
