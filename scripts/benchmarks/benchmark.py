@@ -208,9 +208,10 @@ def _errors(found: dict[str, float]) -> Table:
 def _simulators(found: Sequence[Simulator]) -> Table:
     ratio = Column("full batch is\ntimes as fast", lambda value: f"{value:.3g}")
     rate = Column("simulated\nseconds/s", lambda value: f"{value:,.0f}")
-    rows = tuple((row.name, row.platforms, row.ratio, row.rate) for row in found)
+    contact = Column("times as fast\nas MuJoCo", lambda value: f"{value:,.0f}" if value else "-")
+    rows = tuple((row.name, row.platforms, row.ratio, row.by_contact, row.rate) for row in found)
     title = "Simulated time on one thread: full environments and bare dynamics"
-    return Table(title, columns("what", "platforms", ratio, rate), rows)
+    return Table(title, columns("what", "platforms", ratio, contact, rate), rows)
 
 
 def _logs(found: Sequence[LogTime]) -> Table:

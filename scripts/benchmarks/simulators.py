@@ -19,14 +19,15 @@ from scipy.integrate import solve_ivp
 from youbot_env.errors import InputError
 from youbot_env.model.model import Model
 from youbot_env.model.model_file import load_model
-from youbot_env.physics import inverse_dynamics
-from youbot_env.simulation.compiled import kernel
+from youbot_env.simulation.compiled import derivative
 from youbot_env.simulation.free_run import initial_state
 from youbot_env.simulation.plant import Plant
 from youbot_scripts.benchmarks.speed import FULL
 
 PERIOD = 0.01
 """Time for which a torque is held [s]."""
+
+CONTACT = "MuJoCo, rollers in contact: bare"
 
 
 @dataclass(frozen=True)
@@ -50,12 +51,14 @@ class Simulator:
     """A row: ``rate`` simulated seconds a second of one core, over ``platforms`` side by side.
 
     ratio : median over turns of the full environment's rate, in a batch, by this one's
+    by_contact : the same of this one's rate by that of MuJoCo's rollers; None where it did not run
     """
 
     name: str
     platforms: int
     rate: float
     ratio: float
+    by_contact: float | None = None
 
     def to_dict(self) -> dict[str, Any]:
         """JSON-able."""
@@ -73,7 +76,7 @@ def simulators(settings: SimulatorSettings, platforms: int = 4096) -> list[Simul
         "scipy solve_ivp, compiled rates: bare": (_solver(model, settings.tolerance), 1),
     }
     with contextlib.suppress(InputError):  # where the extra is not installed
-        runs["MuJoCo, rollers in contact: bare"] = (_contact(model), 1)
+        runs[CONTACT] = (_contact(model), 1)
     for run, _ in runs.values():
         run(2)
     seconds = np.empty((settings.rounds, len(runs)))
@@ -85,9 +88,13 @@ def simulators(settings: SimulatorSettings, platforms: int = 4096) -> list[Simul
     counts = np.array([count for _, count in runs.values()])
     rates = settings.steps * PERIOD * counts / seconds
     middle, ratio = np.median(rates, axis=0), np.median(rates[:, :1] / rates, axis=0)
+    slowest = list(runs).index(CONTACT) if CONTACT in runs else None
     return [
-        Simulator(name, int(n), float(rate), float(times))
-        for name, n, rate, times in zip(runs, counts, middle, ratio, strict=True)
+        Simulator(
+            *(name, int(counts[k]), float(middle[k]), float(ratio[k])),
+            None if slowest is None else float(np.median(rates[:, k] / rates[:, slowest])),
+        )
+        for k, name in enumerate(runs)
     ]
 
 
@@ -139,7 +146,7 @@ def _contact(model: Model) -> Callable[[int], None]:
 
 
 def _solver(model: Model, tolerance: float) -> Callable[[int], None]:
-    derivative = kernel(model.structure, inverse_dynamics).derivative
+    rates = derivative(model.structure)
     lengths, theta = np.array(model.lengths, float), np.array(model.theta, float)
     torques = _torques(1)[:, 0]
     state = initial_state(model)
@@ -149,7 +156,7 @@ def _solver(model: Model, tolerance: float) -> Callable[[int], None]:
         for step in range(steps):
             torque = torques[step % 16]
             now = solve_ivp(
-                lambda _, y, u=torque: derivative(y, u, lengths, theta),
+                lambda _, y, u=torque: rates(y, u, lengths, theta),
                 (0.0, PERIOD),
                 now,
                 rtol=tolerance,

@@ -54,7 +54,10 @@ def test_moves_simulators_for_the_same_time():
     found = {row.name: row for row in rows}
     assert found["environment, batch: full"].ratio == 1.0
     # Rolling contacts cost some thousand times as much: ten says that the order is right.
-    assert found["MuJoCo, rollers in contact: bare"].ratio > 10
+    contact = found["MuJoCo, rollers in contact: bare"]
+    assert contact.ratio > 10 and contact.by_contact == 1.0
+    bare = found["Plant, batch: bare"]
+    assert bare.by_contact == pytest.approx(contact.ratio / bare.ratio, rel=0.5)
 
 
 def test_draws_what_was_measured(tmp_path):
