@@ -30,10 +30,9 @@ from youbot_env.exports.c_code import (
 from youbot_env.model.model import Model
 from youbot_env.model.model_file import load_model
 from youbot_env.motions.multisine import Multisine, multisine
-from youbot_env.physics import inverse_dynamics as dynamics
-from youbot_env.simulation.compiled import kernel
 from youbot_env.simulation.delay_line import DelayLine
 from youbot_env.simulation.free_run import initial_state
+from youbot_env.simulation.lane_kernel import stepper
 from youbot_env.simulation.plant import plant_substeps
 
 EXAMPLE_SECONDS = 10.0
@@ -172,7 +171,7 @@ def example_run(controller: ComputedTorque, motion: Multisine, steps: int) -> tu
     line = DelayLine(max(model.delay + loop.delay, 0.0))
     state = initial_state(model)[None]
     command, angle, twists = np.zeros(4), np.zeros(4), np.empty((steps, 3))
-    advance: Any = kernel(model.structure, dynamics).advance
+    advance = stepper(model.structure)
     substeps, to_velocity = plant_substeps(model, period), velocity_map(model)
     controller.reset()
     for k in range(steps):

@@ -21,7 +21,7 @@ from youbot_env.physics.geometry import WHEELS
 from youbot_env.physics.mecanum import STATE
 from youbot_env.physics.mechanism import Instant
 from youbot_env.physics.stated_parameters import to_theta
-from youbot_env.simulation.compiled import kernel
+from youbot_env.simulation.compiled import derivative
 from youbot_env.simulation.free_run import initial_state
 
 Array = NDArray[np.float64]
@@ -193,7 +193,7 @@ class Platform:
         model = signals.model
         self._model, self._places = model, signals.places
         self._size = len(model.structure.state_names)
-        self._derivative: Any = kernel(model.structure, dynamics).derivative
+        self._derivative: Any = derivative(model.structure)
         # The last parameters and their theta: python-control passes them at every call.
         self._known: tuple[dict[str, float], Array] = (dict(model.values), model.theta)
 

@@ -11,8 +11,7 @@ from numpy.typing import ArrayLike, NDArray
 from youbot_env.errors import InputError
 from youbot_env.model.model import Model
 from youbot_env.model.model_file import load_model
-from youbot_env.physics import inverse_dynamics as dynamics
-from youbot_env.simulation.compiled import kernel
+from youbot_env.simulation.lane_kernel import stepper
 from youbot_env.simulation.plant import plant_substeps
 
 Array = NDArray[np.float64]
@@ -39,7 +38,7 @@ class StepFunction:
             raise InputError("step function: substeps must be at least 1")
         refuse_delay(model, "a step function", "youbot_env.Plant")
         self.substeps = substeps or plant_substeps(model, self.duration)
-        self._advance: Any = kernel(model.structure, dynamics).advance
+        self._advance: Any = stepper(model.structure)
 
     def __call__(self, state: ArrayLike, torque: ArrayLike) -> Array:
         """State (..., S) after ``duration`` under interface torques (..., 4) [N m], held constant.
@@ -54,9 +53,9 @@ class StepFunction:
                 f"not {state.shape} and {torque.shape}"
             )
         lead = np.broadcast_shapes(state.shape[:-1], torque.shape[:-1])
-        # Copies: the kernel writes into the states, and takes contiguous rows alone.
-        rows = np.array(np.broadcast_to(state, (*lead, size))).reshape(-1, size)
-        held = np.array(np.broadcast_to(torque, (*lead, 4))).reshape(-1, 4)
+        # Copies: the kernel writes into the states, and takes rows side by side alone.
+        rows = np.array(np.broadcast_to(state, (*lead, size)), order="C").reshape(-1, size)
+        held = np.array(np.broadcast_to(torque, (*lead, 4)), order="C").reshape(-1, 4)
         theta = np.tile(self.model.theta, (len(rows), 1))
         self._advance(rows, held, self.model.lengths, theta, self.duration, self.substeps)
         return rows.reshape(*lead, size)
@@ -66,7 +65,7 @@ class StepFunction:
 
     def __setstate__(self, state: dict[str, Any]) -> None:
         self.__dict__.update(state)
-        self._advance = kernel(self.model.structure, dynamics).advance
+        self._advance = stepper(self.model.structure)
 
 
 def step_function(

@@ -36,6 +36,8 @@ from youbot_env.simulation.lane_calls import (
     rates_signature,
 )
 
+Array = NDArray[np.float64]
+
 
 class Generated(Protocol):
     """What a module is generated from, beside a structure. A value of it can be hashed.
@@ -54,27 +56,6 @@ class Generated(Protocol):
     @property
     def variant(self) -> str: ...
     def source(self, structure: Any) -> str: ...
-
-
-@dataclass(frozen=True)
-class Kernel:
-    """Compiled functions for one set of effects.
-
-    advance(state, torque, lengths, theta, duration, substeps)
-        ``state`` (n, S) moves on in place by ``duration`` [s] under the interface torques
-        ``torque`` (n, 4) [N m], held constant. ``lengths``: the mechanism's, in its order;
-        ``theta`` (n, P) in the order of ``structure.parameter_names``. One platform is a batch of
-        one: the same code.
-    derivative(state, torque, lengths, theta)
-        Rates (S,) of a state (S,) under acting torques (4,), with ``theta`` (P,).
-    """
-
-    structure: Structure
-    advance: Callable[..., None]
-    derivative: Callable[..., NDArray[np.float64]]
-
-    def __reduce__(self) -> Any:
-        return kernel, (self.structure,)
 
 
 @dataclass(frozen=True)
@@ -109,12 +90,14 @@ class InverseKernel:
         return inverse_kernel, (self.structure,)
 
 
-def kernel(structure: Structure, dynamics: Dynamics = inverse_dynamics) -> Kernel:
-    """The compiled kernel of a structure of any mechanism; compiles at the first use on a machine.
+def derivative(structure: Structure, dynamics: Dynamics = inverse_dynamics) -> Callable[..., Array]:
+    """The compiled rates of a structure of any mechanism; compiles at the first use on a machine.
 
-    A cached file that is torn or damaged is written again.
+    derivative(state, torque, lengths, theta)
+        Rates (S,) of a state (S,) under interface torques (4,), with ``theta`` (P,) in the order of
+        ``structure.parameter_names`` and the mechanism's ``lengths`` in its order.
     """
-    return built(structure, System(dynamics), _compiled)
+    return built(structure, System(dynamics), _compiled_derivative)
 
 
 def rollout(structure: Structure, dynamics: Dynamics) -> Callable[..., None]:
@@ -160,24 +143,20 @@ def _code(path: Path) -> tuple[int, int, int]:
     return known, address_of(module.rates, rates_signature()), module.KNOWN
 
 
-def _compiled(structure: Structure, path: Path) -> Kernel:
-    """Load a generated module and call its functions once, so that a damaged cache fails here."""
+def _compiled_derivative(structure: Structure, path: Path) -> Callable[..., Array]:
+    """Load a generated module and call its function once, so that a damaged cache fails here."""
     code = _code(path)
 
-    def derivative(*arrays: NDArray[np.float64]) -> NDArray[np.float64]:
+    def rates(*arrays: Array) -> Array:
         given = [np.ascontiguousarray(array, float) for array in arrays]
         found = np.empty(len(given[0]))
         runge_kutta.derivative(code, *given, found)
         return found
 
-    found = Kernel(structure, Bound(runge_kutta.advance, code), derivative)
-    size, count = len(structure.state_names), len(structure.parameter_names)
-    # Arrays of the types and layout of later calls: numba compiles for just these.
-    state, torque = np.zeros((2, size)), np.zeros((2, len(structure.mechanism.joints)))
-    found.advance(
-        state, torque, np.ones(len(structure.mechanism.lengths)), np.ones((2, count)), 0.0, 1
-    )
-    return found
+    mechanism = structure.mechanism
+    sizes = (structure.state_names, mechanism.joints, mechanism.lengths, structure.parameter_names)
+    rates(*(np.ones(len(names)) for names in sizes))
+    return rates
 
 
 def _compiled_rollout(structure: Structure, path: Path) -> Callable[..., None]:

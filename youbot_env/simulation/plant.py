@@ -18,8 +18,8 @@ from youbot_env.physics import inverse_dynamics as dynamics
 from youbot_env.physics.effect import ACTUATOR, CATALOGUE, CHANNEL, CLOCK
 from youbot_env.physics.mecanum import STATE
 from youbot_env.physics.mechanism import Instant
-from youbot_env.simulation.compiled import kernel
 from youbot_env.simulation.free_run import initial_state, places_of, substeps
+from youbot_env.simulation.lane_kernel import stepper
 from youbot_env.simulation.platforms import (
     DRIVES,
     TWIST,
@@ -98,7 +98,7 @@ class Plant(StateRows):
         self._needed: dict[float, int] = {}
         late = count if self.structure.at(CLOCK) else 0
         self._lines = [drive_delay(model) for _ in range(late)]
-        self._advance: Any = kernel(self.structure, dynamics).advance
+        self._advance: Any = stepper(self.structure)
 
     def reset(
         self, model: Model | None = None, *, row: int | Sequence[int] | None = None, **start: Any
@@ -232,7 +232,7 @@ class Plant(StateRows):
 
     def __setstate__(self, state: dict[str, Any]) -> None:
         self.__dict__.update(state)
-        self._advance = kernel(self.structure, dynamics).advance
+        self._advance = stepper(self.structure)
 
 
 def _hold_weights(lags: Array, duration: float) -> tuple[Array, Array, Array]:

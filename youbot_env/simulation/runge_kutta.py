@@ -40,26 +40,6 @@ def _workspace(size):
     return work
 
 
-@njit(cache=True, error_model="numpy")
-def advance(code, state, torque, lengths, theta, duration, substeps):
-    """See ``compiled.Kernel``."""
-    size, inputs = state.shape[1], torque.shape[1]
-    work = _workspace(max(size, inputs))
-    # Copies, whose numbers lie side by side as the derivative reads them.
-    now, held, own = np.empty(size), np.empty(inputs), np.empty(theta.shape[1])
-    length, known = np.empty(len(lengths)), np.empty(code[2])
-    copied(lengths, length)
-    dt = duration / substeps
-    for row in range(state.shape[0]):
-        copied(state[row], now)
-        copied(torque[row], held)
-        copied(theta[row], own)
-        call_known(code[0], length, own, known)
-        for _ in range(substeps):
-            _step(code[1], now, held, held, dt, known, work)
-        copied(now, state[row])
-
-
 @njit(cache=True, error_model="numpy", nogil=True)
 def rollout(code, start, torque, duration, lengths, theta, substeps, out):
     """See ``compiled.rollout``. Other threads run meanwhile: a long log takes a second."""

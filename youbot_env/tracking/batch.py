@@ -413,7 +413,10 @@ class Batch:
     def _workspace(self, number: int) -> tuple[Numbers, Numbers, NDArray[np.float32]]:
         """What a thread works in: w, v and f."""
         while len(self._work) <= number:
-            sizes, real = (self._kernel.workspace * LANES, lanes.WORK * LANES), self.setup.real
+            sizes, real = (
+                (self._kernel.plant.workspace * LANES, lanes.WORK * LANES),
+                self.setup.real,
+            )
             normals = np.zeros((1, 4 * LANES), np.float32)
             self._work.append((np.zeros(sizes[0], real), np.zeros(sizes[1], real), normals))
         return self._work[number]

@@ -26,7 +26,7 @@ from youbot_env.model.model import BASE_UNITS, Estimate, Model
 from youbot_env.motions.calibration import calibration
 from youbot_env.physics import inverse_dynamics as dynamics
 from youbot_env.physics.geometry import Geometry
-from youbot_env.simulation.compiled import kernel
+from youbot_env.simulation.compiled import rollout
 
 PLATFORMS = 60
 RANGES = {
@@ -103,7 +103,7 @@ def one_case(seed: tuple[int, int]) -> Case:
 
 def study(platforms: int, seed: int = 0) -> Iterator[Case]:
     """Cases of that many random platforms, on two processes."""
-    kernel(
+    rollout(
         Model(Geometry(), {n: Estimate(1e2, u) for n, u in BASE_UNITS.items()}).structure, dynamics
     )
     fork = multiprocessing.get_context("fork")  # the children find this module as it is

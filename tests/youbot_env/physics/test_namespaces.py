@@ -16,7 +16,8 @@ from youbot_env.physics.effect import CATALOGUE, WHEEL, Parameter, effect
 from youbot_env.physics.mecanum import mecanum_structure
 from youbot_env.physics.mechanism import Instant, ModelStructure
 from youbot_env.physics.namespaces import floats, symbols, tensors
-from youbot_env.simulation.compiled import kernel
+from youbot_env.simulation.compiled import derivative
+from youbot_env.simulation.lane_kernel import stepper
 
 COUNT = 7
 
@@ -129,9 +130,9 @@ def test_the_compiled_derivative_is_the_same(case: str):
     m, at = model(case), batch()
     torque = np.array(at.torque)
     states = np.array([np.broadcast_to(v, COUNT) for v in state_of(m.structure, at)])
-    derivative = kernel(m.structure, dynamics).derivative
+    rates = derivative(m.structure)
     compiled = np.array(
-        [derivative(states[:, k], torque[:, k], m.lengths, m.theta) for k in range(COUNT)]
+        [rates(states[:, k], torque[:, k], m.lengths, m.theta) for k in range(COUNT)]
     )
     plain = m.state_derivative(states.T, torque.T)
     np.testing.assert_allclose(compiled, plain, rtol=1e-11, atol=1e-11)
@@ -149,7 +150,7 @@ def test_a_compiled_step_is_a_runge_kutta_step_of_the_derivative(case: str):
     d = m.state_derivative(states + dt * c, torque)
     expected = states + dt / 6 * (a + 2 * b + 2 * c + d)
     theta = np.tile(m.theta, (COUNT, 1))
-    kernel(m.structure, dynamics).advance(states, torque, m.lengths, theta, dt, 1)
+    stepper(m.structure)(states, torque, m.lengths, theta, dt, 1)
     np.testing.assert_allclose(states, expected, rtol=1e-12, atol=1e-12)
 
 
@@ -189,10 +190,11 @@ def test_every_function_an_effect_may_use_works_everywhere(everything_xp_offers:
     tensor = [torch.as_tensor(v, dtype=torch.float64) for v in results(tensors(), m, theta, single)]
     np.testing.assert_allclose(torch.stack(tensor).numpy(), expected[:, 0], rtol=1e-12)
     states = state_of(m.structure, single)
-    compiled = kernel(m.structure, dynamics).derivative(states, single.torque, m.lengths, m.theta)
+    rates = derivative(m.structure)
+    compiled = rates(states, single.torque, m.lengths, m.theta)
     np.testing.assert_allclose(compiled, expected[-len(states) :, 0], rtol=1e-10)
     standing = np.zeros(len(states))
-    still = kernel(m.structure, dynamics).derivative(standing, np.zeros(4), m.lengths, m.theta)
+    still = rates(standing, np.zeros(4), m.lengths, m.theta)
     np.testing.assert_allclose(still, m.state_derivative(standing, np.zeros(4)), atol=1e-12)
 
 

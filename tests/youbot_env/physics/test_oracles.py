@@ -15,8 +15,8 @@ from youbot_env.physics.effect import BODY, ROLLER, WHEEL, WORLD, Body, Effect
 from youbot_env.physics.geometry import Geometry
 from youbot_env.physics.hardware import WHEELS
 from youbot_env.physics.mechanism import EffectPoints, Instant
-from youbot_env.simulation.compiled import kernel
 from youbot_env.simulation.free_run import initial_state
+from youbot_env.simulation.lane_kernel import stepper
 
 PLATFORM = {
     **{"m0": 31.0, "I0": 3.1, "I1": 0.009},
@@ -270,7 +270,7 @@ def test_rigid_trajectory_equals_mujocos(engine):
         mujoco.mj_step(m, data)
     state = initial_state(RIGID, twist=twist)[None]
     torque = RIGID.geometry.wheel_torque(force)[None]
-    advance = kernel(RIGID.structure, dynamics).advance
+    advance = stepper(RIGID.structure)
     advance(state, torque, RIGID.lengths, RIGID.theta[None], 1.5, 1500)
     np.testing.assert_allclose(state[0, 3:6], data.qpos, rtol=0, atol=1e-6)
     np.testing.assert_allclose(

@@ -38,7 +38,7 @@ from youbot_env.physics.geometry import (
     uneven_contacts,
     wheel_rates,
 )
-from youbot_env.simulation.compiled import inverse_kernel, kernel
+from youbot_env.simulation.compiled import derivative, inverse_kernel
 
 IN_O = Geometry(l=0.55, h=0.15, arrangement="O")
 IN_X = replace(IN_O, arrangement="X", l=IN_O.l - 2 * IN_O.h)
@@ -162,7 +162,7 @@ def test_compiled_code_and_tensors_are_the_same_physics(name: str, case: str):
     size = len(m.structure.state_names)
     state, torque = rng.uniform(-1, 1, (20, size)), rng.uniform(-2, 2, (20, 4))
     expected = m.state_derivative(state, torque)
-    code = kernel(m.structure, dynamics).derivative
+    code = derivative(m.structure)
     for row, drive, rates in zip(state, torque, expected, strict=True):
         found = code(row, drive, m.lengths, m.theta)
         np.testing.assert_allclose(found, rates, rtol=1e-9, atol=1e-9)

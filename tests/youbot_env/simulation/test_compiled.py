@@ -19,6 +19,7 @@ from youbot_env.physics.effect import CATALOGUE
 from youbot_env.physics.mecanum import mecanum_structure
 from youbot_env.simulation import compiled as kernels
 from youbot_env.simulation.generated_code import System
+from youbot_env.simulation.lane_kernel import stepper
 
 BASE = mecanum_structure()
 
@@ -63,9 +64,7 @@ def expected() -> float:
     """What each process must find: four steps from rest under 1 N m at each wheel."""
     m = load_model("paper")
     state = np.zeros((1, 11))
-    kernels.kernel(m.structure, dynamics).advance(
-        state, np.ones((1, 4)), m.lengths, m.theta[None], 0.04, 400
-    )
+    stepper(m.structure)(state, np.ones((1, 4)), m.lengths, m.theta[None], 0.04, 400)
     return state[0, 0]
 
 

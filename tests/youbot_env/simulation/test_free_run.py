@@ -16,7 +16,7 @@ from youbot_env.physics.catalogue import GRAVITY
 from youbot_env.physics.geometry import wheel_rates
 from youbot_env.physics.mecanum import FULL_SPEED, MECANUM
 from youbot_env.physics.mechanism import EffectPoints, Instant, component_force
-from youbot_env.simulation.compiled import kernel
+from youbot_env.simulation.compiled import derivative, rollout
 from youbot_env.simulation.free_run import (
     initial_state,
     ripple_rate,
@@ -156,13 +156,14 @@ def test_integrator_is_of_fourth_order(case: str):
     """
     m = model(case)
     at_rest = {"torque_rate": np.zeros(4), "time": LATE}
-    torque = m.inverse_dynamics((0.7, 0.4, 0.15), np.zeros(3), **at_rest)[None]
-    start = initial_state(m, twist=(0.9, 0.3, 0.1), torque=0.8 * torque[0], time=LATE)
+    torque = m.inverse_dynamics((0.7, 0.4, 0.15), np.zeros(3), **at_rest)
+    start = initial_state(m, twist=(0.9, 0.3, 0.1), torque=0.8 * torque, time=LATE)
 
     def final(steps: int) -> np.ndarray:
-        state = start[None].copy()
-        kernel(m.structure, dynamics).advance(state, torque, m.lengths, m.theta[None], 0.4, steps)
-        return state[0]
+        out, held = np.empty((2, len(start))), np.repeat(torque[None], 2, axis=0)
+        run = rollout(m.structure, dynamics)
+        run(start, held, np.array([0.4]), m.lengths, m.theta, steps, out)
+        return out[1]
 
     # Finer, all effects together come to the kinks of the weakest ones.
     coarse = 64 if m.structure.depends_on_angle else 24
@@ -178,12 +179,12 @@ def reference_run(m: Model, time: np.ndarray, torque: np.ndarray, start: np.ndar
 
     The compiled derivative is the stated one: ``tests/youbot_env/physics/test_namespaces.py``.
     """
-    derivative = kernel(m.structure, dynamics).derivative
+    slopes = derivative(m.structure)
     states = [start]
 
     def rates(t: float, y: np.ndarray):
         now = np.array([np.interp(t - m.delay, time, column) for column in torque.T])
-        return derivative(y, now, m.lengths, m.theta)
+        return slopes(y, now, m.lengths, m.theta)
 
     for k in range(len(time) - 1):
         solved = solve_ivp(
@@ -226,20 +227,6 @@ def test_a_delay_moves_the_torques_and_nothing_else(delay: float):
     states = simulate(m, time, torque, moving(m))
     at = [int(np.abs(knots - t).argmin()) for t in time]
     np.testing.assert_allclose(states, expected[at], rtol=0, atol=5e-6)
-
-
-def test_batch_rows_do_not_touch_each_other():
-    m = model("everything")
-    rng = np.random.default_rng(0)
-    states = np.array([initial_state(m, twist=rng.normal(size=3)) for _ in range(5)])
-    torque = rng.normal(size=(5, 4))
-    theta = m.theta * rng.uniform(0.9, 1.1, (5, 1))
-    advance = kernel(m.structure, dynamics).advance
-    alone = states.copy()
-    for k in range(5):
-        advance(alone[k : k + 1], torque[k : k + 1], m.lengths, theta[k : k + 1], 0.02, 7)
-    advance(states, torque, m.lengths, theta, 0.02, 7)
-    np.testing.assert_array_equal(states, alone)
 
 
 def test_a_gap_is_stepped_as_finely_as_the_rest():
