@@ -43,6 +43,7 @@ from identification.fitting.errors import (
 from identification.fitting.gauge import gauge_basis
 from identification.fitting.held_channels import as_they_mean
 from identification.fitting.lasting_noise import lasting_noise, torque_noise
+from identification.fitting.long_logs import averaged_to_most
 from identification.fitting.predictability import (
     NoiseFloor,
     Predictability,
@@ -58,10 +59,9 @@ from identification.fitting.regression import (
     regressions,
 )
 from identification.fitting.span import Span, stacked
-from identification.logs.findings import names_of
 from identification.logs.log import Log
 from identification.mechanisms.mechanism import Mechanism
-from identification.mechanisms.samples import DemandedForce, Samples, averaged_down, cut
+from identification.mechanisms.samples import DemandedForce, Samples, cut
 from youbot_env.errors import InputError
 from youbot_env.physics.effect import effect_of
 
@@ -402,7 +402,12 @@ class LoggedData:
         settings: DiagnosisSettings = DiagnosisSettings(),
     ) -> None:
         held = as_they_mean(mechanism, mechanism.samples_of(logs), settings.fit)
-        self.samples, averaged = averaged_to_most(held.samples, settings)
+        self.samples, averaged = averaged_to_most(
+            held.samples,
+            settings.max_samples,
+            settings.min_sample_rate,
+            "the search for effects takes in minutes",
+        )
         self.notes, self.is_long = (*held.notes, *averaged), bool(averaged)
         self.noise = [NoiseLevel.of(samples, settings.fit) for samples in self.samples]
         self.seed, self.progress, self.settings = seed, progress, settings
@@ -514,32 +519,6 @@ class LoggedData:
     def floor(self, fitted: FittedStructure) -> NoiseFloor:
         """What noise leaves at the fitted structure."""
         return self._remainder(fitted).floor
-
-
-def averaged_to_most(
-    samples: Sequence[Samples], settings: DiagnosisSettings
-) -> tuple[list[Samples], list[str]]:
-    """Samples that are no more than a search takes in bounded time, and what was done, in words.
-
-    Faster logs are averaged down, those of one rate alike; none below a rate that all effects are
-    told apart at.
-    """
-    count = sum(map(len, samples))
-    if count <= settings.max_samples:
-        return list(samples), []
-    share = settings.max_samples / count
-    found = [
-        averaged_down(item, max(share / item.dt, settings.min_sample_rate)) for item in samples
-    ]
-    ways = {(round(1.0 / a.dt), round(1.0 / b.dt)) for a, b in zip(samples, found, strict=True)}
-    rates = [f"from {fast} Hz to {slow} Hz" for fast, slow in sorted(ways) if fast != slow]
-    if not rates:
-        return found, []
-    names = names_of([a.name for a, b in zip(samples, found, strict=True) if a is not b])
-    return found, [
-        f"{names}: {count} samples are more than the search for effects takes in minutes; averaged "
-        f"{' and '.join(rates)}, all of the time"
-    ]
 
 
 def worse_by(item: Candidate, leader: Candidate, base: FittedStructure) -> float:

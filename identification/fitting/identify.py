@@ -23,6 +23,7 @@ from identification.fitting.held_channels import as_they_mean
 from identification.fitting.kinematic_evidence import doubts_of_kinematics
 from identification.fitting.late_efforts import late_efforts
 from identification.fitting.least_squares import Fit, fit
+from identification.fitting.long_logs import averaged_to_most
 from identification.fitting.misfit import NEXT_COMMAND, misfit_warning
 from identification.fitting.observability import (
     Observability,
@@ -261,9 +262,9 @@ def identify(
         raise InputError("no log given: identify needs at least one")
     start = start or load_model("paper")
     mechanism = mechanism_of(start, geometry, settings.mechanism)
-    held = as_they_mean(mechanism, mechanism.samples_of(logs), settings)
-    refuse_unseen_logs(mechanism, start.theta, held.samples)
-    samples = tuple(placed_on_clock(mechanism, start.theta, held.samples, settings))
+    samples, notes = _samples_to_fit(mechanism, logs, settings)
+    refuse_unseen_logs(mechanism, start.theta, samples)
+    samples = tuple(placed_on_clock(mechanism, start.theta, samples, settings))
     free = np.flatnonzero(mechanism.free)
     rows = regressions(mechanism, start.theta, samples, free, settings)
     total = log_observability(mechanism, rows, settings)
@@ -303,7 +304,7 @@ def identify(
     of_logs = [*warnings_of_logs(logs), late.words if late else ""]
     doubts = [line for line in (doubt, *of_logs, misfit) if line]
     doubts += [too_short(predictable)] if predictable.is_short and not misfit else []
-    doubts += [*held.notes, *coarse_speed_warnings(samples, final)]
+    doubts += [*notes, *coarse_speed_warnings(samples, final)]
     noise = [NoiseLevel.of(item, settings).speed for item in samples]
     doubts += doubts_of_kinematics(mechanism, final.theta, samples, noise, settings)
     return Identification(
@@ -324,6 +325,18 @@ def identify(
         told_first=len(doubts),
         at_rest=_hidden(moved, settings),
     )
+
+
+def _samples_to_fit(
+    mechanism: Mechanism, logs: Sequence[Log], settings: FitSettings
+) -> tuple[Sequence[Samples], list[str]]:
+    """The logs as their channels are to be read, no more samples than a fit needs; and notes."""
+    # Of an hour at 1 kHz the samples as logged take half a gigabyte: they end with this function.
+    held = as_they_mean(mechanism, mechanism.samples_of(logs), settings)
+    samples, averaged = averaged_to_most(
+        held.samples, settings.max_samples, settings.min_sample_rate, "a fit needs"
+    )
+    return samples, [*held.notes, *averaged]
 
 
 def _doubt_unless_blind(

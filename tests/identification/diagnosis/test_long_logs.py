@@ -9,19 +9,13 @@ import pytest
 
 from identification.diagnosis.candidates import _instants, fit_base, rank
 from identification.diagnosis.settings import DiagnosisSettings
-from identification.diagnosis.structures import LoggedData, averaged_to_most
+from identification.diagnosis.structures import LoggedData
 from identification.mechanisms.registry import mechanism_of
 from tests.identification.healthy import healthy_log
 from tests.identification.recordings import recording
 from youbot_env.model.model_file import load_model
 
 MECHANISM = mechanism_of(load_model("paper"))
-
-
-def test_logs_of_usual_length_stay_as_they_are():
-    samples = [MECHANISM.samples(healthy_log(rate=1000.0, duration=5.0))]
-    found, notes = averaged_to_most(samples, DiagnosisSettings())
-    assert found[0] is samples[0] and not notes
 
 
 def test_long_logs_are_averaged_down_and_it_is_said():
@@ -39,12 +33,6 @@ def test_long_logs_are_averaged_down_and_it_is_said():
     assert fast.time[-1] == pytest.approx(before.time[-1], abs=0.01)
     (note,) = data.notes
     assert "at_1000: 10500 samples" in note and "from 1000 Hz to 200 Hz" in note
-
-
-def test_no_log_is_averaged_below_the_least_rate():
-    samples = [MECHANISM.samples(healthy_log(rate=150.0, duration=5.0))]
-    found, notes = averaged_to_most(samples, DiagnosisSettings(max_samples=10))
-    assert found[0] is samples[0] and not notes
 
 
 def test_instants_of_long_logs_are_spread_over_all_of_it():
