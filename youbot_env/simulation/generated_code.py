@@ -14,11 +14,13 @@ from typing import Any, ClassVar, Protocol
 
 from youbot_env.physics.mechanism import Components, Instant, ModelStructure
 from youbot_env.physics.namespaces import Number, symbols
+from youbot_env.simulation.printing import python_printer
 
 SOURCES = tuple(
     f"youbot_env.{name}"
     for name in (
         "simulation.generated_code",
+        "simulation.printing",
         "physics.effect",
         "physics.geometry",
         "physics.mechanism",
@@ -90,8 +92,8 @@ def kernel_source(structure: Structure, dynamics: Dynamics) -> str:
     names = {
         "state": [f"s{i}" for i in range(len(structure.state_names))],
         "torque": [f"u{i + 1}" for i in range(len(structure.mechanism.joints))],
-        "lengths": _lengths(structure),
-        "theta": _theta(structure),
+        "lengths": length_names(structure),
+        "theta": theta_names(structure),
     }
     shared, results = _printed(derivative_formulas(structure, dynamics, names))
     fixed = {f"{name}[{{0}}]": names[name] for name in ("lengths", "theta")}
@@ -238,7 +240,7 @@ def pointer_source(name: str, formulas: Formulas, arrays: Mapping[str, Sequence[
 def _printed(formulas: Formulas) -> tuple[list[tuple[str, str]], list[str]]:
     """Common subexpressions by name, and the results, as code."""
     shared, values = formulas.shared()
-    printer = _printer()
+    printer = python_printer()
     parts = [(str(part), printer.doprint(value)) for part, value in shared]
     return parts, [printer.doprint(value) for value in values]
 
@@ -266,18 +268,6 @@ def _pointer_function(
     return "\n    ".join([f"{CALLED}\n{head}", *loads, *lines, "return 0\n"])
 
 
-def _printer() -> Any:
-    from sympy.printing.pycode import PythonCodePrinter
-
-    class Printer(PythonCodePrinter):
-        def _print_sign(self, expr: Any) -> str:
-            # Sympy prints sign as copysign(1, x), which is not 0 at 0. NaN gives 0 here.
-            x = self._print(expr.args[0])
-            return f"(1.0 if {x} > 0 else -1.0 if {x} < 0 else 0.0)"
-
-    return Printer({"fully_qualified_modules": False})
-
-
 MOTION = (
     *("vx", "vy", "wz", "ax", "ay", "alpha", "x", "y", "yaw"),
     *("q1", "q2", "q3", "q4", "time"),
@@ -299,7 +289,7 @@ class Inverse(_OfDynamics):
 
     def source(self, structure: Structure) -> str:
         """Python source of a module with ``demand`` and ``command``, see ``inverse_loops``."""
-        known = {"lengths": _lengths(structure), "theta": _theta(structure)}
+        known = {"lengths": length_names(structure), "theta": theta_names(structure)}
         motion = {"motion": MOTION, "torque": TORQUES}
         torque = {"torque": TORQUES, "rate": RATES, "second": SECOND_RATES, "motion": MOTION}
         return "\n\n".join(
@@ -315,11 +305,13 @@ class Inverse(_OfDynamics):
         )
 
 
-def _lengths(structure: Structure) -> list[str]:
+def length_names(structure: Structure) -> list[str]:
+    """Names of a mechanism's lengths in generated code."""
     return [f"g_{name}" for name in structure.mechanism.lengths]
 
 
-def _theta(structure: Structure) -> list[str]:
+def theta_names(structure: Structure) -> list[str]:
+    """The same of the parameters."""
     return [f"p{i}" for i in range(len(structure.parameter_names))]
 
 
@@ -337,8 +329,8 @@ def demand_formulas(
     ``lengths``, ``theta``; by default as the platform's compiled code takes them.
     """
     mechanism = structure.mechanism
-    lengths = _lengths(structure) if lengths is None else lengths
-    names = motion, torque, lengths, _theta(structure) if theta is None else theta
+    lengths = length_names(structure) if lengths is None else lengths
+    names = motion, torque, lengths, theta_names(structure) if theta is None else theta
     moving, acting, length, parameter = (real_symbols(group) for group in names)
     geometry = SimpleNamespace(**dict(zip(mechanism.lengths, length, strict=True)))
     pose = 2 * len(mechanism.axes)
@@ -372,8 +364,15 @@ def command_formulas(
     The arguments are named as those of `demand_formulas`.
     """
     mechanism = structure.mechanism
-    lengths = _lengths(structure) if lengths is None else lengths
-    names = torque, rate, second, motion, lengths, _theta(structure) if theta is None else theta
+    lengths = length_names(structure) if lengths is None else lengths
+    names = (
+        torque,
+        rate,
+        second,
+        motion,
+        lengths,
+        theta_names(structure) if theta is None else theta,
+    )
     acting, changing, bending, moving, length, parameter = (real_symbols(group) for group in names)
     geometry = SimpleNamespace(**dict(zip(mechanism.lengths, length, strict=True)))
     # Drives and channels read no acceleration, pose or angle.

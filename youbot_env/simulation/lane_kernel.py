@@ -27,7 +27,9 @@ from youbot_env.simulation.lane_calls import (
     on_rows,
     plant_signature,
 )
-from youbot_env.simulation.lane_code import DRAWS, DURATION, LANES, TORQUE, lane_source
+from youbot_env.simulation.lane_code import lane_source
+from youbot_env.simulation.lane_draws import DRAWS, draw_source
+from youbot_env.simulation.lane_layout import DURATION, LANES, TORQUE
 from youbot_env.simulation.lane_math import given, put
 from youbot_env.simulation.single_precision import in_single
 
@@ -40,7 +42,8 @@ from youbot_env.caching import njit
 '''
 
 LANE_SOURCES = (
-    *("youbot_env.simulation.lane_code", "youbot_env.simulation.lane_math"),
+    *(f"youbot_env.simulation.lane_{name}" for name in ("code", "draws", "layout", "program")),
+    "youbot_env.simulation.lane_math",
     *("youbot_env.simulation.lane_math_single", "youbot_env.simulation.single_precision"),
     "youbot_env.simulation.lane_calls",
 )
@@ -69,7 +72,8 @@ class Lanes:
 
     def source(self, structure: Structure) -> str:
         """The whole module."""
-        generated = lane_source(structure, self.dynamics)
+        parts = lane_source(structure, self.dynamics), draw_source(structure, self.dynamics)
+        generated = "\n\n".join(parts)
         if self.single:
             return "\n".join([HEADER, in_single(generated, DRAWS)])
         return "\n".join(

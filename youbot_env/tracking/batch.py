@@ -20,7 +20,7 @@ from youbot_env.motions.base import Motion
 from youbot_env.physics.effect import CLOCK
 from youbot_env.physics.stated_parameters import to_public
 from youbot_env.simulation.free_run import initial_state
-from youbot_env.simulation.lane_code import LANES
+from youbot_env.simulation.lane_layout import LANES
 from youbot_env.simulation.platforms import drive_delay
 from youbot_env.threads import threads as usual_threads
 from youbot_env.tracking import handover, period_lanes as lanes

@@ -11,7 +11,7 @@ import numpy as np
 
 from youbot_env.caching import njit
 from youbot_env.simulation.lane_calls import copied, on_beginnings, on_parameters, on_rows
-from youbot_env.simulation.lane_code import DURATION, LANES, LATE
+from youbot_env.simulation.lane_layout import DURATION, LANES, LATE
 from youbot_env.simulation.lane_math import pointer, real, taken_before
 from youbot_env.tracking import episode_draws as draw
 from youbot_env.tracking.period_lanes import (

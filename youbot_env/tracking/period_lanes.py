@@ -1,6 +1,6 @@
 """One control period of a block of rows around the plant: actions, references, sensors, reward.
 
-Every function works on ``lanes`` rows of one block; see ``simulation.lane_code`` for the form of
+Every function works on ``lanes`` rows of one block; see ``simulation.lane_layout`` for the form of
 its fields. Loops over rows hold no call and no branch, so that the compiler turns them into vector
 instructions; what is rare stands in loops of its own. Generated code in single precision is made
 from this source.
@@ -22,7 +22,7 @@ import numba
 import numpy as np
 
 from youbot_env.caching import njit
-from youbot_env.simulation.lane_code import LANES
+from youbot_env.simulation.lane_layout import LANES
 from youbot_env.simulation.lane_math import (
     fetch,
     fma,

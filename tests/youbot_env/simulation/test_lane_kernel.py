@@ -7,8 +7,8 @@ import pytest
 
 from youbot_env import load_model
 from youbot_env.simulation.free_run import initial_state
-from youbot_env.simulation.lane_code import LANES, TOGETHER
 from youbot_env.simulation.lane_kernel import stepper
+from youbot_env.simulation.lane_layout import LANES, TOGETHER
 
 
 def rows(count):

@@ -14,7 +14,7 @@ from gymnasium.vector.utils import batch_space
 
 from youbot_env import InputError
 from youbot_env.motions.calibration import motion_iii
-from youbot_env.simulation.lane_code import LANES
+from youbot_env.simulation.lane_layout import LANES
 from youbot_env.tracking.env import YouBotTrackingEnv
 from youbot_env.tracking.vector_env import INFO_NAMES, YouBotTrackingVectorEnv
 
