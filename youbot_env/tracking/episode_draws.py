@@ -81,10 +81,12 @@ def _drawn_words(key, episode, out):
 
 
 @njit(cache=True, inner=True, error_model="numpy", nogil=True)
-def _harmonics(tones, first, last, drawn, out):
-    """Distinct harmonics (3 tones,), dealt to the axes: out[axis * tones + tone]."""
+def _harmonics(tones, first, last, drawn, chosen, out):
+    """Distinct harmonics (3 tones,), dealt to the axes: out[axis * tones + tone].
+
+    ``chosen`` (3 tones,): workspace.
+    """
     needed = 3 * tones
-    chosen = np.empty(needed, np.int64)
     if last - first + 1 == needed:
         for step in range(needed):
             chosen[step] = first + step
@@ -226,8 +228,11 @@ def _largest_of_sums(even, odd):
 
 
 @njit(cache=True, inner=True, error_model="numpy", nogil=True)
-def workspace(tones, steps):
-    """Arrays that ``draw_reference`` works in, for any number of episodes."""
+def workspace(tones, steps, ready):
+    """Arrays that ``draw_reference`` works in, for any number of episodes.
+
+    ``ready``: whether there is a table of carriers, so that episodes compute none of their own.
+    """
     half, coarse = _padded(steps // 2 + 1), _coarse_points(steps)
     # Tones that are summed eight at a time: those beyond the last are 0. So is what sums begin at.
     eights = -(-tones // 8) * 8
@@ -237,7 +242,8 @@ def workspace(tones, steps):
         np.zeros(eights * PHASE_DRAWS, np.float32),
         np.zeros(eights * PHASE_DRAWS, np.float32),
     )
-    own = np.empty((3 * tones, 2 * half)), np.empty((3 * tones, 2 * coarse), np.float32)
+    rows = 0 if ready else 3 * tones
+    own = np.empty((rows, 2 * half)), np.empty((rows, 2 * coarse), np.float32)
     sums = np.empty((3, 2 * half)), np.empty(half)
     small = (
         np.empty((4, WORDS_A_TONE * tones), np.uint32),
@@ -245,6 +251,7 @@ def workspace(tones, steps):
         np.zeros(eights),
         np.zeros(eights),
         np.zeros(eights, np.int64),
+        np.empty(3 * tones, np.int64),
     )
     return choose, own, sums, small
 
@@ -294,9 +301,9 @@ def draw_reference(
     phase, harmonic (3 tones,), gain (3,) : filled; phases in turns, multiples of 1 / PHASES
     work : a ``workspace``
     """
-    choose, own, (sums, row), (drawn, tried, a, b, rows) = work
+    choose, own, (sums, row), (drawn, tried, a, b, rows, chosen) = work
     _drawn_words(key, episode, drawn)
-    _harmonics(tones, first, last, drawn, harmonic)
+    _harmonics(tones, first, last, drawn, chosen, harmonic)
     ready = len(known[0]) > 0
     fine, coarse = known if ready else own
     if not ready:

@@ -303,16 +303,19 @@ def period(listed, asked):
 
 
 @njit(cache=True, inner=True, error_model="numpy", nogil=True)
-def draw_reference(y, z, k, whole, places, work):
-    """The reference of the first row of a block, which follows no table, into its tones."""
+def draw_reference(y, z, k, whole, wanted, work):
+    """The reference of the first row of a block, which follows no table, into its tones.
+
+    ``wanted``: of references, see ``drawn_with``; ``work``: a workspace of ``episode_draws``, and
+    phases, harmonics (3 tones) and gains (3).
+    """
+    peaks, limits, jacobian, fine, coarse = wanted
+    space, phase, harmonic, gain = work
     tones = whole[TONES]
-    phase, harmonic, gain = np.empty(3 * tones), np.empty(3 * tones), np.empty(3)
-    known = doubles_at(places, FINE_AT), shown_at(places, COARSE_AT)
     draw.draw_reference(
-        *(tones, whole[FIRST], whole[LAST], doubles_at(places, PEAKS_AT)[0]),
-        *(doubles_at(places, LIMITS_AT)[0], doubles_at(places, JACOBIAN_AT)),
-        *(whole[PEAK_POINTS], known, np.uint64(k[KEY * LANES]), k[EPISODE * LANES]),
-        *(phase, harmonic, gain, work),
+        *(tones, whole[FIRST], whole[LAST], peaks[0], limits[0], jacobian, whole[PEAK_POINTS]),
+        *((fine, coarse), np.uint64(k[KEY * LANES]), k[EPISODE * LANES]),
+        *(phase, harmonic, gain, space),
     )
     for tone in range(3 * tones):
         z[2 * tone * LANES] = np.uint16(phase[tone] * draw.PHASES)
@@ -322,22 +325,66 @@ def draw_reference(y, z, k, whole, places, work):
 
 
 @njit(cache=True, inner=True, error_model="numpy", nogil=True)
-def draw_model(k, whole, places, lengths, theta, stated):
-    """Parameters of the model of the first row of a block, into theta."""
-    nominal = doubles_at(places, NOMINAL_AT)[0]
-    copied(nominal, theta)
+def draw_model(k, whole, plant, models, lengths, theta, stated):
+    """Parameters of the model of the first row of a block, into theta; models: ``drawn_with``."""
+    geometry, nominal, mean, spread, lower, upper = models
+    copied(nominal[0], theta)
     if whole[KIND] == draw.FIXED:
         return
-    mean, spread = doubles_at(places, MEAN_AT)[0], doubles_at(places, SPREAD_AT)
-    lower, upper = doubles_at(places, LOWER_AT)[0], doubles_at(places, UPPER_AT)[0]
-    geometry, drawn = doubles_at(places, GEOMETRY_AT)[0], places[PLACE * PLANT + DRAWN]
     key, episode = np.uint64(k[KEY * LANES]), k[EPISODE * LANES]
     for attempt in range(draw.ATTEMPTS):
         if draw.stated_parameters(
-            whole[KIND], mean, spread, lower, upper, key, episode, attempt, stated
-        ) and on_parameters(drawn, stated, geometry, lengths, theta):
+            *(whole[KIND], mean[0], spread, lower[0], upper[0]), key, episode, attempt, stated
+        ) and on_parameters(plant[DRAWN], stated, geometry[0], lengths, theta):
             return
-        copied(nominal, theta)
+        copied(nominal[0], theta)
+
+
+@njit(cache=True, inner=True, error_model="numpy", nogil=True)
+def drawn_with(places):
+    """What models and then references are drawn with."""
+    models = (
+        *(doubles_at(places, GEOMETRY_AT), doubles_at(places, NOMINAL_AT)),
+        *(doubles_at(places, MEAN_AT), doubles_at(places, SPREAD_AT)),
+        *(doubles_at(places, LOWER_AT), doubles_at(places, UPPER_AT)),
+    )
+    wanted = (
+        *(doubles_at(places, PEAKS_AT), doubles_at(places, LIMITS_AT)),
+        *(doubles_at(places, JACOBIAN_AT), doubles_at(places, FINE_AT)),
+        shown_at(places, COARSE_AT),
+    )
+    return models, wanted
+
+
+@njit(cache=True, inner=True, error_model="numpy", nogil=True)
+def begin_row(
+    x, y, z, k, p, w, v, table, start, tick, numbers, whole, lengths, plant, models, wanted, work,
+    model_work, sines,
+):  # fmt: skip
+    """Prepare the episode of the first row of a block, which begins in the state ``start``.
+
+    ``work``: see ``draw_reference``; ``model_work``: theta and stated parameters; ``sines``: see
+    ``reference_ahead``.
+    """
+    states, preview, one = whole[STATES], whole[PREVIEW], whole[STATES] - whole[STATES] + 1
+    actions, (theta, stated) = 3 * (preview + 1), model_work
+    if k[TABLE * LANES] < 0:
+        draw_reference(y, z, k, whole, wanted, work)
+    draw_model(k, whole, plant, models, lengths, theta, stated)
+    for field in range(states):
+        x[field * LANES] = start[field]
+    for field in range(len(theta)):
+        x[(states + field) * LANES] = theta[field]
+    k[CLOCK * LANES] = 0
+    for field in range(4 * whole[ACTIONS]):
+        p[(actions + field) * LANES] = 0.0
+    for field in range(4):
+        w[field * LANES] = 0.0
+    reference_ahead(y, z, k, p, table, tick, numbers, whole, sines)
+    if numbers[RESOLUTION] > 0.0:
+        on_rows(plant[RATES], x, w, v[SPEED * LANES :], one, 1, lengths)
+        window, counts = whole[WINDOW], 3 + 3 * (preview + 1)
+        begin_counts(x, y, v, 0, counts, tick % window, window, whole[ANGLES], numbers)
 
 
 @njit(cache=True, error_model="numpy", no_cpython_wrapper=True)
@@ -359,13 +406,14 @@ def begin_rows(listed, asked, start, first, last):
     w, v = row_at(places, W_AT), row_at(places, V_AT)
     whole, P = whole_at(places, WHOLE_AT)[0], shown_at(places, P_AT)
     final, final_report = shown_at(places, FINAL_AT), doubles_at(places, FINAL_REPORT_AT)
+    begun_at = carray(start, (whole[STATES],), real)
     plant = places[PLACE * PLANT :]
-    states, preview = whole[STATES], whole[PREVIEW]
-    actions, one = 3 * (preview + 1), last - last + 1
-    theta = np.empty(places[PLACE * NOMINAL_AT + 2])
-    stated = np.empty(places[PLACE * MEAN_AT + 2])
-    sines = np.empty(6 * whole[TONES], np.uint16), np.empty(3 * whole[TONES], X.dtype)
-    work = draw.workspace(whole[TONES], whole[PEAK_POINTS])
+    models, wanted = drawn_with(places)
+    tones = whole[TONES]
+    space = draw.workspace(tones, whole[PEAK_POINTS], len(wanted[3]) > 0)
+    work = space, np.empty(3 * tones), np.empty(3 * tones), np.empty(3)
+    sines = np.empty(6 * tones, np.uint16), np.empty(3 * tones, X.dtype)
+    model_work = np.empty(models[1].shape[1]), np.empty(models[2].shape[1])
     while row < last:
         b, i = row // LANES, row % LANES
         x, y, z, k, p = X[b, i:], Y[b, i:], Z[b, i:], K[b, i:], P[b, i:]
@@ -373,23 +421,10 @@ def begin_rows(listed, asked, start, first, last):
             final[row, column] = seen[column, row]
         for column in range(final_report.shape[1] if final_report.shape[0] else 0):
             final_report[row, column] = report[row, column]
-        if k[TABLE * LANES] < 0:
-            draw_reference(y, z, k, whole, places, work)
-        draw_model(k, whole, places, lengths, theta, stated)
-        for field in range(states):
-            x[field * LANES] = start[field]
-        for field in range(len(theta)):
-            x[(states + field) * LANES] = theta[field]
-        k[CLOCK * LANES] = 0
-        for field in range(4 * whole[ACTIONS]):
-            p[(actions + field) * LANES] = 0.0
-        for field in range(4):
-            w[field * LANES] = 0.0
-        reference_ahead(y, z, k, p, table, tick, numbers, whole, sines)
-        if numbers[RESOLUTION] > 0.0:
-            on_rows(plant[RATES], x, w, v[SPEED * LANES :], one, 1, lengths)
-            window, counts = whole[WINDOW], 3 + 3 * (preview + 1)
-            begin_counts(x, y, v, 0, counts, tick % window, window, whole[ANGLES], numbers)
+        begin_row(
+            x, y, z, k, p, w, v, table, begun_at, tick, numbers, whole, lengths, plant, models,
+            wanted, work, model_work, sines,
+        )  # fmt: skip
         row = next_beginning(K, row + 1, last)
     return 0
 
