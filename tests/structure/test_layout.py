@@ -41,6 +41,7 @@ MAY_IMPORT = {
         "threads": {"errors"},
         "tracking": {"motions", "contact", "threads"},
         "sb3": {"tracking"},
+        "gpu": {"tracking"},
         "equations": {"physics", "model"},
         "plugins": {"equations"},
     },

@@ -10,7 +10,7 @@ from __future__ import annotations
 import sys
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -133,6 +133,24 @@ def _width(rows: int) -> int:
     beyond = rows % page
     close = rows >= page and not 6 * line <= beyond <= page - 6 * line
     return rows + (9 * line - beyond) % page if close else rows
+
+
+class Shared(NamedTuple):
+    """Arrays of a batch that do not depend on how many rows there are.
+
+    blocks : one block of x, y, z, k and p, see ``period_lanes``
+    fixed : table of references, numbers, lengths, whole numbers, and which functions of a platform
+        there are
+    drawn : what models and references are drawn with, see ``period.drawn_with``
+    start : state in which episodes begin
+    workspace : fields of w
+    """
+
+    blocks: tuple[NDArray[Any], ...]
+    fixed: tuple[NDArray[Any], ...]
+    drawn: tuple[tuple[NDArray[Any], ...], tuple[NDArray[Any], ...]]
+    start: NDArray[Any]
+    workspace: int
 
 
 class Batch:
@@ -275,6 +293,24 @@ class Batch:
         """Memory of a row between steps, results that are handed out not counted."""
         kept = (self._x, self._y, self._z, self._k, self._p)
         return sum(a.itemsize * a.shape[1] for a in kept) // LANES
+
+    def shared(self) -> Shared:
+        """What all rows share, and a block as it is before an episode: for other machines."""
+        plant = np.zeros(lanes.BEGIN_ROWS, np.int64)
+        plant[lanes.SHIFTS] = bool(self.structure.at(CLOCK))
+        models, wanted = self._drawn_with[:6], self._drawn_with[6:]
+        arrays = (self._x, self._y, self._z, self._k, self._p)
+        blocks = tuple(array[:1].copy() for array in arrays)
+        follows = self.setup.reference is not None
+        blocks[3].reshape(lanes.COUNTERS, LANES)[lanes.TABLE] = 0 if follows else -1
+        self._whole[lanes.TABLES] = bool(self._motions)
+        return Shared(
+            blocks=blocks,
+            fixed=(self._table, self._numbers, self._lengths, self._whole, plant),
+            drawn=(tuple(models), tuple(wanted)),
+            start=self._first,
+            workspace=self._kernel.plant.workspace,
+        )
 
     # Beginning episodes -------------------------------------------------------------------------
 
