@@ -11,17 +11,17 @@ from numpy.typing import NDArray
 
 from youbot_env.errors import InputError
 from youbot_env.gpu import kernels
-from youbot_env.gpu.device_code import DeviceCode
+from youbot_env.gpu.device_code import DeviceModules, device_period
 from youbot_env.gpu.operations import device, operations
 from youbot_env.simulation.lane_layout import LANES
-from youbot_env.tracking import period_lanes as lanes
+from youbot_env.tracking import episode_draws, period_lanes as lanes
 from youbot_env.tracking.batch import Batch, keys_of
 from youbot_env.tracking.options import tracking_setup
 
 cuda: Any = _cuda  # its functions are made at run time
 
-THREADS = LANES
-"""Threads of a block of threads: they work on one block of rows."""
+THREADS = 2 * LANES
+"""Threads of a block of threads: they work on two blocks of rows, and fill whole warps of 32."""
 
 BEGINNERS = 1024
 """Episodes that begin at the same time, at most: each needs some 20 kB to draw its reference in."""
@@ -69,9 +69,9 @@ class GpuBatch:
         self.copies, self.setup = copies, setup
         # One row of the processor's, for the numbers that all rows share and the sizes of a block.
         self._one = one = Batch(setup, 1, autoreset=lanes.SAME_STEP, reports=False, threads=1)
-        code = DeviceCode(one.structure, setup.single, device, operations())
-        self._step = cuda.jit(kernels.step_kernel(code.period))
-        self._begin = cuda.jit(kernels.begin_kernel(code.period))
+        period = device_period(one.structure, setup.single, DeviceModules(device, operations()))
+        self._step = cuda.jit(kernels.step_kernel(period))
+        self._begin = cuda.jit(kernels.begin_kernel(period))
         self._ask = cuda.jit(kernels.ask)
         self._tick, self._has_keys = 0, False
         self._grid = -(-copies // THREADS), min(THREADS, copies)
@@ -81,7 +81,7 @@ class GpuBatch:
         self._drawn = tuple(tuple(map(cuda.to_device, group)) for group in shared.drawn)
         self._start = cuda.to_device(shared.start)
         self._spaces = tuple(
-            tuple(cuda.to_device(array) for array in group) for group in self._workspaces(code)
+            tuple(cuda.to_device(array) for array in group) for group in self._workspaces()
         )
         observed = setup.task.observation_size
         self.observation = cuda.to_device(np.zeros((observed, copies), np.float32))
@@ -99,13 +99,15 @@ class GpuBatch:
         found += [np.zeros((count, width * LANES), self.setup.real) for width in widths]
         return [*found, np.zeros((count, 4 * LANES), np.float32)]
 
-    def _workspaces(self, code: DeviceCode) -> list[list[NDArray[Any]]]:
+    def _workspaces(self) -> list[list[NDArray[Any]]]:
         """What episodes are drawn in, an array each with a row for each beginner."""
         whole, real = self._one.shared().fixed[3], self.setup.real
         tones, points = int(whole[lanes.TONES]), int(whole[lanes.PEAK_POINTS])
         models, wanted = self._one.shared().drawn
-        plain = code.in_python("youbot_env.tracking.episode_draws")
-        groups = list(plain.workspace(tones, points, len(wanted[3]) > 0))
+        # Their shapes are those of the processor's, whose function Python cannot call: without a
+        # compiler it can.
+        draws = DeviceModules(lambda function: function, {}).shared(episode_draws.__name__)
+        groups = list(draws.workspace(tones, points, len(wanted[3]) > 0))
         groups.append((np.zeros(3 * tones), np.zeros(3 * tones), np.zeros(3)))
         groups.append((np.zeros(models[1].shape[1]), np.zeros(models[2].shape[1])))
         groups.append((np.zeros(6 * tones, np.uint16), np.zeros(3 * tones, real)))

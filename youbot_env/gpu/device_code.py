@@ -13,11 +13,9 @@ import importlib
 import importlib.abc
 import importlib.util
 import inspect
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from types import ModuleType
 from typing import Any
-
-import numpy as np
 
 from youbot_env.physics import inverse_dynamics
 from youbot_env.simulation.generated_code import Structure
@@ -46,94 +44,77 @@ SHARED = (
     "youbot_env.simulation.lane_calls",
     "youbot_env.tracking.random_numbers",
     "youbot_env.tracking.episode_draws",
-    "youbot_env.tracking.period_lanes",
-    "youbot_env.tracking.period",
 )
 """Modules whose functions are compiled for the GPU as well."""
 
 
-class DeviceCode:
-    """Modules of the batch for one structure, as functions of a GPU.
+def device_period(structure: Structure, single: bool, modules: DeviceModules) -> ModuleType:
+    """All functions of a control period, for a structure in single or double precision."""
+    plant = modules.made("plant", Lanes(inverse_dynamics, single).source(structure))
+    both = inspect.getsource(period_lanes) + inspect.getsource(period)
+    source = in_single(both, within=(period_lanes.__name__,)) if single else both
+    known = {name: getattr(plant, name) for name in OF_PLATFORM.values()}
+    return modules.made("period", source, known)
+
+
+class DeviceModules:
+    """This package's modules as functions of a GPU, each made at its first use.
 
     Parameters
     ----------
-    structure : of the platforms
-    single : whether they are in single precision
     device : decorates a function that a GPU's functions call
     operations : by name, what stands for ``fma``, ``bits_of``, ``floor`` ... there
-
-    Attributes
-    ----------
-    period : the module with all functions of a control period
     """
 
-    def __init__(
-        self,
-        structure: Structure,
-        single: bool,
-        device: Callable[[Any], Any],
-        operations: dict[str, Any],
-    ) -> None:
-        self._single, self._device, self._operations = single, device, operations
-        self._modules: dict[str, ModuleType] = {}
-        plant = Lanes(inverse_dynamics, single).source(structure)
-        self._plant = self._module("plant", plant)
-        self.period = self._module("period", self._period_source())
+    def __init__(self, device: Callable[[Any], Any], operations: dict[str, Any]) -> None:
+        self._device, self._operations = device, operations
+        self._shared: dict[str, ModuleType] = {}
 
-    def in_python(self, name: str) -> ModuleType:
-        """One of the shared modules as plain functions of Python, for what is done once."""
-        return _InPython()._of(name)
+    def shared(self, name: str) -> ModuleType:
+        """One of ``SHARED``."""
+        if name not in self._shared:
+            source = inspect.getsource(importlib.import_module(name))
+            self._shared[name] = self.made(name.rsplit(".", 1)[-1], source)
+        return self._shared[name]
 
-    def _period_source(self) -> str:
-        both = inspect.getsource(period_lanes) + inspect.getsource(period)
-        return in_single(both, within=(period_lanes.__name__,)) if self._single else both
-
-    def _of(self, name: str) -> ModuleType:
-        """One of the shared modules."""
-        if name not in self._modules:
-            found = importlib.import_module(name)
-            self._modules[name] = self._module(name, inspect.getsource(found))
-        return self._modules[name]
-
-    def _module(self, name: str, source: str) -> ModuleType:
-        space: dict[str, Any] = {"device": self._device, "np": np}
-        if name == "period":
-            space |= {of: getattr(self._plant, of) for of in OF_PLATFORM.values()}
-        rest = []
+    def made(self, name: str, source: str, known: Mapping[str, Any] | None = None) -> ModuleType:
+        """A module of some source, in which names of ``known`` stand for these things."""
+        space: dict[str, Any] = {"device": self._device, **(known or {})}
+        rest: list[ast.stmt] = []
         for statement in ast.parse(source).body:
-            if isinstance(statement, ast.ImportFrom) and statement.module == "__future__":
-                continue
             if isinstance(statement, ast.Import):
                 rest += self._imported(statement, space)
             elif isinstance(statement, ast.ImportFrom):
                 rest += self._taken(statement, space)
             elif not _is_made_by_compiler(statement):
                 rest.append(_OfDevice().visit(statement))
-        space |= self._operations
         # Annotations name what is not made there: they stay text.
         text = ast.unparse(ast.fix_missing_locations(ast.Module(rest, [])))
         source = f"from __future__ import annotations\n{text}"
-        return _loaded(f"youbot_env.gpu.{name.rsplit('.', 1)[-1]}", source, space)
+        return _loaded(f"youbot_env.gpu.{name}", source, space | self._operations)
 
     def _imported(self, statement: ast.Import, space: dict[str, Any]) -> list[ast.stmt]:
+        """What is left of an import: shared modules are in ``space`` then."""
         kept = []
         for alias in statement.names:
             if alias.name in SHARED and alias.asname:
-                space[alias.asname] = self._of(alias.name)
+                space[alias.asname] = self.shared(alias.name)
             else:
                 kept.append(alias)
         return [ast.Import(kept)] if kept else []
 
     def _taken(self, statement: ast.ImportFrom, space: dict[str, Any]) -> list[ast.stmt]:
+        """The same of an import of names."""
+        # What ``period`` takes from its lanes stands in the same source.
+        if statement.module in ("__future__", period_lanes.__name__):
+            return []
         kept = []
         for alias in statement.names:
             name, shown = f"{statement.module}.{alias.name}", alias.asname or alias.name
             if name in SHARED:
-                space[shown] = self._of(name)
-            elif statement.module == "youbot_env.tracking.period_lanes":
-                continue  # what they define stands in the same source, or is numbers
+                space[shown] = self.shared(name)
             elif statement.module in SHARED:
-                taken = vars(self._of(statement.module))
+                taken = vars(self.shared(statement.module))
                 chosen = taken if alias.name == "*" else {shown: taken.get(alias.name)}
                 space |= {k: v for k, v in chosen.items() if not k.startswith("_")}
             else:
@@ -193,11 +174,3 @@ class _OfDevice(ast.NodeTransformer):
         if isinstance(node.value, ast.Name) and node.value.id == "np" and node.attr in ROUNDED:
             return ast.copy_location(ast.Name(node.attr, node.ctx), node)
         return node
-
-
-class _InPython(DeviceCode):
-    """The shared modules without a compiler."""
-
-    def __init__(self) -> None:
-        self._single, self._device = False, lambda function: function
-        self._operations, self._modules = {}, {}

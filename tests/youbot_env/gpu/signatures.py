@@ -7,7 +7,7 @@ from typing import Any
 from numba import cuda as _cuda, types
 
 from youbot_env.gpu import kernels
-from youbot_env.gpu.device_code import DeviceCode
+from youbot_env.gpu.device_code import DeviceModules, device_period
 from youbot_env.gpu.operations import device, operations
 from youbot_env.tracking import period_lanes as lanes
 from youbot_env.tracking.batch import Batch
@@ -20,7 +20,7 @@ def ptx(dtype: str) -> dict[str, str]:
     """Text by name of a kernel."""
     setup = tracking_setup(wheel_speed_noise=0.01, randomise={"m0": ("90%", "110%")}, dtype=dtype)
     one = Batch(setup, 1, autoreset=lanes.SAME_STEP, reports=False, threads=1)
-    code = DeviceCode(one.structure, setup.single, device, operations())
+    period = device_period(one.structure, setup.single, DeviceModules(device, operations()))
     double, single, whole, short = types.float64, types.float32, types.int64, types.uint16
     real = single if setup.single else double
     number, row, cube = double[:, ::1], double[::1], double[:, :, ::1]
@@ -41,7 +41,7 @@ def ptx(dtype: str) -> dict[str, str]:
     )
     begin = (shown, single[:, ::1], rows, fixed, drawn, real[::1], types.Tuple(groups), whole)
     made = {
-        "step": (kernels.step_kernel(code.period), step),
-        "begin": (kernels.begin_kernel(code.period), begin),
+        "step": (kernels.step_kernel(period), step),
+        "begin": (kernels.begin_kernel(period), begin),
     }
     return {name: cuda.compile_ptx(f, of, cc=(9, 0))[0] for name, (f, of) in made.items()}

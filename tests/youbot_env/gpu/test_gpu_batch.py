@@ -9,8 +9,9 @@ import sys
 from pathlib import Path
 
 import pytest
+from numba import cuda
 
-from tests.youbot_env.gpu.beside_processor import CASES
+from tests.youbot_env.gpu.beside_processor import CASES, differences
 
 HERE = Path(__file__).parent
 
@@ -42,6 +43,19 @@ def test_episodes_are_those_of_the_processor() -> None:
 @pytest.mark.parametrize("case", CASES)
 def test_with_other_options_too(case: str, dtype: str) -> None:
     check(case, dtype)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("dtype", ["float64", "float32"])
+@pytest.mark.parametrize("case", CASES)
+def test_a_gpu_drives_as_the_processor(case: str, dtype: str) -> None:
+    """Only where there is one. More copies than threads of a block, and than episodes at once."""
+    if not cuda.is_available():
+        pytest.skip("no CUDA device on this machine")
+    found = differences(case, dtype, copies=3000)
+    assert found.pop("ended") >= 1
+    # A GPU's square roots and divisions are rounded otherwise.
+    assert max(found.values()) < (5e-6 if dtype == "float64" else 1e-3), found
 
 
 COMPILED = """
