@@ -42,6 +42,7 @@ MAY_IMPORT = {
         "tracking": {"motions", "contact", "threads"},
         "sb3": {"tracking"},
         "gpu": {"tracking"},
+        "precompile": {"tracking"},
         "equations": {"physics", "model"},
         "plugins": {"equations"},
     },

@@ -5,8 +5,8 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import Any
 
+import numba.cuda as _cuda
 import numpy as np
-from numba import cuda as _cuda
 from numpy.typing import NDArray
 
 from youbot_env.errors import InputError

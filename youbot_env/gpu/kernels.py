@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Any
 
-from numba import cuda as _cuda
+import numba.cuda as _cuda
 
 from youbot_env.simulation.lane_layout import LANES
 from youbot_env.tracking.period_lanes import (

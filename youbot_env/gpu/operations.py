@@ -6,8 +6,9 @@ import math
 from collections.abc import Callable
 from typing import Any
 
+import numba.cuda as _cuda
 import numpy as np
-from numba import cuda as _cuda, types
+from numba.core import types
 
 cuda: Any = _cuda  # its functions are made at run time
 
@@ -19,7 +20,7 @@ def device(function: Callable[..., Any]) -> Any:
 
 def operations() -> dict[str, Any]:
     """By the names that they have in the batch's source."""
-    from numba import config
+    from numba.core import config
 
     simulated = bool(config.ENABLE_CUDASIM)  # pyright: ignore[reportAttributeAccessIssue]
     return {**_of_arrays(), **(_simulated() if simulated else _of_device())}
