@@ -52,7 +52,9 @@ def run(container: Path, *arguments: str, timeout: float = 500) -> str:
     if not os.access("/usr/bin/setpriv", os.X_OK):
         pytest.skip("no setpriv on this machine: nobody else can be played")
     who = ["setpriv", f"--reuid={STRANGER}", f"--regid={STRANGER}", "--clear-groups"]
-    tried = subprocess.run([*who, interpreter, "-c", ""], capture_output=True)
+    # It must start again from within, as worker processes do: in a closed home it may not.
+    again = "import subprocess, sys; subprocess.run([sys.executable, '-c', ''], check=True)"
+    tried = subprocess.run([*who, interpreter, "-c", again], capture_output=True)
     if tried.returncode:
         interpreter = f"/usr/bin/python3.{sys.version_info.minor}"
         if not os.access(interpreter, os.X_OK):
