@@ -41,9 +41,8 @@ from identification.fitting.errors import (
     white_force_floor,
 )
 from identification.fitting.gauge import gauge_basis
-from identification.fitting.held_channels import as_they_mean
+from identification.fitting.held_channels import logs_to_fit
 from identification.fitting.lasting_noise import lasting_noise, torque_noise
-from identification.fitting.long_logs import averaged_to_most
 from identification.fitting.predictability import (
     NoiseFloor,
     Predictability,
@@ -401,14 +400,12 @@ class LoggedData:
         progress: Callable[[], None] = lambda: None,
         settings: DiagnosisSettings = DiagnosisSettings(),
     ) -> None:
-        held = as_they_mean(mechanism, mechanism.samples_of(logs), settings.fit)
-        self.samples, averaged = averaged_to_most(
-            held.samples,
-            settings.max_samples,
-            settings.min_sample_rate,
-            "the search for effects takes in minutes",
+        self.samples, self.notes, self.is_long = logs_to_fit(
+            *(mechanism, logs, settings.fit),
+            most=settings.max_samples,
+            least_rate=settings.min_sample_rate,
+            purpose="the search for effects takes in minutes",
         )
-        self.notes, self.is_long = (*held.notes, *averaged), bool(averaged)
         self.noise = [NoiseLevel.of(samples, settings.fit) for samples in self.samples]
         self.seed, self.progress, self.settings = seed, progress, settings
         self._ends = time.process_time() + settings.max_search_time

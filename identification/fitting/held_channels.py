@@ -10,14 +10,16 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from typing import Literal
+from typing import Literal, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
+from identification.fitting.long_logs import averaged_to_most
 from identification.fitting.regression import Indices, regression
 from identification.fitting.settings import FitSettings
 from identification.logs.findings import names_of
+from identification.logs.log import Log
 from identification.mechanisms.mechanism import Mechanism
 from identification.mechanisms.samples import Samples
 from identification.signals.held import between_fresh, fresh_rows, half_a_row_later, ripple
@@ -37,6 +39,33 @@ class HeldChannels:
 
     samples: tuple[Samples, ...]
     notes: tuple[str, ...] = ()
+
+
+class LogsToFit(NamedTuple):
+    """Logs as their channels are to be read, no more samples than are needed.
+
+    notes : what was done, in sentences; is_averaged : whether there were more
+    """
+
+    samples: list[Samples]
+    notes: tuple[str, ...]
+    is_averaged: bool
+
+
+def logs_to_fit(
+    mechanism: Mechanism,
+    logs: Sequence[Log],
+    settings: FitSettings,
+    *,
+    most: int,
+    least_rate: float,
+    purpose: str,
+) -> LogsToFit:
+    """Samples of logs for a fit or a search; see ``long_logs.averaged_to_most``."""
+    # Of an hour at 1 kHz the samples as logged take half a gigabyte: they end with this function.
+    held = as_they_mean(mechanism, mechanism.samples_of(logs), settings)
+    samples, averaged = averaged_to_most(held.samples, most, least_rate, purpose)
+    return LogsToFit(samples, (*held.notes, *averaged), bool(averaged))
 
 
 def as_they_mean(

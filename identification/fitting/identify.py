@@ -19,11 +19,10 @@ from identification.fitting.errors import (
 )
 from identification.fitting.estimate_history import EstimateHistory, recursive_course
 from identification.fitting.final_fit import coarse_speed_warnings, without_noise_bias
-from identification.fitting.held_channels import as_they_mean
+from identification.fitting.held_channels import logs_to_fit
 from identification.fitting.kinematic_evidence import doubts_of_kinematics
 from identification.fitting.late_efforts import late_efforts
 from identification.fitting.least_squares import Fit, fit
-from identification.fitting.long_logs import averaged_to_most
 from identification.fitting.misfit import NEXT_COMMAND, misfit_warning
 from identification.fitting.observability import (
     Observability,
@@ -262,7 +261,12 @@ def identify(
         raise InputError("no log given: identify needs at least one")
     start = start or load_model("paper")
     mechanism = mechanism_of(start, geometry, settings.mechanism)
-    samples, notes = _samples_to_fit(mechanism, logs, settings)
+    samples, notes, _ = logs_to_fit(
+        *(mechanism, logs, settings),
+        most=settings.max_samples,
+        least_rate=settings.min_sample_rate,
+        purpose="a fit needs",
+    )
     refuse_unseen_logs(mechanism, start.theta, samples)
     samples = tuple(placed_on_clock(mechanism, start.theta, samples, settings))
     free = np.flatnonzero(mechanism.free)
@@ -325,18 +329,6 @@ def identify(
         told_first=len(doubts),
         at_rest=_hidden(moved, settings),
     )
-
-
-def _samples_to_fit(
-    mechanism: Mechanism, logs: Sequence[Log], settings: FitSettings
-) -> tuple[Sequence[Samples], list[str]]:
-    """The logs as their channels are to be read, no more samples than a fit needs; and notes."""
-    # Of an hour at 1 kHz the samples as logged take half a gigabyte: they end with this function.
-    held = as_they_mean(mechanism, mechanism.samples_of(logs), settings)
-    samples, averaged = averaged_to_most(
-        held.samples, settings.max_samples, settings.min_sample_rate, "a fit needs"
-    )
-    return samples, [*held.notes, *averaged]
 
 
 def _doubt_unless_blind(

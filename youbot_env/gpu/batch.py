@@ -15,7 +15,7 @@ from youbot_env.gpu.device_code import DeviceModules, device_period
 from youbot_env.gpu.operations import device, operations
 from youbot_env.simulation.lane_layout import LANES
 from youbot_env.tracking import episode_draws, period_lanes as lanes
-from youbot_env.tracking.batch import Batch, keys_of
+from youbot_env.tracking.batch import Batch, Shared, keys_of
 from youbot_env.tracking.options import tracking_setup
 
 cuda: Any = _cuda  # its functions are made at run time
@@ -68,20 +68,20 @@ class GpuBatch:
             raise InputError('gpu: plant "contact" runs on the processor alone')
         self.copies, self.setup = copies, setup
         # One row of the processor's, for the numbers that all rows share and the sizes of a block.
-        self._one = one = Batch(setup, 1, autoreset=lanes.SAME_STEP, reports=False, threads=1)
+        one = Batch(setup, 1, autoreset=lanes.SAME_STEP, reports=False, threads=1)
         period = device_period(one.structure, setup.single, DeviceModules(device, operations()))
         self._step = cuda.jit(kernels.step_kernel(period))
         self._begin = cuda.jit(kernels.begin_kernel(period))
         self._ask = cuda.jit(kernels.ask)
         self._tick, self._has_keys = 0, False
         self._grid = -(-copies // THREADS), min(THREADS, copies)
-        self._rows = tuple(cuda.to_device(array) for array in self._blocks())
         shared = one.shared()
+        self._rows = tuple(cuda.to_device(array) for array in self._blocks(shared))
         self._fixed = tuple(cuda.to_device(array) for array in shared.fixed)
         self._drawn = tuple(tuple(map(cuda.to_device, group)) for group in shared.drawn)
         self._start = cuda.to_device(shared.start)
         self._spaces = tuple(
-            tuple(cuda.to_device(array) for array in group) for group in self._workspaces()
+            tuple(cuda.to_device(array) for array in group) for group in self._workspaces(shared)
         )
         observed = setup.task.observation_size
         self.observation = cuda.to_device(np.zeros((observed, copies), np.float32))
@@ -90,20 +90,19 @@ class GpuBatch:
         self.over = cuda.to_device(np.zeros((2, copies), np.bool_))
         self._report = cuda.to_device(np.zeros((0, lanes.REPORT_COLUMNS)))
 
-    def _blocks(self) -> list[NDArray[Any]]:
+    def _blocks(self, shared: Shared) -> list[NDArray[Any]]:
         """x, y, z, k, p of all rows, and what each thread works in: w, v, f."""
         count = -(-self.copies // LANES)
-        shared = self._one.shared()
         found = [np.repeat(array, count, axis=0) for array in shared.blocks]
         widths = (shared.workspace, lanes.WORK)
         found += [np.zeros((count, width * LANES), self.setup.real) for width in widths]
         return [*found, np.zeros((count, 4 * LANES), np.float32)]
 
-    def _workspaces(self) -> list[list[NDArray[Any]]]:
+    def _workspaces(self, shared: Shared) -> list[list[NDArray[Any]]]:
         """What episodes are drawn in, an array each with a row for each beginner."""
-        whole, real = self._one.shared().fixed[3], self.setup.real
+        whole, real = shared.fixed[3], self.setup.real
         tones, points = int(whole[lanes.TONES]), int(whole[lanes.PEAK_POINTS])
-        models, wanted = self._one.shared().drawn
+        models, wanted = shared.drawn
         # Their shapes are those of the processor's, whose function Python cannot call: without a
         # compiler it can.
         draws = DeviceModules(lambda function: function, {}).shared(episode_draws.__name__)

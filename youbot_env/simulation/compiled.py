@@ -337,6 +337,11 @@ def _module_name(path: Path) -> str:
     return f"_youbot_{path.stem}"
 
 
+def loaded(structure: Structure | None, path: Path) -> ModuleType:
+    """The generated module itself, for ``built``."""
+    return load(path)
+
+
 def load(path: Path) -> ModuleType:
     name = _module_name(path)
     if name in sys.modules:

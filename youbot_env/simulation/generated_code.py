@@ -210,9 +210,7 @@ def derivative_formulas(
 ) -> Formulas:
     """Rates of the state; ``names`` are those of the state, torque, lengths and theta."""
     symbol = {key: real_symbols(group) for key, group in names.items()}
-    geometry = SimpleNamespace(
-        **dict(zip(structure.mechanism.lengths, symbol["lengths"], strict=True))
-    )
+    geometry = symbolic_geometry(structure, symbol["lengths"])
     rates = dynamics.state_derivative(
         symbols(), structure, geometry, symbol["theta"], symbol["state"], symbol["torque"]
     )
@@ -226,6 +224,11 @@ def real_symbols(names: Sequence[str]) -> list[Any]:
 
     # Real, so that sympy simplifies Abs and sign as for real numbers.
     return [sympy.Symbol(name, real=True) for name in names]
+
+
+def symbolic_geometry(structure: Structure, symbol: Sequence[Any]) -> SimpleNamespace:
+    """A geometry that has symbols for a mechanism's lengths, in their order."""
+    return SimpleNamespace(**dict(zip(structure.mechanism.lengths, symbol, strict=True)))
 
 
 def pointer_source(name: str, formulas: Formulas, arrays: Mapping[str, Sequence[str]]) -> str:
@@ -332,7 +335,7 @@ def demand_formulas(
     lengths = length_names(structure) if lengths is None else lengths
     names = motion, torque, lengths, theta_names(structure) if theta is None else theta
     moving, acting, length, parameter = (real_symbols(group) for group in names)
-    geometry = SimpleNamespace(**dict(zip(mechanism.lengths, length, strict=True)))
+    geometry = symbolic_geometry(structure, length)
     pose = 2 * len(mechanism.axes)
     angle = pose + len(mechanism.pose_state)
     at = Instant(
@@ -374,7 +377,7 @@ def command_formulas(
         theta_names(structure) if theta is None else theta,
     )
     acting, changing, bending, moving, length, parameter = (real_symbols(group) for group in names)
-    geometry = SimpleNamespace(**dict(zip(mechanism.lengths, length, strict=True)))
+    geometry = symbolic_geometry(structure, length)
     # Drives and channels read no acceleration, pose or angle.
     twist = tuple(moving[: len(mechanism.axes)])
     at = Instant(

@@ -8,7 +8,6 @@ motion is written in this file.
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from types import SimpleNamespace
 from typing import Any
 
 from youbot_env.physics.mechanism import Instant
@@ -19,6 +18,7 @@ from youbot_env.simulation.generated_code import (
     Structure,
     length_names,
     real_symbols,
+    symbolic_geometry,
     theta_names,
 )
 from youbot_env.simulation.lane_layout import COEFFICIENTS, DURATION, LANES, TOGETHER, TORQUE
@@ -58,7 +58,7 @@ def lane_source(structure: Structure, dynamics: Dynamics) -> str:
         "theta": theta_names(structure),
     }
     symbol = {key: real_symbols(group) for key, group in names.items()}
-    geometry = SimpleNamespace(**dict(zip(mechanism.lengths, symbol["lengths"], strict=True)))
+    geometry = symbolic_geometry(structure, symbol["lengths"])
     rates = dynamics.state_derivative(
         symbols(), structure, geometry, symbol["theta"], symbol["state"], symbol["torque"]
     )

@@ -17,6 +17,7 @@ from youbot_env.simulation.generated_code import (
     Structure,
     length_names,
     real_symbols,
+    symbolic_geometry,
     theta_names,
 )
 from youbot_env.simulation.printing import lane_printer
@@ -75,9 +76,7 @@ def _mass_check(structure: Structure, dynamics: Dynamics) -> list[str]:
     import sympy
 
     lengths, theta = length_names(structure), theta_names(structure)
-    geometry = SimpleNamespace(
-        **dict(zip(structure.mechanism.lengths, real_symbols(lengths), strict=True))
-    )
+    geometry = symbolic_geometry(structure, real_symbols(lengths))
     size = len(structure.mechanism.axes)
     at = Instant((0.0,) * size, (0.0,) * size, pose=(0.0,) * len(structure.mechanism.pose_state))
     rows = dynamics.mass_matrix(symbols(), structure, geometry, real_symbols(theta), at)

@@ -8,7 +8,6 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from functools import cached_property
 from pathlib import Path
 from types import ModuleType
 from typing import ClassVar
@@ -18,7 +17,7 @@ import numpy as np
 from youbot_env.caching import njit
 from youbot_env.physics import inverse_dynamics
 from youbot_env.simulation import lane_math
-from youbot_env.simulation.compiled import built, load
+from youbot_env.simulation.compiled import built, load, loaded
 from youbot_env.simulation.generated_code import Dynamics, Structure
 from youbot_env.simulation.lane_calls import (
     Bound,
@@ -98,45 +97,17 @@ class LaneKernel:
     Attributes
     ----------
     workspace : fields of the workspace ``w``
-    integrate, joint_rates, acting, shifts : addresses of functions of a block's rows, see
-        ``lane_code.lane_source``
-    drawn : that of the function that converts a model's parameters
     """
 
     def __init__(self, structure: Structure, dynamics: Dynamics, single: bool = False) -> None:
-        real = np.float32 if single else np.float64
-        self._module: ModuleType = built(structure, Lanes(dynamics, single), _loaded)
-        self._rows, self._parameters = plant_signature(real), draw_signature(real)
+        self._module: ModuleType = built(structure, Lanes(dynamics, single), loaded)
+        self._real = np.float32 if single else np.float64
         self.workspace: int = self._module.WORKSPACE
 
-    @cached_property
-    def integrate(self) -> int:
-        """Moves rows on."""
-        return address_of(self._module.integrate, self._rows)
-
-    @cached_property
-    def joint_rates(self) -> int:
-        """Rates of the joints."""
-        return address_of(self._module.joint_rates, self._rows)
-
-    @cached_property
-    def acting(self) -> int:
-        """Torques that act at the joints."""
-        return address_of(self._module.acting, self._rows)
-
-    @cached_property
-    def shifts(self) -> int:
-        """Delays of the torques."""
-        return address_of(self._module.shifts, self._rows)
-
-    @cached_property
-    def drawn(self) -> int:
-        """Parameters of the equations from those that people state."""
-        return address_of(self._module.drawn, self._parameters)
-
-
-def _loaded(structure: Structure | None, path: Path) -> ModuleType:
-    return load(path)
+    def address(self, name: str) -> int:
+        """Of a function of ``lane_code.lane_source`` or ``lane_draws.draw_source``."""
+        signature = draw_signature if name in DRAWS else plant_signature
+        return address_of(getattr(self._module, name), signature(self._real))
 
 
 def stepper(structure: Structure, dynamics: Dynamics = inverse_dynamics) -> Callable[..., None]:

@@ -284,9 +284,8 @@ class Batch:
         model = (geometry_numbers(self.geometry), draws.model.theta, draws.mean)
         bounds = (draws.spread, draws.lower, draws.upper)
         wanted = (reference.peaks, reference.limits, self.geometry.wheel_jacobian)
-        doubles = [np.ascontiguousarray(a, float) for a in (*model, *bounds, *wanted)]
         known = carriers(reference.first, reference.last, reference.steps)
-        self._drawn_with = [np.atleast_2d(a) for a in (*doubles, *known)]
+        self._drawn_with = _matrices(*model, *bounds), (*_matrices(*wanted), *known)
 
     @property
     def bytes_a_row(self) -> int:
@@ -298,7 +297,6 @@ class Batch:
         """What all rows share, and a block as it is before an episode: for other machines."""
         plant = np.zeros(lanes.BEGIN_ROWS, np.int64)
         plant[lanes.SHIFTS] = bool(self.structure.at(CLOCK))
-        models, wanted = self._drawn_with[:6], self._drawn_with[6:]
         arrays = (self._x, self._y, self._z, self._k, self._p)
         blocks = tuple(array[:1].copy() for array in arrays)
         follows = self.setup.reference is not None
@@ -307,7 +305,7 @@ class Batch:
         return Shared(
             blocks=blocks,
             fixed=(self._table, self._numbers, self._lengths, self._whole, plant),
-            drawn=(tuple(models), tuple(wanted)),
+            drawn=self._drawn_with,
             start=self._first,
             workspace=self._kernel.plant.workspace,
         )
@@ -512,7 +510,8 @@ class Batch:
             w, v, f = self._workspace(number)
             arrays = [self._x, self._y, self._z, self._k, self._p, self._table, self._numbers]
             arrays += [self._lengths, self._whole.reshape(1, -1), self._first, w, v, f, self._taken]
-            arrays += [*self._drawn_with, self._final, self._final_report]
+            models, wanted = self._drawn_with
+            arrays += [*models, *wanted, self._final, self._final_report]
             listed = np.zeros((lanes.ARRAYS, lanes.PLACE), np.int64)
             for place, array in zip(listed, arrays, strict=True):
                 assert array.flags.c_contiguous
@@ -628,6 +627,11 @@ class Batch:
         self.__dict__.update(state)
         self._kernel = period_kernel(self.structure, self.setup.single)
         self._place()
+
+
+def _matrices(*arrays: ArrayLike) -> tuple[Array, ...]:
+    """Numbers as compiled code reads them: in double precision, a vector as one row."""
+    return tuple(np.atleast_2d(np.ascontiguousarray(array, float)) for array in arrays)
 
 
 def keys_of(seeds: Sequence[int]) -> NDArray[np.int64]:

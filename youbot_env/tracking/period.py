@@ -406,7 +406,6 @@ def begin_rows(listed, asked, start, first, last):
     w, v = row_at(places, W_AT), row_at(places, V_AT)
     whole, P = whole_at(places, WHOLE_AT)[0], shown_at(places, P_AT)
     final, final_report = shown_at(places, FINAL_AT), doubles_at(places, FINAL_REPORT_AT)
-    begun_at = carray(start, (whole[STATES],), real)
     plant = places[PLACE * PLANT :]
     models, wanted = drawn_with(places)
     tones = whole[TONES]
@@ -422,7 +421,7 @@ def begin_rows(listed, asked, start, first, last):
         for column in range(final_report.shape[1] if final_report.shape[0] else 0):
             final_report[row, column] = report[row, column]
         begin_row(
-            x, y, z, k, p, w, v, table, begun_at, tick, numbers, whole, lengths, plant, models,
+            x, y, z, k, p, w, v, table, start, tick, numbers, whole, lengths, plant, models,
             wanted, work, model_work, sines,
         )  # fmt: skip
         row = next_beginning(K, row + 1, last)

@@ -10,15 +10,14 @@ import ctypes
 import inspect
 from collections.abc import Callable
 from dataclasses import dataclass
-from pathlib import Path
-from typing import Any, ClassVar
+from typing import ClassVar
 
 import numpy as np
 from numpy.typing import NDArray
 
 from youbot_env.physics import inverse_dynamics
 from youbot_env.physics.effect import CLOCK
-from youbot_env.simulation.compiled import built, load
+from youbot_env.simulation.compiled import built, loaded
 from youbot_env.simulation.generated_code import Structure
 from youbot_env.simulation.lane_calls import address_of, beginnings_signature, period_signature
 from youbot_env.simulation.lane_kernel import LANE_SOURCES, LaneKernel
@@ -64,20 +63,20 @@ class PeriodKernel:
         ``draws``: whether models are drawn.
         """
         found = np.zeros(lanes.PLACES - lanes.PLACE * lanes.PLANT, np.int64)
-        found[lanes.INTEGRATE] = self.plant.integrate
-        found[lanes.RATES] = self.plant.joint_rates
-        found[lanes.ACTING] = self.plant.acting
+        found[lanes.INTEGRATE] = self.plant.address("integrate")
+        found[lanes.RATES] = self.plant.address("joint_rates")
+        found[lanes.ACTING] = self.plant.address("acting")
         if self._late:
-            found[lanes.SHIFTS] = self.plant.shifts
+            found[lanes.SHIFTS] = self.plant.address("shifts")
         if draws:
-            found[lanes.DRAWN] = self.plant.drawn
+            found[lanes.DRAWN] = self.plant.address("drawn")
         found[lanes.BEGIN_ROWS] = self._begin_address
         return found
 
 
 def period_kernel(structure: Structure, single: bool = False) -> PeriodKernel:
     """The compiled control period of a structure; compiles at the first use on a machine."""
-    task = built(None, SinglePeriod(), _loaded) if single else period
+    task = built(None, SinglePeriod(), loaded) if single else period
     begin = address_of(task.begin_rows, beginnings_signature(np.float32 if single else np.float64))
     whole, place = ctypes.c_int64, ctypes.c_void_p
     return PeriodKernel(
@@ -87,7 +86,3 @@ def period_kernel(structure: Structure, single: bool = False) -> PeriodKernel:
         begin,
         bool(structure.at(CLOCK)),
     )
-
-
-def _loaded(structure: Structure | None, path: Path) -> Any:
-    return load(path)

@@ -81,9 +81,9 @@ def test_a_reference_is_the_same_with_and_without_a_table_of_carriers():
     batch = Batch(tracking_setup(band=(0.5, 4.0)), 3)
     batch.begin(keys=keys_of(range(3)))
     other = Batch(tracking_setup(band=(0.5, 4.0)), 3)
-    *others, fine, coarse = other._drawn_with
+    models, (*others, fine, coarse) = other._drawn_with
     assert len(fine)
-    other._drawn_with = [*others, fine[:0], coarse[:0]]
+    other._drawn_with = models, (*others, fine[:0], coarse[:0])
     other._place()
     other.begin(keys=keys_of(range(3)))
     assert [batch.reference(row) for row in range(3)] == [other.reference(row) for row in range(3)]
